@@ -5,8 +5,7 @@ import pytest
 import trimesh
 from refusals import refused
 
-from dexgrasp.scoring.candidate import Candidate, HandStage
-from dexgrasp.scoring.hand import find_hand
+from dexgrasp.scoring.hand import Candidate, HandStage, find_hand
 from dexgrasp.scoring.metrics import contact_metrics
 from dexgrasp.scoring.protocols import GRASP_PROTOCOLS, get_grasp_protocol
 from dexgrasp.scoring.scene import FloatingScene

@@ -16,9 +16,8 @@ from robots import CELL, HAND_JOINTS, TIPS
 
 from dexgrasp.cli.main import main
 from dexgrasp.cli.score import short_names
-from dexgrasp.scoring.candidate import HandStage
 from dexgrasp.scoring.closing import PRESS, balanced_forces, close_around
-from dexgrasp.scoring.hand import find_hand
+from dexgrasp.scoring.hand import HandStage, find_hand
 from dexgrasp.scoring.metrics import diversity
 from dexgrasp.scoring.readers import ReadOptions, ours, read_candidates
 from dexgrasp.scoring.readers.dexgraspbench import read_dictionary

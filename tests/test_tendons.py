@@ -15,8 +15,7 @@ from dexgrasp.grasp.file import read_grasp
 from dexgrasp.kinematics.forward import follow, hand_contact_jacobian, stop_torques
 from dexgrasp.kinematics.robot_check import check_robot
 from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.scoring.candidate import Candidate, HandStage
-from dexgrasp.scoring.hand import find_hand
+from dexgrasp.scoring.hand import Candidate, HandStage, find_hand
 from dexgrasp.scoring.scene import FloatingScene, Physics
 from dexgrasp.verify.scene import Scene
 from dexgrasp.verify.verify import verify

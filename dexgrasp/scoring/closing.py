@@ -12,8 +12,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from dexgrasp.physics.cones import cone_edges
-from dexgrasp.scoring.candidate import HandStage
-from dexgrasp.scoring.hand import HandModel
+from dexgrasp.scoring.hand import HandModel, HandStage
 from dexgrasp_env.arrays import Array, unit
 
 PRESS = 4.0  # N, normal, of the firmest contact

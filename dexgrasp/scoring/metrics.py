@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.grasp.variety import component_shares
-from dexgrasp.scoring.candidate import Candidate
+from dexgrasp.scoring.hand import Candidate
 from dexgrasp.scoring.scene import FloatingScene, Physics
 from dexgrasp_env.arrays import Array
 
@@ -28,7 +28,7 @@ def contact_metrics(candidate: Candidate) -> dict[str, float]:
     model.geom_margin[of_object] = model.geom_gap[of_object] = _MARGIN
     scene.reset(candidate.grasp)
     fingers = _fingers(scene)
-    distances = {finger: _MARGIN for finger in set(fingers.values())}
+    distances = dict.fromkeys(set(fingers.values()), _MARGIN)
     touching, deepest = set(), 0.0
     for body, distance, _ in scene.hand_contacts():
         deepest = max(deepest, -distance)

@@ -9,8 +9,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.scoring.candidate import Candidate, HandStage
-from dexgrasp.scoring.hand import HandModel
+from dexgrasp.scoring.hand import Candidate, HandModel, HandStage
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
@@ -99,10 +98,7 @@ class FloatingScene:
         self.servo_kp = None if candidate.hand.part is None else physics.servo_kp
         self._alone = mujoco.MjData(candidate.hand.model)
         self.object_body = self.model.body("object").id
-        first, last = self.model.body(BASE).id, self.model.nbody
-        self.hand_bodies = [
-            b for b in range(first, last) if b != self.object_body and self.model.body_rootid[b] == first
-        ]
+        self.hand_bodies = np.flatnonzero(self.model.body_rootid == self.model.body(BASE).id).tolist()
 
     def reset(self, stage: HandStage) -> None:
         """Put hand and object where the stage has them, at rest, without forces."""
@@ -152,12 +148,11 @@ class FloatingScene:
         found, force = [], np.zeros(6)
         for index in range(self.data.ncon):
             contact = self.data.contact[index]
-            bodies = [int(self.model.geom_bodyid[g]) for g in contact.geom]
-            if self.object_body in bodies and bodies[0] != bodies[1]:
-                other = bodies[1] if bodies[0] == self.object_body else bodies[0]
-                if other in self.hand_bodies:
-                    mujoco.mj_contactForce(self.model, self.data, index, force)
-                    found.append((other, float(contact.dist), float(force[0])))
+            bodies = self.model.geom_bodyid[contact.geom].tolist()
+            of_hand = [body for body in bodies if body in self.hand_bodies]
+            if of_hand and self.object_body in bodies:
+                mujoco.mj_contactForce(self.model, self.data, index, force)
+                found.append((of_hand[0], float(contact.dist), float(force[0])))
         return found
 
     def penetration(self) -> float:

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from dexgrasp.evaluation.summary import bare_count, count, grouped
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import progress_bar
-from dexgrasp.scoring.candidate import Candidate
+from dexgrasp.scoring.hand import Candidate
 from dexgrasp.scoring.metrics import contact_metrics, diversity
 from dexgrasp.scoring.protocols import get_grasp_protocol
 from dexgrasp.scoring.readers import ReadOptions, read_candidates
@@ -24,11 +23,8 @@ from dexgrasp_env.errors import InputError
 SCHEMA = 1
 
 
-class Scored(NamedTuple):
-    """What came of one grasp: a row for each protocol, and its metrics."""
-
-    rows: list[Fields]
-    metrics: Fields
+Scored = tuple[list[Fields], Fields]
+"""What came of one grasp: a row for each protocol, and its metrics."""
 
 
 def score_files(
@@ -61,14 +57,14 @@ def score_files(
     grasps = [(path, k) for path, own in found.items() for k in range(len(own))]
     if not grasps:
         raise InputError("no grasps to score")
-    scored: dict[tuple[Path, int], Scored] = {}
+    scored = dict[tuple[Path, int], Scored]()
     work = partial(score_grasp, protocols=names, options=options, seed=seed)
     with progress_bar("grasp", "score") as show:
         for grasp, result in run_pool(work, grasps, Backend(workers=workers)):
             scored[grasp] = result
             show(len(scored), len(grasps))
-    rows = [row for grasp in grasps for row in scored[grasp].rows]
-    metrics = [scored[grasp].metrics for grasp in grasps]
+    by_protocol, metrics = zip(*(scored[grasp] for grasp in grasps), strict=True)
+    rows = [row for own in by_protocol for row in own]
     return {
         "schema": SCHEMA,
         "seed": seed,
@@ -77,7 +73,7 @@ def score_files(
         "metrics_mean": _means(metrics),
         "diversity": diversity([candidate for own in found.values() for candidate in own]),
         "rows": rows,
-        "metrics": metrics,
+        "metrics": list(metrics),
     }
 
 
@@ -99,19 +95,19 @@ def score_grasp(
         # The same noise for every grasp, so that grasps are compared under the same draws.
         verdict = get_grasp_protocol(name).judge(candidate, seed + zlib.crc32(name.encode()))
         rows.append({**about, "protocol": name, **asdict(verdict), "seconds": time.perf_counter() - start})
-    return grasp, Scored(rows, {**about, **contact_metrics(candidate)})
+    return grasp, (rows, {**about, **contact_metrics(candidate)})
 
 
 def _summary(rows: Sequence[Fields]) -> Fields:
     """Return counts, rate, intervals, the mean score and the reasons of one protocol."""
     return {
         **count([{**row, "trial": number} for number, row in enumerate(rows)]),  # each grasp for itself
-        "mean_score": float(np.mean([row["score"] for row in rows])),
+        "mean_score": np.mean([row["score"] for row in rows]),
         "by_object": {name: bare_count(own) for name, own in grouped(rows, "object").items()},
         "failures": dict(Counter(row["reason"] for row in rows if not row["success"]).most_common()),
     }
 
 
-def _means(metrics: Sequence[Fields]) -> dict[str, float]:
+def _means(metrics: Sequence[Fields]) -> Fields:
     keys = [key for key, value in metrics[0].items() if isinstance(value, float)]
-    return {key: float(np.mean([row[key] for row in metrics])) for key in keys}
+    return {key: np.mean([row[key] for row in metrics]) for key in keys}

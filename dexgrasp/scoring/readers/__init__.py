@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dexgrasp.scoring.candidate import Candidate
+from dexgrasp.scoring.hand import Candidate
 from dexgrasp.scoring.readers.dexgraspbench import read_dexgraspbench
 from dexgrasp.scoring.readers.frogger import read_frogger
 from dexgrasp.scoring.readers.objects import ReadOptions

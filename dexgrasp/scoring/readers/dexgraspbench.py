@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from dexgrasp.runs.pickles import unpickle
-from dexgrasp.scoring.candidate import Candidate, HandStage
-from dexgrasp.scoring.hand import ALLEGRO, HandModel, find_hand
+from dexgrasp.scoring.hand import ALLEGRO, Candidate, HandModel, HandStage, find_hand
 from dexgrasp.scoring.readers.fields import FileFields, as_pose
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
 from dexgrasp_env.arrays import Array, Fields
@@ -38,10 +37,8 @@ def read_dexgraspbench(path: Path, options: ReadOptions) -> list[Candidate]:
     data, hand = FileFields(read_dictionary(path), str(path)), find_hand(options.hand)
     rows, to_hand = _configurations(data, hand)
     scale = data.numbers("obj_scale").item(0) if "obj_scale" in data else 1.0
-    named = [
-        str(data.get(key)) for key in ("obj_path", "obj_code", "object") if key in data and data.get(key)
-    ]
-    target = find_object([*named, path.parent.name][0], scale, options, path)
+    named = (data.get(key) for key in ("obj_path", "obj_code", "object") if key in data)
+    target = find_object(str(next(filter(None, named), path.parent.name)), scale, options, path)
     T_file = as_pose(data.numbers("obj_pose").ravel()[:7], f"{path}: obj_pose")
     T_world_object = pose_of_centre(T_file, target)
 

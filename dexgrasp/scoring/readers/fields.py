@@ -52,7 +52,7 @@ class FileFields:
     def vectors(self, name: str) -> Array:
         """Return (k, 3) numbers, two rows at least."""
         value = self.numbers(name)
-        if value.ndim != 2 or value.shape[1] != 3 or len(value) < 2:
+        if value.shape[1:] != (3,) or len(value) < 2:
             raise InputError(f"{self.source}: {name} must be (k, 3) finite numbers, k at least 2")
         return value
 

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dexgrasp.scoring.candidate import Candidate, HandStage
 from dexgrasp.scoring.closing import SERVO_KP, close_around
-from dexgrasp.scoring.hand import ALLEGRO, find_hand
+from dexgrasp.scoring.hand import ALLEGRO, Candidate, HandStage, find_hand
 from dexgrasp.scoring.readers.fields import FileFields, as_pose
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
 from dexgrasp_env.arrays import Arrays

@@ -5,8 +5,7 @@ from pathlib import Path
 from dexgrasp.grasp.file import record_of
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.scoring.candidate import Candidate, HandStage
-from dexgrasp.scoring.hand import find_hand
+from dexgrasp.scoring.hand import Candidate, HandStage, find_hand
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from dexgrasp.scoring.candidate import Candidate, HandStage
 from dexgrasp.scoring.closing import SERVO_KP, close_around
-from dexgrasp.scoring.hand import ALLEGRO, HandModel, find_hand
+from dexgrasp.scoring.hand import ALLEGRO, Candidate, HandModel, HandStage, find_hand
 from dexgrasp.scoring.readers.fields import FileFields
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
 from dexgrasp_env.arrays import Array, Fields
