@@ -25,7 +25,7 @@ from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.cli.command import Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import trial_seeds
-from dexgrasp.evaluation.protocol_counts import pooled
+from dexgrasp.evaluation.summary import pooled
 from dexgrasp.physics.contacts import GRAVITY
 from dexgrasp.planning.look import Look, look_at
 from dexgrasp.runs.folder import RunFolder
@@ -126,11 +126,13 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         ).tolist(),
     }
     for share, ramp in product(SHARES, (None, *RAMPS)):
-        failed = pooled([[
+        pushes = [
             {"object": row["target"], "trial": row["seed"], "success": push["failed"]}
-            for row in rows for push in row["pushes"]
+            for row in rows
+            for push in row["pushes"]
             if push["share"] == share and ramp in (None, push["ramp"])
-        ]])  # fmt: skip
+        ]
+        failed = pooled([(pushes, 1.0)])
         name = f"at_{share}" + ("" if ramp is None else f"_ramp_{ramp / 20}_s")
         found[name] = {"pushes": failed["trials"], "failed": failed["successes"], "ci95": failed["ci95"]}
     return found

@@ -29,7 +29,7 @@ from dexgrasp.agent import Agent, Observation, public_info
 from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import TrialSeeds
-from dexgrasp.evaluation.rows import Outcome
+from dexgrasp.evaluation.store import Outcome
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.motion.carrying import PickUp
 from dexgrasp.planning.result import Planned, PlanResult

@@ -7,9 +7,9 @@ from trial_rows import row as trial_row
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, parts, protocol_names
-from dexgrasp.evaluation.protocol_counts import judged, protocol_counts
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.evaluation.summary import judged, protocol_counts
 
 
 def row(protocol, success, trial=0, agent="a"):

@@ -8,7 +8,6 @@ from trial_rows import row
 
 from dexgrasp.evaluation import evaluate as evaluate_module
 from dexgrasp.evaluation.power import paired_power, paired_trials, power_figures, unpaired_trials
-from dexgrasp.evaluation.protocol_counts import protocol_counts
 from dexgrasp.evaluation.sequential import capital, decided_after, is_decided
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.statistics import (
@@ -19,7 +18,7 @@ from dexgrasp.evaluation.statistics import (
     success_within,
     wilson_interval,
 )
-from dexgrasp.evaluation.summary import count
+from dexgrasp.evaluation.summary import count, protocol_counts
 
 
 def test_wilson_at_the_ends():

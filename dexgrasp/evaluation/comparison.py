@@ -6,17 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.evaluation.protocol import AGENT_KEYS
-from dexgrasp.evaluation.protocol_counts import judged, scene_of
 from dexgrasp.evaluation.sequential import capital
 from dexgrasp.evaluation.statistics import compared, object_difference_interval
-from dexgrasp.evaluation.store import read_rows
-from dexgrasp.evaluation.summary import grouped, object_counts, present_sets
+from dexgrasp.evaluation.store import Trials, read_rows
+from dexgrasp.evaluation.summary import grouped, judged, object_counts, present_sets, scene_of
 from dexgrasp.runs.text import text_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
-
-Pairs = Sequence[Fields]
-"""Trials of one agent, each with that of another on the same scene as `other`."""
 
 _SCENE = ("protocol", "object", "trial", "scene_seed")
 """What makes two trials the same scene."""
@@ -55,9 +51,7 @@ def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[
     return {"schema": 1, "run": run, "a": a, "b": b, **compare_rows(rows, a, b, alike=not protocols)}
 
 
-def _under(
-    rows: Sequence[Fields], agents: Sequence[str], protocols: Sequence[str]
-) -> tuple[list[Fields], list[str]]:
+def _under(rows: Trials, agents: Sequence[str], protocols: Sequence[str]) -> tuple[list[Fields], list[str]]:
     """Return the trials of each agent under a protocol of its own, as of one protocol, and what the two are called."""
     if len(protocols) != 2:
         raise InputError(f"{len(protocols)} protocols given: valid are two, one for each agent")
@@ -73,7 +67,7 @@ def _under(
     return kept, names
 
 
-def compare_rows(rows: Sequence[Fields], a: str, b: str, alike: bool = True) -> Fields:
+def compare_rows(rows: Trials, a: str, b: str, alike: bool = True) -> Fields:
     """Return the comparison of two agents from the trials of both.
 
     Args:
@@ -101,7 +95,7 @@ def compare_rows(rows: Sequence[Fields], a: str, b: str, alike: bool = True) -> 
     }
 
 
-def _by_scene(rows: Sequence[Fields], alike: bool) -> dict[tuple[object, ...], Fields]:
+def _by_scene(rows: Trials, alike: bool) -> dict[tuple[object, ...], Fields]:
     found: dict[tuple[object, ...], Fields] = {}
     for row in rows:
         key = (*_scene(row), _world(row) if alike else "")
@@ -119,7 +113,7 @@ def _world(row: Fields) -> str:
     return json.dumps(own, sort_keys=True)
 
 
-def _each(groups: Mapping[Any, Pairs]) -> dict[Any, Fields]:
+def _each(groups: Mapping[Any, Trials]) -> dict[Any, Fields]:
     return {name: _statistics(pairs) for name, pairs in groups.items()}
 
 
@@ -134,8 +128,12 @@ def _trial(row: Fields) -> tuple[object, ...]:
     return _scene(row) if None in played or row["steps"] == 0 else (*_scene(row)[1:], *played)
 
 
-def _statistics(pairs: Pairs) -> Fields:
-    """Return counts, rates, difference with intervals, the exact test and the sequential test's capital."""
+def _statistics(pairs: Trials) -> Fields:
+    """Return counts, rates, difference with intervals, the exact test and the sequential test's capital.
+
+    Args:
+        pairs: trials of one agent, each with that of another on the same scene as `other`.
+    """
     others, n = [row["other"] for row in pairs], max(len(pairs), 1)
     counts = compared((scene_of(row), row["success"], row["other"]["success"]) for row in pairs)
     return {

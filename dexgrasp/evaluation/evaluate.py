@@ -1,15 +1,14 @@
 """Every agent on every object: what is not there yet is run, and each trial is kept as soon as it ends."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from dexgrasp.evaluation.replay import record
-from dexgrasp.evaluation.rows import fell_short
 from dexgrasp.evaluation.sequential import decided_after
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
-from dexgrasp.evaluation.store import TrialStore, check_folder
+from dexgrasp.evaluation.store import TrialStore, check_folder, fell_short
 from dexgrasp.evaluation.summary import bare_count, grouped, summarise
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.evaluation.video import Film, check_rendering
@@ -73,8 +72,8 @@ def evaluate(
             run.play()
             run.record(videos, film)
     finally:
-        run.close()
-    return run.summary
+        summary = run.close()
+    return summary
 
 
 def _check(planned: Sequence[TrialSpec], runner: TrialRunner) -> None:
@@ -98,7 +97,6 @@ class _Run:
     backend: Backend
     progress: bool
     stop_level: float | None
-    summary: Fields = field(default_factory=dict)
 
     def check_rows(self) -> None:
         """Refuse trials of something else.
@@ -142,16 +140,17 @@ class _Run:
         with progress_bar("video", "videos", shown=self.progress and bool(chosen)) as show:
             record(self.runner, chosen, self.store.folder, film, self.backend, show)
 
-    def close(self) -> None:
+    def close(self) -> Fields:
         """Sum up what is there, and let go of it."""
         with held():
-            self.summary = summarise(
+            summary = summarise(
                 self.runner.settings, self.store.rows,
                 stopped_after=self._stopped_after(), stop_level=self.stop_level,
             )  # fmt: skip
-            write_json(self.store.folder / "summary.json", self.summary)
+            write_json(self.store.folder / "summary.json", summary)
             self.store.close()
             self.runner.close()
+        return summary
 
     def _stopped_after(self) -> int | None:
         if self.stop_level is None:
@@ -161,8 +160,10 @@ class _Run:
 
 
 def _successes(rows: Sequence[Fields]) -> dict[str, str]:
-    counts = {agent: bare_count(own) for agent, own in grouped(rows, "agent").items()}
-    return {agent: f"{own['successes']}/{own['trials']}" for agent, own in counts.items()}
+    return {
+        agent: "{successes}/{trials}".format(**bare_count(own))
+        for agent, own in grouped(rows, "agent").items()
+    }
 
 
 def _warn_once(row: Fields, told: set[tuple[str, str]]) -> None:

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from dexgrasp.evaluation.protocol_counts import judged
 from dexgrasp.evaluation.store import read_rows, read_run
-from dexgrasp.evaluation.summary import grouped
+from dexgrasp.evaluation.summary import grouped, judged
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 

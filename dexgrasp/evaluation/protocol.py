@@ -109,11 +109,10 @@ def agent_settings(name: str, agent: Agent) -> Fields:
     Raises:
         InputError: if it asks for something that is the protocol's to choose.
     """
-    settings = dict(agent.env_settings)
-    for key in settings:
+    for key in agent.env_settings:
         if key not in AGENT_KEYS:
             raise InputError(
                 f"agent {name!r} asks for env_settings {key!r}, which the protocol decides: "
                 f"valid are {', '.join(AGENT_KEYS)}"
             )
-    return settings
+    return dict(agent.env_settings)

@@ -1,14 +1,12 @@
 """Trials made again from what their lines say: to watch them, and to see that they come out the same."""
 
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dexgrasp.evaluation.protocol import TrialSeeds
-from dexgrasp.evaluation.rows import Key, row_key, trial_name
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
-from dexgrasp.evaluation.store import read_rows, read_run
+from dexgrasp.evaluation.store import Key, Trials, read_rows, read_run, row_key, trial_name
 from dexgrasp.evaluation.summary import grouped
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.evaluation.video import Film, check_rendering
@@ -81,9 +79,7 @@ def replay(
     return Replay(row, again, grasp, changes(row, again), stale, path)
 
 
-def record(
-    runner: TrialRunner, rows: Sequence[Fields], folder: Path, film: Film, backend: Backend, show: Show
-) -> None:
+def record(runner: TrialRunner, rows: Trials, folder: Path, film: Film, backend: Backend, show: Show) -> None:
     """Make trials again and record them, but for those whose videos are there; `show` is told how many are."""
     left = {row_key(row): row for row in rows if not video_path(folder, row).is_file()}
     specs = [
@@ -109,7 +105,7 @@ def changes(row: Fields, again: Fields) -> tuple[str, ...]:
     return tuple(key for key in _COMPARED if key in row and row[key] != again[key])
 
 
-def _find(rows: Sequence[Fields], agent: str, target: str, trial: int, protocol: str | None) -> Fields:
+def _find(rows: Trials, agent: str, target: str, trial: int, protocol: str | None) -> Fields:
     wanted = {"agent": agent, "object": target, "trial": trial}
     found = rows
     for key, value in wanted.items():
@@ -124,7 +120,7 @@ def _find(rows: Sequence[Fields], agent: str, target: str, trial: int, protocol:
     return found[0]
 
 
-def _specs(rows: Sequence[Fields], settings: EvaluationSettings) -> dict[Key, TrialSpec]:
+def _specs(rows: Trials, settings: EvaluationSettings) -> dict[Key, TrialSpec]:
     """Return what the trials of lines are of, with the seeds that these hold."""
     planned = {spec.key: spec for spec in plan_trials(settings)}
     found = {}

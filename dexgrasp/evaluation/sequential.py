@@ -12,8 +12,9 @@ and safe anytime-valid inference"). No correction for looks is needed; the price
 later than the exact McNemar test would at the one right moment.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 from scipy.special import betaln
@@ -55,14 +56,13 @@ def decided_after(
     rounds: dict[int, set[Key]] = {}
     for key in planned:
         rounds.setdefault(key[2], set()).add(key)
-    alone = {pair: [0, 0] for pair in combinations(agents, 2)}  # scenes that one of the pair alone solved
+    pairs = list(combinations(agents, 2))
+    alone = Counter[tuple[str, str]]()  # scenes that the first of two solved and the second did not
     for number, keys in sorted(rounds.items()):
-        if not alone or not keys <= won.keys():
+        if not pairs or not keys <= won.keys():
             return None
-        for (a, b), counts in alone.items():
-            outcomes = [(won[a, *scene], won[b, *scene]) for scene in {key[1:] for key in keys}]
-            counts[0] += outcomes.count((True, False))
-            counts[1] += outcomes.count((False, True))
-        if all(is_decided(a, b, level / len(alone)) for a, b in alone.values()):
+        for a, b in permutations(agents, 2):
+            alone[a, b] += sum(won[a, *scene] > won[b, *scene] for scene in {key[1:] for key in keys})
+        if all(is_decided(alone[a, b], alone[b, a], level / len(pairs)) for a, b in pairs):
             return number + 1
     return None

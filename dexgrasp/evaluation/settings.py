@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import dexgrasp_env
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, TrialSeeds, get_protocol, parts
-from dexgrasp.evaluation.rows import Key
+from dexgrasp.evaluation.store import Key
 from dexgrasp.evaluation.video import Film
 from dexgrasp.registry import agent_files, agent_source
 from dexgrasp.runs.versions import package_versions

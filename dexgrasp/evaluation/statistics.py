@@ -16,13 +16,14 @@ from dexgrasp_env.arrays import Array, Fields
 
 Counts = Mapping[str, tuple[int, int]]
 """Object -> (successes, trials)."""
+Interval = tuple[float, float]
 
 _RESAMPLES = 9999
 _LEVEL = 0.95
 _QUANTILE = float(norm.ppf(0.5 + 0.5 * _LEVEL))
 
 
-def wilson_interval(successes: float, trials: float) -> tuple[float, float]:
+def wilson_interval(successes: float, trials: float) -> Interval:
     """Return Wilson's 95 % score interval of a rate (Wilson 1927); [0, 1] without trials.
 
     Numbers need not be whole: trials that depend on each other count as fewer.
@@ -41,9 +42,7 @@ def wilson_interval(successes: float, trials: float) -> tuple[float, float]:
     return (0.0 if successes == 0 else float(middle - half)), (1.0 if failures == 0 else float(middle + half))
 
 
-def scattered_interval(
-    rate: float, moved: Iterable[tuple[Hashable, float]], trials: int
-) -> tuple[float, float]:
+def scattered_interval(rate: float, moved: Iterable[tuple[Hashable, float]], trials: int) -> Interval:
     """Return a 95 % interval of a rate of trials that are not independent within a scene.
 
     Wilson's at the number of independent trials that would give the rate the same variance, from the scenes' number to
@@ -102,8 +101,8 @@ def compared(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields:
         were they independent, scatter as the scenes do.
     """
     scenes: dict[Hashable, list[tuple[bool, bool]]] = {}
-    for scene, *pair in outcomes:
-        scenes.setdefault(scene, []).append((pair[0], pair[1]))
+    for scene, a, b in outcomes:
+        scenes.setdefault(scene, []).append((a, b))
     found = mcnemar(pair for own in scenes.values() for pair in own)
     cells = [found[key] for key in ("both", "only_a", "only_b", "neither")]
     by_scene = [sum(int(a) - int(b) for a, b in own) for own in scenes.values()]
@@ -121,9 +120,7 @@ def compared(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields:
     }  # fmt: skip
 
 
-def paired_difference_interval(
-    both: float, only_a: float, only_b: float, neither: float
-) -> tuple[float, float]:
+def paired_difference_interval(both: float, only_a: float, only_b: float, neither: float) -> Interval:
     """Return a 95 % interval of rate(a) - rate(b) on the same scenes; [-1, 1] without scenes.
 
     Newcombe (1998), "Improved confidence intervals for the difference between binomial proportions based on paired
@@ -158,7 +155,7 @@ def _phi(both: float, only_a: float, only_b: float, neither: float) -> float:
     return determinant / float(np.sqrt(margins))
 
 
-def object_interval(counts: Counts) -> tuple[float, float]:
+def object_interval(counts: Counts) -> Interval:
     """Return a 95 % interval of the rate on objects like these: objects are drawn anew, with all of their trials.
 
     Where every object has the same rate (all of them always held, say) there is nothing to draw from: then Wilson's
@@ -171,7 +168,7 @@ def object_interval(counts: Counts) -> tuple[float, float]:
     return _bootstrap((k, n), lambda a, b, axis: a.sum(axis) / b.sum(axis))
 
 
-def object_difference_interval(a: Counts, b: Counts) -> tuple[float, float]:
+def object_difference_interval(a: Counts, b: Counts) -> Interval:
     """Return a 95 % interval of rate(a) - rate(b) on objects like these, both tried on the same; [-1, 1] under two.
 
     Where the difference is the same for every object there is nothing to draw from: then Newcombe's interval with each
@@ -200,7 +197,7 @@ def _columns(counts: Counts) -> tuple[Array, Array]:
     return pairs[:, 0], pairs[:, 1]
 
 
-def _bootstrap(columns: tuple[Array, ...], statistic: object) -> tuple[float, float]:
+def _bootstrap(columns: tuple[Array, ...], statistic: object) -> Interval:
     found = bootstrap(
         columns, statistic, paired=True, vectorized=True, n_resamples=_RESAMPLES, confidence_level=_LEVEL,
         method="percentile", rng=np.random.default_rng(0),

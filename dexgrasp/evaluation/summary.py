@@ -1,20 +1,21 @@
 """The summary of an evaluation, as documented in docs: schema 1."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
-from dexgrasp.evaluation.protocol import OTHER_PHYSICS
-from dexgrasp.evaluation.protocol_counts import judged, pooled, protocol_counts, scene_of
+from dexgrasp.evaluation.protocol import GROUPS, OTHER_PHYSICS
 from dexgrasp.evaluation.settings import EvaluationSettings, versions
 from dexgrasp.evaluation.statistics import (
     Counts,
     compared,
     object_interval,
     quantiles,
+    scattered_interval,
     success_within,
 )
+from dexgrasp.evaluation.store import Trials, row_key
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 
@@ -25,11 +26,13 @@ DISTANCE_BOUNDS_CM = (-0.68, -0.32)  # supplementary, section 1.2
 _RATIOS = ("force_ratio_percent", "torque_ratio_percent")
 _MARGINS = ("closure_margin", "min_clearance_m", "joint_limit_margin_rad", "max_joint_torque_fraction")
 _QUARTILES = {"median": 0.5, "p25": 0.25, "p75": 0.75}
+_WEAKER, _STRONGER = "pushed@0.5", "pushed@1"
+NOT_HELD_BEFORE = "failed_pushed@0.5"
 
 
 def summarise(
     settings: EvaluationSettings,
-    rows: Sequence[Fields],
+    rows: Trials,
     *,
     stopped_after: int | None = None,
     stop_level: float | None = None,
@@ -63,7 +66,23 @@ def summarise(
     }
 
 
-def _paired(a: Sequence[Fields], b: Sequence[Fields]) -> Iterator[tuple[Any, bool, bool]]:
+def judged(rows: Trials) -> list[Fields]:
+    """Return the trials with `pushed@1` a failure where the same scene was one under `pushed@0.5`."""
+    lost = {row_key(row)[1:] for row in rows if row["protocol"] == _WEAKER and not row["success"]}
+    return [
+        {**row, "success": False, "reason": NOT_HELD_BEFORE}
+        if row["protocol"] == _STRONGER and row["success"] and row_key(row)[1:] in lost
+        else row
+        for row in rows
+    ]
+
+
+def scene_of(row: Fields) -> tuple[Any, ...]:
+    """Return what a trial shares with those of the same scene under other conditions."""
+    return row["object"], row["trial"], row.get("scene_seed")
+
+
+def _paired(a: Trials, b: Trials) -> Iterator[tuple[Any, bool, bool]]:
     """Yield scenes with the successes of two agents, of the conditions that both met, in MuJoCo's physics."""
     others = {(row["protocol"], *scene_of(row)): row["success"] for row in b}
     for row in a:
@@ -72,7 +91,7 @@ def _paired(a: Sequence[Fields], b: Sequence[Fields]) -> Iterator[tuple[Any, boo
             yield scene_of(row), row["success"], others[condition]
 
 
-def summarise_agent(rows: Sequence[Fields]) -> Fields:
+def summarise_agent(rows: Trials) -> Fields:
     """Return one agent's part of the summary; trials in other physics than MuJoCo's are in `by_protocol` alone."""
     by_protocol = grouped(rows, "protocol")
     rows = [row for row in rows if row["protocol"] != OTHER_PHYSICS] or rows
@@ -80,11 +99,12 @@ def summarise_agent(rows: Sequence[Fields]) -> Fields:
     members = present_sets(list(by_object))
     sets = {name: [row for row in rows if row["object"] in own] for name, own in members.items()}
     conditions = [object_counts(own) for own in grouped(rows, "protocol").values()]
-    within = {str(tries): _mean_chance(conditions, tries) for tries in _TRIES}
     constraints = {name: own for name, of in sets.items() if (own := _constraints(of))}
     return {
         **count(rows),
-        "within_tries": {tries: chance for tries, chance in within.items() if chance is not None},
+        "within_tries": {
+            str(n): chance for n in _TRIES if (chance := _mean_chance(conditions, n)) is not None
+        },
         "by_set": {name: count(own) for name, own in sets.items()},
         "by_object": {name: bare_count(own) for name, own in by_object.items()},
         "by_protocol": protocol_counts(by_protocol),
@@ -103,10 +123,10 @@ def _mean_chance(conditions: Sequence[Counts], tries: int) -> float | None:
     """Return the success within so many tries, the mean over conditions: under each of them scenes are fresh."""
     chances = [success_within(counts, tries) for counts in conditions]
     known = [chance for chance in chances if chance is not None]
-    return sum(known) / len(known) if known and len(known) == len(chances) else None
+    return sum(known) / len(known) if chances and known == chances else None
 
 
-def grouped(rows: Sequence[Fields], key: str) -> dict[Any, list[Fields]]:
+def grouped(rows: Trials, key: str) -> dict[Any, list[Fields]]:
     """Return value of `key` -> the trials that have it, in the order in which they come; None for those without."""
     found: dict[Any, list[Fields]] = {}
     for row in rows:
@@ -114,7 +134,7 @@ def grouped(rows: Sequence[Fields], key: str) -> dict[Any, list[Fields]]:
     return found
 
 
-def _neighbours(rows: Sequence[Fields]) -> Fields:
+def _neighbours(rows: Trials) -> Fields:
     """Return how many trials were clean lifts and in how many a neighbour was hit; {} where there were none."""
     among = [row for row in rows if row.get("clean") is not None]
     if not among:
@@ -131,28 +151,55 @@ def _neighbours(rows: Sequence[Fields]) -> Fields:
     }
 
 
-def _known(contents: Sequence[Fields], key: str) -> list[float]:
+def _known(contents: Trials, key: str) -> list[float]:
     return [content[key] for content in contents if content.get(key) is not None]
 
 
-def _mean(rows: Sequence[Fields], key: str) -> float | None:
+def _mean(rows: Trials, key: str) -> float | None:
     values = _known(rows, key)
     return float(sum(values)) / len(values) if values else None
 
 
-def object_counts(rows: Sequence[Fields]) -> Counts:
+def object_counts(rows: Trials) -> Counts:
     """Return object -> (successes, trials)."""
     return {
         name: (sum(row["success"] for row in own), len(own)) for name, own in grouped(rows, "object").items()
     }
 
 
-def count(rows: Sequence[Fields]) -> Fields:
+def protocol_counts(rows: Mapping[str, Trials]) -> dict[str, Fields]:
+    """Return trials, successes, rate and 95 % interval of each protocol, and of those made of them that are whole."""
+    weights = {name: {name: 1.0} for name in rows}
+    for group, names in GROUPS.items():
+        own = [weights.get(name, {name: 1.0}) for name in names]
+        weights[group] = {part: w / len(names) for each in own for part, w in each.items()}
+    return {
+        name: pooled((rows[part], weight) for part, weight in own.items())
+        for name, own in weights.items()
+        if own.keys() <= rows.keys()
+    }
+
+
+def pooled(parts: Iterable[tuple[Trials, float]]) -> Fields:
+    """Return trials, successes, rate and 95 % interval of parts with weights, which may meet the same scenes."""
+    total, wins, rate = 0, 0, 0.0
+    moved = list[tuple[Any, float]]()
+    for rows, weight in parts:
+        n, k = len(rows), sum(bool(row["success"]) for row in rows)
+        own = k / n if n else 0.0
+        total, wins = total + n, wins + k
+        rate += weight * own
+        moved += [(scene_of(row), weight / n * (bool(row["success"]) - own)) for row in rows]
+    interval = scattered_interval(rate, moved, total)
+    return {"trials": total, "successes": wins, "rate": rate, "ci95": list(interval)}
+
+
+def count(rows: Trials) -> Fields:
     """Return trials, successes, rate and its 95 % intervals: of these objects, and of objects like these."""
-    return {**pooled([rows]), "ci95_objects": list(object_interval(object_counts(rows)))}
+    return {**pooled([(rows, 1.0)]), "ci95_objects": list(object_interval(object_counts(rows)))}
 
 
-def bare_count(rows: Sequence[Fields]) -> dict[str, int]:
+def bare_count(rows: Trials) -> dict[str, int]:
     """Return trials and successes."""
     return {"trials": len(rows), "successes": sum(row["success"] for row in rows)}
 
@@ -169,7 +216,7 @@ def present_sets(objects: Sequence[str]) -> dict[str, list[str]]:
     return {name: members for name, members in sets.items() if members}
 
 
-def _constraints(rows: Sequence[Fields]) -> Fields:
+def _constraints(rows: Trials) -> Fields:
     """Return what the grasps' certificates say (Tables 4 and 5); {} without certificates."""
     certificates = [own for row in rows if (own := row["details"].get("certificate"))]
     if not certificates:
@@ -192,7 +239,7 @@ def _constraints(rows: Sequence[Fields]) -> Fields:
     }
 
 
-def _stages(rows: Sequence[Fields]) -> Fields:
+def _stages(rows: Trials) -> Fields:
     """Return times and repeats of the stages (Table 6): quartiles of what the agent reports."""
     found = {}
     for key in ("stage_seconds", "stage_repeats"):

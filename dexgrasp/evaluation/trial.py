@@ -8,7 +8,7 @@ import numpy as np
 
 from dexgrasp.agent import Agent, Env, complete, public_info, renew_report, report_of
 from dexgrasp.evaluation.protocol import TrialSeeds
-from dexgrasp.evaluation.rows import Outcome
+from dexgrasp.evaluation.store import Outcome
 from dexgrasp.evaluation.video import Video
 from dexgrasp.planning.look import Subject, subject_of
 from dexgrasp.planning.result import PlansGrasps

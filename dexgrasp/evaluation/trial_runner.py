@@ -41,7 +41,7 @@ class TrialRunner:
             "protocol": spec.protocol, "agent": spec.agent, "object": spec.label, "trial": spec.trial,
             "scene_seed": seeds.scene, "agent_seed": seeds.agent, "env": self._env_arguments(spec),
         }  # fmt: skip
-        return {key: jsonable(value) for key, value in (row | asdict(outcome)).items()}, grasp
+        return jsonable(row | asdict(outcome)), grasp
 
     def agent(self, spec: TrialSpec) -> Any:
         """Return an agent, made on first use.

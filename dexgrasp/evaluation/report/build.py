@@ -11,7 +11,6 @@ from dexgrasp.evaluation.prediction import predictions
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL
 from dexgrasp.evaluation.report import figures, tables
 from dexgrasp.evaluation.report.clips import clips
-from dexgrasp.evaluation.report.constraint_tables import constraint_tables
 from dexgrasp.evaluation.report.origin import commands, describe_run, replay_commands
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import summarise_agent
@@ -85,7 +84,9 @@ def contents(folders: Sequence[Path]) -> Fields:
         "failures": tables.failure_table(agents),
         "clips": clips(folders),
         "predictions": tables.prediction_table(predicted),
-        "constraints": [table for name, agent in agents.items() for table in constraint_tables(name, agent)],
+        "constraints": [
+            table for name, agent in agents.items() for table in tables.constraint_tables(name, agent)
+        ],
         "figures": {
             "set": [figures.success("by_set", "set of objects", plain, ["all", *tables.present(plain)])],
             "protocol": [figures.success("by_protocol", "protocol", agents, counted)]

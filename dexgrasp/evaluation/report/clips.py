@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 from dexgrasp.evaluation.reasons import sentence
 from dexgrasp.evaluation.replay import video_path
-from dexgrasp.evaluation.rows import fell_short
-from dexgrasp.evaluation.store import read_rows
+from dexgrasp.evaluation.store import fell_short, read_rows
 from dexgrasp_env.arrays import Fields
 
 _MOST = 24

@@ -5,9 +5,8 @@ from typing import Any
 
 from dexgrasp.evaluation.prediction import PREDICTORS, Prediction
 from dexgrasp.evaluation.report import paper
-from dexgrasp.evaluation.report.constraint_tables import PLANNER
 from dexgrasp.evaluation.report.plots import SUCCESS, Figure, Points
-from dexgrasp.evaluation.report.tables import Agents
+from dexgrasp.evaluation.report.tables import PLANNER, Agents
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp_env.arrays import Fields
 
@@ -89,9 +88,9 @@ def planning_times(agents: Agents) -> list[Figure]:
 
 def _rates(cells: Mapping[Any, Fields], keys: Iterable[Any]) -> Points:
     """Return success rates with the ends of Wilson's interval, percent, of those cells that were tried."""
-    counts = {key: (cells[key]["successes"], cells[key]["trials"]) for key in keys if key in cells}
-    return {
-        key: [100.0 * value for value in (k / n, *wilson_interval(k, n))]
-        for key, (k, n) in counts.items()
-        if n
-    }
+    rates = {}
+    for key in keys:
+        if key in cells and (n := cells[key]["trials"]):
+            k = cells[key]["successes"]
+            rates[key] = [100.0 * value for value in (k / n, *wilson_interval(k, n))]
+    return rates

@@ -1,6 +1,6 @@
-"""Results as tables: agents by sets, objects one by one, the paper's figures beside ours."""
+"""Results as tables, the paper's figures beside ours: agents by sets, objects one by one, constraints and times."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -20,6 +20,8 @@ Agents = Mapping[str, Fields]
 SETS = ("seen", "familiar", "novel", "ycb6", "meshes")
 """Sets in the order of their columns."""
 _MOST_HIT = 3  # neighbours that are named
+PLANNER = "bilevel"
+"""The agent whose times stand beside Table 6, which is of the paper's planner alone."""
 
 
 class Table(NamedTuple):
@@ -55,12 +57,11 @@ def set_table(agents: Agents) -> Table:
     """Return agents by sets with intervals and planning times; the paper's row follows an agent that it has."""
     sets, rows = present(agents), []
     for name, agent in agents.items():
-        cells = [
-            f"{rate_words(cell)} {_count(cell)}" if cell else "-" for cell in map(agent["by_set"].get, sets)
-        ]
-        whole, stable = f"{rate_words(agent)} {_count(agent)}", f"{agent['stable']}/{agent['successes']}"
-        times, printed = agent["planning_seconds"], paper.successes(name)
-        rows.append([name, whole, *cells, stable, seconds_words(times["median"]) if times else "-"])
+        cells = (agent, *map(agent["by_set"].get, sets))
+        rates = [f"{rate_words(cell)} {_count(cell)}" if cell else "-" for cell in cells]
+        stable, times = f"{agent['stable']}/{agent['successes']}", agent["planning_seconds"]
+        rows.append([name, *rates, stable, seconds_words(times["median"]) if times else "-"])
+        printed = paper.successes(name)
         if any(s in printed for s in sets):
             rows.append(["  paper (real robot)", "", *(_printed(printed.get(s)) for s in sets), "", ""])
     return Table(["agent", "all", *sets, "stable", "planning s"], rows)
@@ -174,6 +175,68 @@ def prediction_table(found: Mapping[str, Mapping[str, Prediction]]) -> Table:
         for name, p in own.items()
     ]
     return Table(("agent", "value", "trials", "area, 95 %"), rows)
+
+
+def constraint_tables(name: str, agent: Fields) -> list[tuple[str, Table]]:
+    """Return titles and tables of one agent's constraints and times; none where the data are not there."""
+    constraints = agent["constraints"]
+    groups = {**constraints.get("by_set", {}), "overall": constraints} if constraints else {}
+    tables = []
+    if any("distance_cm" in group for group in groups.values()):
+        tables.append((f"Fingertip-object distance, cm, {name} (Table 4)", _distances(groups)))
+    if any("force_ratio_percent" in group for group in groups.values()):
+        tables.append((f"Force and torque ratio, percent, {name} (Table 5)", _ratios(groups)))
+    if agent["planning_seconds"]:
+        title = f"Planning time, s, {name}{' (Table 6)' if name == PLANNER else ''}"
+        printed = paper.SECONDS if name == PLANNER else {}
+        tables.append((title, _times(agent["planning_seconds"], agent["stages"], printed)))
+    return tables
+
+
+def _distances(groups: Fields) -> Table:
+    keys = ("median", "min", "max", "max_violation")
+    rows = []
+    for group, content in groups.items():
+        own = content.get("distance_cm")
+        printed = ", ".join(f"{value:.2f}" for value in paper.DISTANCES_CM.get(group, ()))
+        rows.append([group, *(f"{own[key]:.2f}" if own else "-" for key in keys), printed])
+    return Table(("set", "median", "min.", "max.", "max. violation", "paper"), rows)
+
+
+def _ratios(groups: Fields) -> Table:
+    rows = []
+    for group, content in groups.items():
+        printed = paper.RATIOS.get(group, {})
+        pairs = [(content.get(f"{kind}_ratio_percent"), printed.get(kind)) for kind in ("force", "torque")]
+        rows.append(
+            [group, *(cell for ours, theirs in pairs for cell in (_quartiles(ours), _spread(theirs)))]
+        )
+    return Table(("set", "force ratio", "paper", "torque ratio", "paper"), rows)
+
+
+def _times(
+    total: Mapping[str, float],
+    stages: Fields,
+    printed: Mapping[str, Mapping[str, Sequence[float]]],
+) -> Table:
+    whole = printed.get("overall", {}).get("total")
+    rows = [["total, overall", _quartiles(total, seconds_words), "", _spread(whole, seconds_words)]]
+    for group in paper.SECONDS:
+        own = stages.get(group, {})
+        for stage, seconds in own.get("stage_seconds", {}).items():
+            repeats, theirs = own.get("stage_repeats", {}).get(stage), printed.get(group, {}).get(stage)
+            cells = [_quartiles(seconds, seconds_words), _quartiles(repeats), _spread(theirs, seconds_words)]
+            rows.append([f"{stage}, {group}", *cells])
+    return Table(("stage, set", "seconds", "repeats", "paper, seconds"), rows)
+
+
+def _quartiles(values: Mapping[str, float] | None, words: Callable[[float], str] = "{:.2f}".format) -> str:
+    return _spread([values[key] for key in ("median", "p25", "p75")], words) if values else "-"
+
+
+def _spread(values: Sequence[float] | None, words: Callable[[float], str] = "{:.2f}".format) -> str:
+    """Return median and quartiles as people read them; "" for None."""
+    return "{} ({}, {})".format(*map(words, values)) if values else ""
 
 
 def rate_words(cell: Fields | None) -> str:
