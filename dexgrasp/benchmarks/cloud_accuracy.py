@@ -54,14 +54,14 @@ def measure_accuracy(
     corners = cloud_corners(points, scene.plane)
     volume = np.nan if corners is None else ConvexHull(corners).volume
     return {
-        "median": float(np.median(distance)),
-        "p95": float(np.percentile(distance, 95)),
-        "worst": float(distance.max()),
+        "median": np.median(distance),
+        "p95": np.percentile(distance, 95),
+        "worst": distance.max(),
         "covered": covered_share(points, visible),
         "false_points": int((distance > FALSE_POINT).sum()),
         "stray_points": int(stray.sum()),
         "table_points": int((stray & (points[:, 2] < TABLE_BAND)).sum()),
-        "hull_volume": float(volume / mesh.convex_hull.volume),
+        "hull_volume": volume / mesh.convex_hull.volume,
         "reason": None,
     }
 

@@ -49,7 +49,7 @@ def run(quick: bool = False) -> Fields:
     perception.reset(rng)
     seen = perception.observe(data, rng)  # compiles
     rows = [_times(perception, data, rng) for _ in range(repeats)]
-    times = {name: float(np.median([row[name] for row in rows])) for name in rows[0]}
+    times = {name: np.median([row[name] for row in rows]) for name in rows[0]}
     total = times.pop("total")
     rays = sum(c.intrinsics.width * c.intrinsics.height for c in perception.cameras)
     raw = _median_ms(_raw_rays(model, data, perception), repeats)
@@ -95,12 +95,12 @@ def _summary(rows: list[Fields]) -> Fields:
         return out
     column = {name: np.array([row[name] for row in seen], float) for name in seen[0] if name != "reason"}
     return out | {
-        **{f"{name}_mm": float(1e3 * np.median(column[name])) for name in ("median", "p95", "worst")},
-        "largest_p95_mm": float(1e3 * column["p95"].max()),
-        "covered": float(np.median(column["covered"])),
+        **{f"{name}_mm": 1e3 * np.median(column[name]) for name in ("median", "p95", "worst")},
+        "largest_p95_mm": 1e3 * column["p95"].max(),
+        "covered": np.median(column["covered"]),
         **{name: int(column[name].sum()) for name in ("false_points", "stray_points", "table_points")},
-        "hull_volume": float(np.median(column["hull_volume"])),
-        "hull_volume_error": float(np.median(np.abs(column["hull_volume"] - 1.0))),
+        "hull_volume": np.median(column["hull_volume"]),
+        "hull_volume_error": np.median(np.abs(column["hull_volume"] - 1.0)),
     }
 
 

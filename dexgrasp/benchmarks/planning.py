@@ -68,7 +68,7 @@ def _figures(rows: list[Fields]) -> Fields:
     stages = sorted({stage for row in found for stage in row["stages"]})
     return {
         "plans": len(rows),
-        "verified within 2 s": {"share": len(good) / len(rows), "ci95": list(wilson_interval(len(good), len(rows)))},
+        "verified within 2 s": {"share": len(good) / len(rows), "ci95": wilson_interval(len(good), len(rows))},
         "returned grasps that pass verify": {
             "share": (sum(not row["broken"] for row in found) / len(found)) if found else 0.0, "of": len(found),
         },
@@ -77,9 +77,9 @@ def _figures(rows: list[Fields]) -> Fields:
         "seconds": spread_of(seconds),
         "cpu seconds": spread_of([row["cpu"] for row in rows]),
         "stages, median ms": {
-            s: 1000.0 * float(np.median([row["stages"].get(s, 0.0) for row in found])) for s in stages
+            s: 1000.0 * np.median([row["stages"].get(s, 0.0) for row in found]) for s in stages
         },
         "closure margin": spread_of([row["margin"] for row in found]),
         "postures tried": spread_of([row["tried"] for row in found]),
-        "paper's median over ours": PAPER_SECONDS / float(np.median(seconds)),
+        "paper's median over ours": PAPER_SECONDS / np.median(seconds),
     }  # fmt: skip

@@ -94,7 +94,7 @@ def run(quick: bool = False) -> Fields:
                 _attempt(planner, scene, target, seed) for scene, target in subjects for seed in range(seeds)
             ]
             shares = [_feasible(planner, SOURCES[name](), target) for _, target in subjects]
-            figures[f"{group} {name}"] = _figures(attempts) | {"each_feasible": float(np.mean(shares))}
+            figures[f"{group} {name}"] = _figures(attempts) | {"each_feasible": np.mean(shares)}
     return figures
 
 
@@ -138,26 +138,26 @@ def _figures(attempts: list[Attempt]) -> Fields:
     good, mu = [a for a in attempts if a.verified], PlannerSettings().friction
     grasps = [grasp for a in good for grasp in a.plan.grasps]
     between = [_between(a, b) for a, b in combinations(good, 2) if a.scene == b.scene]
-    spread, angle = np.mean(between, axis=0).tolist() if between else (None, None)
+    spread, angle = np.mean(between, axis=0) if between else (None, None)
     rate = len(good) / len(attempts)
     moved = [(a.scene, (a.verified - rate) / len(attempts)) for a in attempts]
     return {
         "trials": len(attempts), "verified": rate,
-        "verified_ci95": list(scattered_interval(rate, moved, len(attempts))),
+        "verified_ci95": scattered_interval(rate, moved, len(attempts)),
         "tried": spread_of([a.plan.log.tried for a in good]), "seconds": spread_of([a.seconds for a in good]),
         "margin": spread_of([grasp.certificate.closure_margin for grasp in grasps]),
         "epsilon": spread_of([ferrari_canny(grasp.contacts, grasp.normals, mu) for grasp in grasps]),
         "tried_each": _each([a.plan.log.tried for a in attempts], good),
         "seconds_each": _each([a.seconds for a in attempts], good),
-        "mean_tried": float(np.mean([a.plan.log.tried for a in attempts])),
-        "proposal_seconds": float(np.median([a.plan.log.seconds.get("proposals", 0.0) for a in attempts])),
+        "mean_tried": np.mean([a.plan.log.tried for a in attempts]),
+        "proposal_seconds": np.median([a.plan.log.seconds.get("proposals", 0.0) for a in attempts]),
         "spread_cm": spread, "palm_degrees": angle,
     }  # fmt: skip
 
 
 def _each(spent: list[float], good: list[Attempt]) -> float | None:
     """Return what all attempts spent over the grasps that were verified; None where none was."""
-    return float(sum(spent)) / len(good) if good else None
+    return sum(spent) / len(good) if good else None
 
 
 def _between(a: Attempt, b: Attempt) -> tuple[float, float]:

@@ -4,6 +4,7 @@ import importlib
 
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import unknown_name
+from dexgrasp_env.files import jsonable
 
 BENCHMARKS = {
     "stepping": "environment steps a second against a raw mj_step loop with the same controls and contacts",
@@ -16,11 +17,12 @@ BENCHMARKS = {
 
 
 def run_benchmark(name: str, *, quick: bool = False) -> Fields:
-    """Run a benchmark and return its figures.
+    """Run a benchmark and return its figures, as JSON holds them.
 
     Raises:
         InputError: for an unknown name.
     """
     if name not in BENCHMARKS:
         raise unknown_name("benchmark", name, BENCHMARKS)
-    return dict(importlib.import_module(f"dexgrasp.benchmarks.{name}").run(quick=quick))
+    figures: Fields = jsonable(importlib.import_module(f"dexgrasp.benchmarks.{name}").run(quick=quick))
+    return figures

@@ -81,7 +81,7 @@ def run(quick: bool = False) -> Fields:
     many = _compare(_record(envs, _random(20 if quick else 40, _ENVS)), rounds)
     return {
         **cases,
-        "all": {"ratio": float(np.median(ratios)), "least_ratio": min(ratios)},
+        "all": {"ratio": np.median(ratios), "least_ratio": min(ratios)},
         f"vector, {_ENVS} environments, 1 thread": many,
         f"wall steps a second, {_ENVS} environments": _beside_wrappers(objects, 3 if quick else 9),
         **{
@@ -212,9 +212,9 @@ def _compare(
     env, loop = np.median(times, axis=0)
     steps = len(recording.actions) * len(recording.models)
     return {
-        "env_steps_per_second": steps / float(env),
-        "raw_steps_per_second": steps / float(loop),
-        "ratio": float(np.median(times[:, 1] / times[:, 0])),
+        "env_steps_per_second": steps / env,
+        "raw_steps_per_second": steps / loop,
+        "ratio": np.median(times[:, 1] / times[:, 0]),
         **({} if np.isnan(recording.contacts) else {"contacts": recording.contacts}),
     }
 

@@ -11,7 +11,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 
 
 def seconds_of(call: Callable[[], object], repeats: int) -> Array:
@@ -44,14 +44,14 @@ def clocks(*calls: tuple[Any, str]) -> Iterator[dict[str, list[float]]]:
         yield seconds
 
 
-def spread_of(values: Sequence[float] | Array) -> dict[str, float | list[float]]:
+def spread_of(values: Sequence[float] | Array) -> Fields:
     """Return the median with its 95 % bootstrap interval, the 90th percentile and the most; {} without values."""
     if not len(values):
         return {}
     drawn = np.random.default_rng(0).choice(np.asarray(values, dtype=float), (2000, len(values)))
     return {
-        "median": float(np.median(values)),
-        "ci95": np.quantile(np.median(drawn, axis=1), [0.025, 0.975]).tolist(),
-        "p90": float(np.quantile(values, 0.9)),
-        "max": float(np.max(values)),
+        "median": np.median(values),
+        "ci95": np.quantile(np.median(drawn, axis=1), [0.025, 0.975]),
+        "p90": np.quantile(values, 0.9),
+        "max": np.max(values),
     }
