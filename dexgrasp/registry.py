@@ -88,14 +88,15 @@ def agent_for(name: str, friction: float | None, at_least: float | None = None) 
     return make_agent(name, settings=PlannerSettings.of(friction, at_least))
 
 
-def check_name(name: str) -> None:
-    """Check what can be checked of an agent's name without importing anything.
+def check_name(name: str) -> str:
+    """Return an agent's name, checked as far as that can be without importing anything.
 
     Raises:
         InputError: for a name that is neither known, nor a checkpoint, nor `module:Class`.
     """
     if name not in AGENTS and not name.endswith(".zip") and ":" not in name and not is_policy(name):
         raise unknown_name("agent", name, [*AGENTS, *_OTHER_FORMS])
+    return name
 
 
 def agent_files(name: str) -> list[Path]:

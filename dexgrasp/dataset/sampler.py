@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.dataset.rest_scene import RestScene, Triples, placed, rest_scene, rng_of
 from dexgrasp.dataset.settings import DatasetSettings
@@ -49,14 +48,14 @@ COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_a
 class Found:
     """Grasps of a shard as they are found, one list a field, and the counts of the way there."""
 
-    fields: dict[str, list[NDArray[Any]]] = field(default_factory=dict)
+    fields: dict[str, list[Any]] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     log: SearchLog = field(default_factory=SearchLog)
 
-    def add(self, **values: NDArray[Any] | float) -> None:
+    def add(self, **values: Any) -> None:
         """Append one grasp."""
         for name, value in values.items():
-            self.fields.setdefault(name, []).append(np.asarray(value))
+            self.fields.setdefault(name, []).append(value)
 
     def __len__(self) -> int:
         """Grasps found."""

@@ -3,7 +3,7 @@
 import json
 import shutil
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -120,25 +120,14 @@ def _converted(
     settings: DemoSettings, folder: Path, formats: tuple[str, ...], parts: list[Path], key: str
 ) -> Fields:
     """Write the data sets anew from the parts; return what is said of them."""
-    failures: Counter[str] = Counter()
-    kept: Counter[str] = Counter()
-
-    def episodes() -> Iterator[Episode]:
-        """Yield what was kept, reading it anew for every format; count it and what failed."""
-        failures.clear()
-        kept.clear()
-        for path in parts:
-            found, reasons = _read_part(path, key)
-            failures.update(reasons)
-            for episode in found:
-                kept[episode.about["object"]] += 1
-                yield episode
-        if not kept:
-            counts = ", ".join(f"{reason} {count}" for reason, count in failures.most_common())
-            raise InputError(f"not one demonstration succeeded: {counts}")
-
+    notes = [_note(read_shard(path, key)) for path in parts]
+    kept = Counter(about["object"] for note in notes for about in note["about"])
+    failures = Counter(reason for note in notes for reason in note["failures"])
+    if not kept:
+        counts = ", ".join(f"{reason} {count}" for reason, count in failures.most_common())
+        raise InputError(f"not one demonstration succeeded: {counts}")
     for name in formats:
-        FORMATS[name](folder, settings, episodes())
+        FORMATS[name](folder, settings, _episodes(parts, key))
     return {
         "complete": True, "tried": len(settings.objects) * settings.episodes, "episodes": sum(kept.values()),
         "kept": dict(kept), "failures": dict(failures.most_common()),
@@ -154,13 +143,18 @@ def _part_arrays(episodes: Sequence[Episode], failures: Sequence[str]) -> Arrays
     return arrays
 
 
-def _read_part(path: Path, key: str) -> tuple[list[Episode], list[str]]:
-    """Return demonstrations and failures of a file.
+def _note(arrays: Arrays) -> Fields:
+    note: Fields = json.loads(text_of(arrays["note"]))
+    return note
+
+
+def _episodes(parts: Iterable[Path], key: str) -> Iterator[Episode]:
+    """Yield the demonstrations of files.
 
     Raises:
         InputError: missing, damaged, or of other settings.
     """
-    arrays = read_shard(path, key)
-    note = json.loads(text_of(arrays["note"]))
-    episodes = [Episode.of_arrays(below(arrays, f"{i}/"), about) for i, about in enumerate(note["about"])]
-    return episodes, note["failures"]
+    for path in parts:
+        arrays = read_shard(path, key)
+        for i, about in enumerate(_note(arrays)["about"]):
+            yield Episode.of_arrays(below(arrays, f"{i}/"), about)

@@ -37,7 +37,6 @@ _TASKS = {
     ],
 }  # fmt: skip
 """What pandas writes of a table that is indexed by the task."""
-_INDEX = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 
 
 def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
@@ -122,14 +121,14 @@ def _info(columns: Arrays, episodes: int, frames: int, tasks: int, robot: Robot)
         "total_frames": frames, "total_tasks": tasks, "chunks_size": _CHUNK, "data_files_size_in_mb": _DATA_MB,
         "video_files_size_in_mb": _VIDEO_MB, "fps": round(1 / CONTROL_PERIOD), "splits": {"train": f"0:{episodes}"},
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "video_path": None,
-        "features": {name: _feature(name, values, robot.joints) for name, values in columns.items()},
+        "features": {name: _feature(values, robot.joints) for name, values in columns.items()},
     }  # fmt: skip
 
 
-def _feature(name: str, values: NDArray[Any], joints: Names) -> Fields:
+def _feature(values: NDArray[Any], joints: Names) -> Fields:
     width = 1 if values.ndim == 1 else values.shape[1]
-    named = width == len(joints) and name not in _INDEX
-    return {"dtype": str(values.dtype), "shape": [width], "names": list(joints) if named else None}
+    names = list(joints) if width == len(joints) else None
+    return {"dtype": str(values.dtype), "shape": [width], "names": names}
 
 
 def _part(values: NDArray[Any]) -> tuple[Any, ...]:

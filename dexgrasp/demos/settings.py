@@ -22,11 +22,6 @@ CAMERA_KEYS = ("cloud", "cloud_normals", "cloud_mask", "table_plane", "depth", "
 """Observations of cameras; with `observe="reset"` they are the same all episode long and are stored once."""
 
 
-def _agent(name: str) -> str:
-    check_name(name)
-    return name
-
-
 @dataclass(frozen=True)
 class DemoSettings:
     """Everything that demonstrations depend on.
@@ -50,7 +45,7 @@ class DemoSettings:
     """
 
     objects: Annotated[Objects, "OBJECT"]
-    agent: Annotated[str, Rule("an agent", _agent), "AGENT"] = "bilevel"
+    agent: Annotated[str, Rule("an agent", check_name), "AGENT"] = "bilevel"
     episodes: Count = 10
     seed: Natural = 0
     obs_mode: Annotated[str, one_of(OBS_MODES)] = "state"
