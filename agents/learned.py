@@ -8,8 +8,7 @@ from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.imitation.clone import Clone
 from dexgrasp.imitation.grasper import Grasper
 from dexgrasp.imitation.policy import Policy, PolicyRun
-from dexgrasp.reinforcement.actor import Actor
-from dexgrasp.reinforcement.grip import Grip
+from dexgrasp.reinforcement.actor import Actor, Grip
 from dexgrasp.runs.policy_folder import read_policy
 from dexgrasp_env.arrays import Single
 from dexgrasp_env.assets import asset_path

@@ -13,7 +13,7 @@ from trainings import begun, goes_on_to_the_same_bits
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
-from dexgrasp.reinforcement.grip import SIZE, Grip, arm_step, look
+from dexgrasp.reinforcement.actor import GRIP_SIZE, Grip, arm_step, look
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 
 torch = pytest.importorskip("torch")
@@ -21,7 +21,7 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
-from dexgrasp.reinforcement.grip_training import GripTraining  # noqa: E402
+from dexgrasp.reinforcement.policy_training import GripTraining  # noqa: E402
 from dexgrasp.reinforcement.settings import GripSettings  # noqa: E402
 
 SETTINGS = GripSettings(
@@ -33,7 +33,7 @@ def grip_of(clone, correction):
     """The policy whose network always says `correction`."""
     about, arrays = read_policy(clone)
     arrays = {f"base.{name}": array for name, array in arrays.items()}
-    arrays |= {"actor.0.weight": np.zeros((SIZE, len(arrays["base.mean"]))), "actor.0.bias": correction}
+    arrays |= {"actor.0.weight": np.zeros((GRIP_SIZE, len(arrays["base.mean"]))), "actor.0.bias": correction}
     return Grip({"kind": "grip", "env": about["env"], "base": about}, arrays)
 
 
@@ -48,7 +48,7 @@ def played(policy, env, steps):
 
 def test_without_a_correction_it_is_the_clone(clone):
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
-    plain, bent = make_agent(str(clone))._policy, grip_of(clone, np.zeros(SIZE))
+    plain, bent = make_agent(str(clone))._policy, grip_of(clone, np.zeros(GRIP_SIZE))
     actions = [played(policy, env, 12)[0] for policy in (plain, bent)]
     assert_allclose(*actions, atol=1e-5)
     assert np.abs(actions[0]).max() > 0.01
@@ -71,9 +71,9 @@ def test_the_palm_moves_along_and_about_its_own_axes(axis):
 def test_a_correction_stays_on_top_of_the_clones_set_points(clone):
     """What is added is not added again by the clone, which would see it as its own."""
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
-    correction = np.zeros(SIZE)
+    correction = np.zeros(GRIP_SIZE)
     correction[-1] = 0.5  # 0.2 rad at the thumb's second joint
-    ends = [played(grip_of(clone, c), env, 60)[1]["joint_targets"] for c in (np.zeros(SIZE), correction)]
+    ends = [played(grip_of(clone, c), env, 60)[1]["joint_targets"] for c in (np.zeros(GRIP_SIZE), correction)]
     assert abs(ends[1][20] - ends[0][20] - 0.2) < 0.05
 
 
@@ -90,7 +90,7 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(tmp_path, clone):
     grip = agent._policy
     looks = look(grip.clone, observation)
     assert np.abs(grip.correction(looks)).max() > 0.0  # it has learned something
-    assert meant.shape == (1, SIZE)
+    assert meant.shape == (1, GRIP_SIZE)
 
 
 def test_groups_of_one_have_nothing_to_be_above_of():

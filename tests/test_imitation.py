@@ -109,7 +109,7 @@ def test_chunks_are_the_set_points_to_come_and_stand_still_at_the_end(demos):
     assert rows.control_mode == "joint_delta"
     episode = next(read_episodes(demos))
     targets = episode.observations["joint_targets"]
-    chunk = rows.chunks(np.array([0]), np.array([[10, len(episode) - 2]]), 8)[0]
+    chunk = rows.batch(np.array([0]), np.array([[10, len(episode) - 2]]), 8).chunks[0]
     assert_allclose(chunk[0], targets[11:19] - targets[10], atol=1e-6)
     assert_allclose(chunk[1, 1:], np.repeat((targets[-1] - targets[-3])[None], 7, 0), atol=1e-6)
 

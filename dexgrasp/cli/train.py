@@ -142,7 +142,7 @@ class Grip(PolicyCommand):
 
     def learn(self) -> Answer:
         """Train a policy for each seed, return returns and successes."""
-        from dexgrasp.reinforcement.grip_training import GripTraining
+        from dexgrasp.reinforcement.policy_training import GripTraining
 
         return self.train_each(partial(GripTraining, clone=self.clone), "round", self.settings)
 

@@ -12,14 +12,14 @@ from dexgrasp_env.extras import from_extra
 
 with from_extra():
     import torch
-    from torch import nn
+    from torch import Tensor, nn
 
 
 class PolicyNet(nn.Module):
     """A network that keeps how features are scaled."""
 
-    mean: torch.Tensor
-    scale: torch.Tensor
+    mean: Tensor
+    scale: Tensor
 
     def __init__(self, **kept: Single) -> None:
         """Keep arrays by name, `mean` and `scale` (F,) of the features among them."""
@@ -27,7 +27,7 @@ class PolicyNet(nn.Module):
         for name, array in kept.items():
             self.register_buffer(name, torch.from_numpy(array))
 
-    def scaled(self, looks: torch.Tensor) -> torch.Tensor:
+    def scaled(self, looks: Tensor) -> Tensor:
         """Return features (..., F) as layers are given them."""
         return ((looks - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST)
 
@@ -53,7 +53,7 @@ class CloneNet(PolicyNet):
         super().__init__(mean=mean, scale=scale)
         self.trunk = perceptron([len(mean), *[sizes.hidden] * sizes.layers, 23 * sizes.chunk])
 
-    def forward(self, looks: torch.Tensor) -> torch.Tensor:
+    def forward(self, looks: Tensor) -> Tensor:
         """Return (E, R, chunk * 23) for features (E, R, F) of E episodes."""
         return self.trunk(self.scaled(looks))
 
@@ -61,8 +61,8 @@ class CloneNet(PolicyNet):
 class GraspNet(PolicyNet):
     """Objects seen along grips, to the merit of each grip and to ways to take hold along it."""
 
-    row_mean: torch.Tensor
-    row_scale: torch.Tensor
+    row_mean: Tensor
+    row_scale: Tensor
 
     def __init__(self, sizes: GraspNetwork, numbers: Single, rows: Single) -> None:
         """Prepare.
@@ -83,7 +83,7 @@ class GraspNet(PolicyNet):
         inputs, outputs = sizes.cloud + numbers.shape[1], sizes.modes * (1 + rows.shape[1])
         self.trunk = perceptron([inputs, *[sizes.width] * sizes.depth, outputs])
 
-    def forward(self, points: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(self, points: Tensor, numbers: Tensor) -> tuple[Tensor, Tensor]:
         """Return merits (..., modes) and rows (..., modes, R) for points (..., N, 6) and numbers (..., F)."""
         code = torch.relu(self.encoder(points)).amax(dim=-2)
         out = self.trunk(torch.cat([code, self.scaled(numbers)], dim=-1)).unflatten(-1, (self.modes, -1))

@@ -25,6 +25,7 @@ from dexgrasp_env.robot.cell import default_cell
 
 with from_extra():
     import torch
+    from torch import Tensor
 
 _BEND = 0.1
 """Of the loss: beyond it a row counts by its distance, so that of two ways to do it one is learned."""
@@ -63,11 +64,11 @@ class Cloning(StepTraining):
         self._held_out, self._trained = np.sort(order[:tested]), np.sort(order[tested:])
 
     @abstractmethod
-    def read(self, data: Sequence[Path]) -> Any:
+    def read(self, folders: Sequence[Path]) -> Any:
         """Return what is learned from: it has a length and a key, and draws batches."""
 
     @abstractmethod
-    def loss(self, *batch: torch.Tensor) -> torch.Tensor:
+    def loss(self, *batch: Tensor) -> Tensor:
         """Return the loss of a batch."""
 
     @abstractmethod
@@ -82,12 +83,12 @@ class Cloning(StepTraining):
         """Return a cosine."""
         return float(0.5 * (1.0 + np.cos(np.pi * done)))
 
-    def losses(self, step: int, done: float) -> Sequence[torch.Tensor]:
+    def losses(self, step: int, done: float) -> Sequence[Tensor]:
         """Return the loss of a step."""
         rng = np.random.default_rng([self.settings.seed, 2, step])
         return (self._loss(self._rows.draw(rng, self._trained, self.settings)),)
 
-    def _loss(self, batch: Any) -> torch.Tensor:
+    def _loss(self, batch: Any) -> Tensor:
         return self.loss(*(torch.from_numpy(array).to(self.place) for array in batch))
 
     def learn(self) -> Fields:
@@ -116,10 +117,7 @@ class StateCloning(Cloning):
     """Of a policy that sees the state, and answers with the next set-points."""
 
     _rows: Rows
-
-    def read(self, data: Sequence[Path]) -> Rows:
-        """Return the control steps of demonstrations."""
-        return read_rows(data)
+    read = staticmethod(read_rows)
 
     def build(self) -> None:
         """Make network and optimiser, and measure the spread (chunk * 23,) rad of what is predicted."""
@@ -134,7 +132,7 @@ class StateCloning(Cloning):
         looks = self._rows.looks
         return CloneNet(self.settings.network, looks.mean(axis=0), np.maximum(looks.std(axis=0), 1e-3))
 
-    def loss(self, *batch: torch.Tensor) -> torch.Tensor:
+    def loss(self, *batch: Tensor) -> Tensor:
         """Return how far set-points are from those that were meant."""
         looks, chunks = batch
         wanted = chunks.flatten(start_dim=2) / self._unit
@@ -156,19 +154,12 @@ class CloudCloning(Cloning):
     """
 
     _rows: Grips
-
-    def read(self, data: Sequence[Path]) -> Grips:
-        """Return looks and grasps of demonstrations."""
-        return read_grips(data)
+    read = staticmethod(read_grips)
 
     def network(self) -> GraspNet:
         """Make the network."""
-        numbers = np.concatenate(
-            [
-                along(look, np.array([a]))[1]
-                for look, a in zip(self._rows.looks, self._rows.azimuths, strict=True)
-            ]
-        )
+        taken = zip(self._rows.looks, self._rows.azimuths[:, None], strict=True)
+        numbers = np.concatenate([along(look, azimuth)[1] for look, azimuth in taken])
         parts = sizes(robot_tree(default_cell()))
         self._off, self._weights = (
             torch.from_numpy(np.repeat(part, parts).astype(np.float32)).to(self.place)
@@ -176,7 +167,7 @@ class CloudCloning(Cloning):
         )
         return GraspNet(self.settings.grasps, numbers, self._rows.rows)
 
-    def loss(self, *batch: torch.Tensor) -> torch.Tensor:
+    def loss(self, *batch: Tensor) -> Tensor:
         """Return the mean of -log p(grip, grasp): the first grip of each object is the one that was taken."""
         points, numbers, rows = batch
         merits, grasps = self.net(points, numbers)

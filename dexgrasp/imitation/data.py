@@ -55,16 +55,13 @@ class Rows:
     def __len__(self) -> int:
         return len(self.steps)
 
-    def chunks(self, episodes: Index, rows: Index, length: int) -> Single:
-        """Return the set-points that follow rows (E, R) of episodes (E,), relative to those now, (E, R, length, 23)."""
+    def batch(self, episodes: Index, rows: Index, length: int) -> Batch:
+        """Return rows (E, R) of episodes (E,), each with the set-points of the next steps, relative to those now."""
         # Beyond the end they stand still.
         ahead = np.minimum(rows[..., None] + np.arange(length), self.steps[episodes][:, None, None] - 1)
         first = self.first[episodes][:, None]
-        return self.meant[first[..., None] + ahead] - self.targets[first + rows][:, :, None]
-
-    def batch(self, episodes: Index, rows: Index, length: int) -> Batch:
-        """Return rows (E, R) of episodes (E,)."""
-        return Batch(self.looks[self.first[episodes][:, None] + rows], self.chunks(episodes, rows, length))
+        now = first + rows
+        return Batch(self.looks[now], self.meant[first[..., None] + ahead] - self.targets[now][:, :, None])
 
     def draw(self, rng: np.random.Generator, among: Index, settings: BcSettings) -> Batch:
         """Draw a batch; long episodes come as often as short ones."""
@@ -181,14 +178,6 @@ def read_grips(folders: Sequence[Path]) -> Grips:
     return Grips(tuple(looks), azimuths, rows, content_hash(np.stack([look.seen for look in looks]), rows))
 
 
-def _check_robot(given: str | None, folder: Path) -> None:
-    robot, ours = make_cell(given).robot, default_cell().robot
-    if robot.stamp != ours.stamp:
-        raise InputError(
-            f"{folder} holds demonstrations of {robot.stamp}: policies are cloned of {ours.stamp}"
-        )
-
-
 def _shown(folders: Sequence[Path]) -> Iterator[tuple[Episode, Path, float]]:
     """Yield demonstrations, their folders and the noise they were recorded with.
 
@@ -199,7 +188,9 @@ def _shown(folders: Sequence[Path]) -> Iterator[tuple[Episode, Path, float]]:
     number = 0
     for folder in folders:
         settings = read_about(folder)["settings"]
-        _check_robot(settings.get("robot"), folder)
+        robot, ours = make_cell(settings.get("robot")).robot.stamp, default_cell().robot.stamp
+        if robot != ours:
+            raise InputError(f"{folder} holds demonstrations of {robot}: policies are cloned of {ours}")
         found = {key: str(settings[key]) for key in MODES}
         if modes and modes != found:
             raise InputError(

@@ -7,8 +7,7 @@ one scene to the network.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,8 +25,7 @@ _STEPS = 100.0  # control steps that a unit of time lasts
 _LONGEST = 250  # control steps after which the clock stands still
 
 
-@dataclass(frozen=True)
-class Scene:
+class Scene(NamedTuple):
     """What is remembered of the first observation.
 
     Attributes:
@@ -104,8 +102,7 @@ def features(scene: Scene, observation: Observation, step: Index | int) -> Array
 
 def side_by_side(scenes: Sequence[Scene]) -> Scene:
     """Return N scenes as one whose entries have an axis (N,) in front."""
-    parts = zip(*((scene.azimuth, scene.origin, scene.numbers) for scene in scenes), strict=True)
-    return Scene(*(np.array(part) for part in parts))
+    return Scene(*map(np.array, zip(*scenes, strict=True)))
 
 
 def _turn(vectors: Array, turned: Array) -> Array:

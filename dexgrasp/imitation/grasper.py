@@ -64,10 +64,9 @@ class Grasper(Policy):
         """Return merits (m, modes), and grasps (m, modes, F) as rows, of grips of azimuths (m,) rad."""
         points, numbers = along(look, azimuths)
         code = relu(self._encoder(points)).max(axis=1)
-        out = self._trunk(np.concatenate([code, self._scaling(numbers)], axis=1))
-        out = out.reshape(len(azimuths), self._modes, 1 + self.row).astype(float)
-        rows = self._rows.mean + self._rows.scale * out[..., 1:]
-        return np.asarray(out[..., 0]), np.asarray(rows)
+        seen = np.concatenate([code, self._scaling(numbers)], axis=1)
+        out = self._trunk(seen).reshape(len(azimuths), self._modes, 1 + self.row).astype(float)
+        return out[..., 0], self._rows.mean + self._rows.scale * out[..., 1:]
 
     def grasps(self, look: CloudLook, tree: RobotTree) -> Iterator[Taken]:
         """Yield grasps of an object, the likeliest first."""

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Policy(ABC):
         robot: that it moves, as `Robot.stamp` says it; ours where its folder says nothing.
     """
 
-    kind: ClassVar[str]
+    kind: str
 
     def __init__(self, about: Fields, arrays: Weights) -> None:
         """Take what `read_policy` returns.

@@ -1,18 +1,40 @@
-"""A policy of reinforcement at work, in numpy: alone, or correcting a clone."""
+"""Policies of reinforcement at work, in numpy: alone, or correcting the actions of a clone, or its grip."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from dexgrasp.agent import Observation
+from dexgrasp.demos.convert import to_action
 from dexgrasp.imitation.clone import Clone, CloneRun
-from dexgrasp.imitation.features import Scene, features, first_look, side_by_side
+from dexgrasp.imitation.features import Scene, entry, features, first_look, side_by_side
 from dexgrasp.imitation.policy import Mlp, Policy, Scaling
-from dexgrasp.reinforcement.grasp_space import FARTHEST, SIZE, GraspSpace
+from dexgrasp.kinematics.damped import damped_step
+from dexgrasp.kinematics.forward import empty_frames, forward
+from dexgrasp.kinematics.palm_ik import TURN_SCALE, palm_jacobian
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.reinforcement.grasp_space import FARTHEST, SIZE, GraspSpace, bends
 from dexgrasp.runs.arrays import below, relu
 from dexgrasp.runs.policy_folder import Weights
 from dexgrasp_env.arrays import Array, Fields, Single
+from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.tasks.control import max_step
+
+_PALM = {"deeper": (0, 0.03), "over": (2, 0.03), "tilted": (3, 0.2)}
+"""Axis of the palm, and m along it or (from 3 on) rad about it at 1."""
+_FINGERS = {
+    "curled": {
+        ("index", 1): 0.2, ("index", 2): 0.4, ("index", 3): 0.3,
+        ("middle", 1): 0.2, ("middle", 2): 0.4, ("middle", 3): 0.3,
+    },
+    "thumb": {("thumb", 1): 0.4},
+}  # fmt: skip
+"""Synergies: rad of each joint at 1."""
+GRIP_SIZE = len(_PALM) + len(_FINGERS)
+"""Numbers of a correction, each from -1 to 1."""
+_RAMP = 30  # control steps until it is there in full, well before the hand closes
+_DAMPING = 1e-4  # of the step from palm to arm
 
 
 class Acting(NamedTuple):
@@ -29,12 +51,12 @@ class Acting(NamedTuple):
     """
 
     scaling: Scaling
-    clone: Clone | None = None
-    share: float = 1.0
-    hold: int = 1
-    grasps: bool = False
-    chunk: int = 1
-    once: bool = False
+    clone: Clone | None
+    share: float
+    hold: int
+    grasps: bool
+    chunk: int
+    once: bool
 
     @property
     def span(self) -> int:
@@ -71,10 +93,8 @@ class Actor(Policy):
 
     def correction(self, looks: Single) -> Array:
         """Return the network's output (..., m) for what `Eyes.look` returns: in [-1, 1], or for a `GraspSpace`."""
-        x = self._actor(looks)
-        farthest = FARTHEST if self.acting.grasps else 1.0
-        within = np.clip(x, -farthest, farthest)
-        return np.asarray(np.tanh(x) if self._squashed else within, dtype=float)
+        x, farthest = self._actor(looks), FARTHEST if self.acting.grasps else 1.0
+        return (np.tanh(x) if self._squashed else np.clip(x, -farthest, farthest)).astype(float)
 
 
 class Eyes:
@@ -96,9 +116,8 @@ class Eyes:
 
     def begin(self, i: int, first: Observation) -> None:
         """Begin episode `i` anew, at its first observation."""
-        scene = first_look(first)
-        for name, values in vars(self._scenes).items():
-            values[i] = getattr(scene, name)
+        for values, own in zip(self._scenes, first_look(first), strict=True):
+            values[i] = own
         if self._space:
             self._space.begin(slice(i, i + 1), _alone(first))
         self._clones[i] = self._clone(first)
@@ -120,7 +139,7 @@ class Eyes:
 
     def last(self, i: int, observation: Observation) -> Single:
         """Return what the network would be given of the observation that episode `i` ended with, (F,)."""
-        scene = Scene(*(values[i : i + 1] for values in vars(self._scenes).values()))
+        scene = Scene(*(values[i : i + 1] for values in self._scenes))
         looks = self._see(scene, _alone(observation), slice(i, i + 1))[0]
         clone = self._clones[i]
         return looks if clone is None else np.concatenate([looks, clone.action(observation)])
@@ -163,3 +182,84 @@ def one(observations: Observation, i: int) -> Observation:
 
 def _alone(observation: Observation) -> Observation:
     return {key: np.asarray(values)[None] for key, values in observation.items()}
+
+
+class Grip(Policy):
+    """A clone whose grip a network corrects: once, from the first look, it shifts the palm and bends the fingers.
+
+    A servo that saturates squeezes no harder, so corrections of single actions win little. What bears pushes is where
+    the hand takes hold, and in which posture: a few numbers an episode, which a thousand episodes teach. They are added
+    to the set-points of the clone, which goes on as if they were not there.
+    """
+
+    kind = "grip"
+
+    def _read(self, about: Fields, arrays: Weights) -> bool:
+        base = below(arrays, "base.")
+        self.clone, self._actor = Clone(about["base"], base), Mlp(arrays, "actor", np.tanh)
+        sized = self._actor.inputs == len(self.clone.scaling.mean) and self._actor.outputs == GRIP_SIZE
+        return sized and self.env == self.clone.env
+
+    def begin(self, first: Observation, cell: Cell) -> "GripRun":
+        """Decide on the correction and start an episode in a cell."""
+        return GripRun(self.clone, first, self.correction(look(self.clone, first)), cell)
+
+    def correction(self, looks: Single) -> Array:
+        """Return the correction (GRIP_SIZE,) for what `look` returns."""
+        return np.clip(self._actor(looks), -1.0, 1.0).astype(float)
+
+
+class GripRun:
+    """A corrected clone in one episode."""
+
+    def __init__(self, clone: Clone, first: Observation, correction: Array, cell: Cell) -> None:
+        """Start an episode.
+
+        Args:
+            clone: that acts.
+            first: observation.
+            correction: (GRIP_SIZE,) in [-1, 1].
+            cell: of the robot.
+        """
+        self._robot, self._tree = cell.robot, robot_tree(cell)
+        self._run, self._step = CloneRun(clone, first, cell), 0
+        self._own = np.array(first["joint_targets"], dtype=float)  # the clone's set-points, not corrected
+        axes, sizes = zip(*_PALM.values(), strict=True)
+        self._palm = np.zeros(6)
+        self._palm[list(axes)] = correction[: len(_PALM)] * sizes
+        self._fingers = correction[len(_PALM) :] @ bends(cell.robot, _FINGERS)
+
+    def action(self, observation: Observation) -> Single:
+        """Return the next action."""
+        wanted = self._run.set_points({**observation, "joint_targets": self._own})
+        robot, most = self._robot, max_step(self._robot)
+        self._own = np.clip(self._own + np.clip(wanted - self._own, -most, most), robot.lower, robot.upper)
+        self._step += 1
+        share = min(self._step / _RAMP, 1.0)
+        corrected = self._own + share * self._fingers
+        corrected[robot.arm_columns] += arm_step(self._own, share * self._palm, self._tree)
+        now = entry(observation, "joint_targets")
+        return to_action("joint_delta", now, corrected, self._tree)
+
+
+def look(clone: Clone, first: Observation) -> Single:
+    """Return what the network is given: the first observation's features (F,), scaled as the clone's."""
+    return clone.scaling(features(first_look(first), first, 0))
+
+
+@njit
+def arm_step(q: Array, move: Array, tree: RobotTree) -> Array:
+    """Return the change (a,) rad of the arm at `q` (n,) that shifts and turns the palm by `move` in its own axes.
+
+    Args:
+        q: (n,) rad.
+        move: (6,) m and rad, small: one step of damped least squares.
+        tree: the robot.
+    """
+    frames, J, e = empty_frames(tree), np.empty((6, tree.arm)), np.empty(6)
+    forward(q, tree, frames)
+    palm_jacobian(tree, frames, J)
+    R = frames.R[tree.palm] @ tree.palm_rotation
+    e[:3] = R @ move[:3]
+    e[3:] = TURN_SCALE * (R @ move[3:])
+    return damped_step(J, e, _DAMPING, np.zeros(tree.arm), np.inf)

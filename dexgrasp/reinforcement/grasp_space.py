@@ -152,13 +152,13 @@ def _folded(actions: Array) -> Array:
 
     Were they clipped, a mean that has wandered off beyond an end would never hear of anything else again.
     """
-    return np.asarray(1.0 - np.abs((actions + 1.0) % 4.0 - 2.0))
+    return 1.0 - np.abs((actions + 1.0) % 4.0 - 2.0)
 
 
 def _yaw(observations: Observation) -> Array:
     """Return the level direction (N,) rad that the palms face."""
     R = quat_to_matrix(entry(observations, "palm_pose")[:, 3:])
-    return np.asarray(np.arctan2(R[:, 1, 2], R[:, 0, 2]))
+    return np.arctan2(R[:, 1, 2], R[:, 0, 2])
 
 
 def _half_turn(angles: Array) -> Array:
@@ -170,4 +170,4 @@ def _step(left: Array) -> Array:
     """Return the step (N, 3) of what is left (N, 3), in its direction."""
     wanted = _GAIN * left
     lengths = np.linalg.norm(wanted, axis=1, keepdims=True)
-    return np.asarray(wanted * np.minimum(1.0, _FASTEST / np.maximum(lengths, 1e-9)))
+    return wanted * np.minimum(1.0, _FASTEST / np.maximum(lengths, 1e-9))

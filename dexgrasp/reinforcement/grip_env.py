@@ -7,8 +7,7 @@ from gymnasium import spaces
 
 from dexgrasp.agent import Observation
 from dexgrasp.imitation.clone import Clone
-from dexgrasp.reinforcement.actor import one
-from dexgrasp.reinforcement.grip import SIZE, GripRun, look
+from dexgrasp.reinforcement.actor import GRIP_SIZE, GripRun, look, one
 from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
 from dexgrasp_env.arrays import Array, Mask, Single
 
@@ -33,7 +32,7 @@ class GripVecEnv(SB3VecEnv):
         """
         super().__init__(env_id, num_envs, autoreset_mode="Disabled", **kwargs)
         self.observation_space = spaces.Box(-np.inf, np.inf, clone.scaling.mean.shape, np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (SIZE,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (GRIP_SIZE,), np.float32)
         self._clone = clone
         self._cell = self.get_attr("settings")[0].cell
         self._length, self._alike = int(kwargs["max_episode_steps"]), alike

@@ -1,4 +1,4 @@
-"""Training by PPO or SAC, from nothing or from a clone whose actions are corrected."""
+"""Training by PPO or SAC, from nothing or from a clone, whose actions are corrected, or once an episode its grip."""
 
 import math
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 
 from dexgrasp.demos.resets import DemoResets
 from dexgrasp.imitation.policy import Scaling
-from dexgrasp.reinforcement.actor import Acting, Actor
+from dexgrasp.reinforcement.actor import Acting, Actor, Grip
 from dexgrasp.reinforcement.grasp_space import FARTHEST
 from dexgrasp.reinforcement.rounds import Rounds
 from dexgrasp.reinforcement.settings import GRASPS, RlSettings
@@ -23,6 +23,7 @@ with from_extra():
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     from dexgrasp.reinforcement.feature_vec_env import FeatureVecEnv, measure
+    from dexgrasp.reinforcement.grip_env import GripVecEnv
     from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
 
 _FACTOR, _LEAST, _MOST, _AIM = 1.5, 1e-5, 1e-2, 0.01  # of a rate that follows a divergence
@@ -168,3 +169,28 @@ class PolicyTraining(Rounds):
             "squashed": is_sac,
         }
         return about, self._acting.scaling._asdict()
+
+
+class GripTraining(Rounds):
+    """Training of corrections of a clone's grip."""
+
+    kind, counted, won = Grip.kind, "episodes", "training_held"
+
+    def environments(self) -> GripVecEnv:
+        """Make the environments."""
+        s = self.settings
+        assert self.clone, "a grip is a clone's"
+        return GripVecEnv(
+            s.env_id, s.num_envs, self.clone, s.alike, objects=list(s.objects),
+            max_episode_steps=s.episode_steps, randomisation={"friction": s.friction, "mass": s.mass}, **self.env,
+        )  # fmt: skip
+
+    def learner(self) -> PPO:
+        """Make the learner."""
+        s = self.settings
+        return PPO(
+            "MlpPolicy", self.envs, n_steps=s.round_episodes, n_epochs=s.passes, target_kl=s.divergence,
+            batch_size=max(2, s.round_steps // 2), learning_rate=s.rate,
+            policy_kwargs={"net_arch": [s.hidden, s.hidden], "log_std_init": s.spread}, seed=s.seed,
+            device=self.place,
+        )  # fmt: skip

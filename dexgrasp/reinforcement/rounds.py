@@ -85,9 +85,9 @@ class Rounds(Training):
     def learner(self) -> BaseAlgorithm:
         """Make the learner in `envs`, with nothing learned."""
 
-    @abstractmethod
     def policy(self) -> tuple[Fields, Fields]:
-        """Return what is said of the policy, and its arrays, but for the actor's and the clone's."""
+        """Return what else is said of the policy, and its arrays, but for the actor's and the clone's."""
+        return {}, {}
 
     def build(self) -> None:
         """Make environments and learner; a correction begins with none."""
@@ -115,7 +115,7 @@ class Rounds(Training):
         if not self.envs.finished:
             return row
         returns, won = zip(*self.envs.finished, strict=True)
-        return {**row, "return": float(np.mean(returns)), self.won: float(np.mean(won))}
+        return {**row, "return": np.mean(returns), self.won: np.mean(won)}
 
     def write(self) -> None:
         """Write the policy."""
