@@ -220,14 +220,14 @@ def test_atlas_postures_are_what_mujoco_says():
         q = np.concatenate([rng.uniform(LOWER[:7], UPPER[:7]), atlas.joints[k]])
         tips = tips_by_mujoco(q)
         R, p = DATA.site("palm").xmat.reshape(3, 3), DATA.site("palm").xpos
-        assert_allclose(atlas.tips[k], (tips - p) @ R, atol=1e-9)
+        assert_allclose(atlas.tips.centres[k], (tips - p) @ R, atol=1e-9)
         frames = [DATA.body(f"{finger}_distal").xmat.reshape(3, 3) for finger in GRASP_FINGERS]
-        assert_allclose(atlas.axes[k], [R.T @ frame[:, 2] for frame in frames], atol=1e-9)
-        assert_allclose(atlas.pads[k], [R.T @ frame[:, 0] for frame in frames], atol=1e-9)
+        assert_allclose(atlas.tips.axes[k], [R.T @ frame[:, 2] for frame in frames], atol=1e-9)
+        assert_allclose(atlas.tips.pads[k], [R.T @ frame[:, 0] for frame in frames], atol=1e-9)
     lower, upper = LOWER[7:], UPPER[7:]
     assert ((atlas.joints >= lower) & (atlas.joints <= upper)).all()
     assert (atlas.joints[:, 8:12] == ROBOT.hand.finger("ring").aside).all()
-    assert_array_equal(atlas.search.data, triangle_sides(atlas.tips))
+    assert_array_equal(atlas.search.data, triangle_sides(atlas.tips.centres))
 
 
 @pytest.mark.parametrize("name", ["box", "ball"])

@@ -4,8 +4,9 @@ Three fingertip positions fix the palm pose of a posture whose tips make the sam
 hand configurations by a neighbour search and one rigid alignment, without iteration. Two leave a turn about their line.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -38,64 +39,51 @@ _RANGE = 0.92  # share of each joint's range that is sampled: the optimiser need
 _SIDE = (0.024, 0.20)  # m, sides of the triangles kept
 
 
-@dataclass(frozen=True)
-class HandAtlas:
-    """N postures; every array is in the palm frame.
+class Tips(NamedTuple):
+    """Tips of the grasping fingers in N postures, or in one, the opposing one first, in the palm frame."""
 
-    Attributes:
-        joints: (N, h) rad, of the hand; idle fingers are out of the way.
-        tips: (N, g, 3) m, tip centres of the grasping fingers, the opposing one first.
-        axes: (N, g, 3), fingertip axes, pointing out of the tip.
-        pads: (N, g, 3), directions that the pads face.
-        least: least cosine of a tip's axis to what it presses against.
-        search: KD-tree over `triangle_sides`, m.
-    """
+    centres: Array  # (N, g, 3) m
+    axes: Array  # (N, g, 3), pointing out of the tip
+    pads: Array  # (N, g, 3), directions that the pads face
+    least: float  # cosine of a tip's axis to what it presses against
 
-    joints: Array
-    tips: Array
-    axes: Array
-    pads: Array
-    least: float
-    search: KDTree
+
+class HandAtlas(NamedTuple):
+    """N postures of a hand."""
+
+    joints: Array  # (N, h) rad; idle fingers are out of the way
+    tips: Tips
+    search: KDTree  # over `triangle_sides`, m
 
 
 @lru_cache(maxsize=4)
 def hand_atlas(cell: Cell) -> HandAtlas:
     """Return the atlas of a robot's hand, sampled once and kept in the cache; mount and table do not matter."""
     cell = replace(cell, table_height=0.0).mounted(cell.mounts[0])
-    tree = robot_tree(cell)
-    rng, foreign = np.random.default_rng(_SEED), cell.robot.hand.frame is not None
-    key = _key(cell.robot, tree)
-    if foreign:
-        q = cached_arrays(f"postures_{key}.npy", lambda: {"q": _many_kept(rng, cell.robot, tree)})["q"]
+    robot, tree, rng = cell.robot, robot_tree(cell), np.random.default_rng(_SEED)
+    name = f"postures_{_key(robot, tree)}.npy"
+    if robot.hand.frame is not None:
+        q = cached_arrays(name, lambda: {"q": _many_kept(rng, robot, tree)})["q"]
     else:
         drawn = _drawn(rng, tree)
         file = cached_arrays(
-            f"postures_{key}.npy",
-            lambda: {"kept": np.packbits(_opposed(_postures(drawn, cell.robot, tree), tree))},
+            name, lambda: {"kept": np.packbits(_opposed(_postures(drawn, robot, tree), tree))}
         )
-        q = _postures(drawn[np.unpackbits(file["kept"], count=SAMPLES) == 1], cell.robot, tree)
-    tips, axes, pads = _tip_frames(q, tree)
+        q = _postures(drawn[np.unpackbits(file["kept"], count=SAMPLES) == 1], robot, tree)
+    tips = Tips(*_tip_frames(q, tree), _least_facing(tree))
     # A tree that is not balanced takes half the time, its queries no longer.
-    search = KDTree(triangle_sides(tips), leafsize=16, balanced_tree=False, compact_nodes=False)
-    return HandAtlas(q[:, tree.arm :].copy(), tips, axes, pads, _least_facing(tree), search)
+    search = KDTree(triangle_sides(tips.centres), leafsize=16, balanced_tree=False, compact_nodes=False)
+    return HandAtlas(q[:, tree.arm :].copy(), tips, search)
 
 
 def _key(robot: Robot, tree: RobotTree) -> str:
     """Return a hash of all that the postures of a hand depend on."""
     hand = robot.hand
-    places = (
-        tree.offset,
-        tree.rotation,
-        tree.lower,
-        tree.upper,
-        tree.tip_body,
-        tree.tip_offset,
-        *robot.drive,
-    )
-    shapes = (tree.sphere_centre, tree.sphere_radius, tree.pairs, [finger.aside for finger in hand.fingers])
-    foreign = () if hand.frame is None else (hand.stamp, *hand.tendons)
-    return content_hash(_VERSION, SAMPLES, _SEED, *places, *shapes, *foreign)
+    return content_hash(
+        _VERSION, SAMPLES, _SEED, tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body, tree.tip_offset,
+        *robot.drive, tree.sphere_centre, tree.sphere_radius, tree.pairs, [finger.aside for finger in hand.fingers],
+        *(() if hand.frame is None else (hand.stamp, *hand.tendons)),
+    )  # fmt: skip
 
 
 def triangle_sides(corners: Array) -> Array:
@@ -155,12 +143,10 @@ def _opposed(q: Array, tree: RobotTree) -> Mask:
     least = [_SIDE[0] + 0.006, _SIDE[0] + 0.006, 0.030] if sides.shape[1] == 3 else [_SIDE[0]]
     inside = ((sides > least) & (sides < _SIDE[1])).all(1)
     between = unit(tips[:, 1:3].mean(1) - tips[:, 0])
-    opposed = (pads[:, 0] * between).sum(1) > 0.1
-    for i in range(1, tips.shape[1]):
-        opposed &= (pads[:, i] * between).sum(1) < 0.2
+    along = (pads * between[:, None]).sum(2)
+    opposed = (along[:, 0] > 0.1) & (along[:, 1:] < 0.2).all(1)
     in_front = (tips[:, :, 0] > 0.02).all(1)
-    kept: Mask = inside & opposed & in_front
-    return kept
+    return np.asarray(inside & opposed & in_front)
 
 
 def _pressing(q: Array, tree: RobotTree, pairs: Index) -> Mask:
@@ -203,14 +189,16 @@ def _least_facing(tree: RobotTree) -> float:
 
 
 @njit
-def _all_tips(q: Array, tree: RobotTree, tips: Array, axes: Array, pads: Array) -> None:
-    frames = empty_frames(tree)
+def _tip_frames(q: Array, tree: RobotTree) -> tuple[Array, Array, Array]:
+    """Return centres, axes and pads of the tips in postures (N, n), see `Tips`."""
+    frames, shape = empty_frames(tree), (len(q), len(tree.tip_body), 3)
+    tips, axes, pads = np.empty(shape), np.empty(shape), np.empty(shape)
     R, p = frames.R, frames.p
     forward(q[0], tree, frames)
     palm = R[tree.palm] @ tree.palm_rotation  # the arm stands still
     origin = p[tree.palm] + R[tree.palm] @ tree.palm_offset
-    for k in range(q.shape[0]):
-        forward_part(q[k], tree, frames, tree.palm + 1, R.shape[0])
+    for k in range(len(q)):
+        forward_part(q[k], tree, frames, tree.palm + 1, len(R))
         away = tip_positions(tree, frames) - origin
         for i in range(tips.shape[1]):
             tip = R[tree.tip_body[i]]
@@ -219,10 +207,4 @@ def _all_tips(q: Array, tree: RobotTree, tips: Array, axes: Array, pads: Array) 
                 tips[k, i, r] = x * away[i, 0] + y * away[i, 1] + z * away[i, 2]
                 axes[k, i, r] = x * tip[0, 2] + y * tip[1, 2] + z * tip[2, 2]
                 pads[k, i, r] = x * tip[0, 0] + y * tip[1, 0] + z * tip[2, 0]
-
-
-def _tip_frames(q: Array, tree: RobotTree) -> tuple[Array, Array, Array]:
-    shape = (len(q), len(tree.tip_body), 3)
-    tips, axes, pads = np.empty(shape), np.empty(shape), np.empty(shape)
-    _all_tips(q, tree, tips, axes, pads)
     return tips, axes, pads

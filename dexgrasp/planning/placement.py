@@ -9,7 +9,7 @@ from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
 from dexgrasp.geometry.triangle import cross
 from dexgrasp.kinematics.forward import to_world
 from dexgrasp.physics.cones import basis_of
-from dexgrasp.planning.atlas import hand_atlas, triangle_sides
+from dexgrasp.planning.atlas import Tips, hand_atlas, triangle_sides
 from dexgrasp.planning.problem import Problem
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
@@ -33,15 +33,6 @@ class Goals(NamedTuple):
 
     centres: Array  # (K, n, 3) m, tip centres, world frame
     inward: Array  # (K, n, 3) into the object
-
-
-class Tips(NamedTuple):
-    """Fingertips of N postures, or of one, in the palm frame; see `HandAtlas`."""
-
-    centres: Array  # (N, g, 3) m
-    axes: Array  # (N, g, 3)
-    pads: Array  # (N, g, 3)
-    least: float
 
 
 class Placements(NamedTuple):
@@ -217,5 +208,5 @@ def place_on_atlas(
     inward = -normals[:, orders].reshape(centres.shape)
     goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
     _, near = atlas.search.query(triangle_sides(centres), neighbours, distance_upper_bound=SIDE_TOLERANCE)
-    tips, obstacle = Tips(atlas.tips, atlas.axes, atlas.pads, atlas.least), problem.target.everything.obstacle
-    return _useful(goals, near, tips, obstacle, palm, problem.settings.tip_height)
+    obstacle = problem.target.everything.obstacle
+    return _useful(goals, near, atlas.tips, obstacle, palm, problem.settings.tip_height)
