@@ -80,7 +80,7 @@ class LatentPlanner(Planner):
 class KinematicPlanner(LatentPlanner):
     """Kinematics by the optimiser, dynamics by rejection."""
 
-    def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
+    def certify(self, candidate: Candidate, log: SearchLog) -> Grasp | None:
         """Return the grasp, or None and note in `log` that its forces do not bear the whole of the assumed weight."""
         if not candidate.hold.holds:
             log.block(TOO_WEAK, 1.0 - candidate.hold.share)
@@ -120,7 +120,7 @@ class RawPlanner(LatentPlanner):
         balanced = solve_wrench_qp(at.contacts, at.normals, settings.friction).residual < TOLERANCE
         return None if balanced else NO_CLOSURE
 
-    def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
+    def certify(self, candidate: Candidate, log: SearchLog) -> Grasp | None:
         """Return the grasp, pressed with balanced forces of Eq. 4; its certificate tells what is true of them."""
         problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
         forces = solve_wrench_qp(at.contacts, at.normals, problem.settings.friction, f_min=PRESS).forces

@@ -141,8 +141,9 @@ class _Sampler:
                 return placement
         return None
 
-    def _add(self, candidate: Candidate[Placed]) -> None:
+    def _add(self, candidate: Candidate) -> None:
         start, solution, hold = candidate
+        assert isinstance(start, Placed)  # as all that are tried here
         (x, y, yaw), settings, tree = start.placement, self._planner.settings, self._planner.tree
         at, back, shift = solution.evaluation, about_z(-yaw), np.array([x, y, 0.0])
         palm_R, palm_p = palm_frame(solution.q, tree)

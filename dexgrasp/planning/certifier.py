@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import LEAST_OPENING
 from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.sqp import Solution
-from dexgrasp_env.arrays import Array, Index, unit
+from dexgrasp_env.arrays import Array, unit
 
 OPENINGS = (0.025, 0.035, 0.018, 0.012)
 """m that the tips back off along the normals, first choice first."""
@@ -45,18 +45,16 @@ _TIPS_BESIDE = (
     0.004  # m that they may be beside it, where a finger has too few joints to meet it; `verify` too
 )
 
-Start = TypeVar("Start", bound=Posture)
 
-
-class Candidate(NamedTuple, Generic[Start]):
+class Candidate(NamedTuple):
     """A feasible configuration, where it was started from, and its squeeze."""
 
-    start: Start
+    start: Posture
     solution: Solution
     hold: Hold
 
 
-def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool = True) -> Grasp | None:
+def certified(candidate: Candidate, log: SearchLog, with_closure: bool = True) -> Grasp | None:
     """Return the grasp of a feasible configuration and its squeeze, or None and note in `log` what it lacks.
 
     Args:
@@ -119,20 +117,17 @@ def _is_open(pregrasp: Array, q: Array, problem: Problem) -> bool:
     return (
         not len(too_near(pregrasp, problem, OPEN_CLEARANCE))
         and shapes_apart(pregrasp, problem.cell)
-        and not len(_in_the_way(pregrasp, q, problem))
+        and not _meets_neighbours(pregrasp, q, problem)
     )
 
 
-def _in_the_way(pregrasp: Array, q: Array, problem: Problem) -> Index:
-    """Return the labels (K, 3) of the bodies that neighbours are nearer to than they may be while the hand closes."""
-    if problem.target.around is None:
-        return np.zeros((0, 3), np.int64)
-    between = ramp(pregrasp, q, _CLOSING)[:-1]
-    near = np.concatenate([too_near(way, problem, problem.settings.clearance) for way in between])
-    return near[near[:, 0] == NEIGHBOUR]
+def _meets_neighbours(pregrasp: Array, q: Array, problem: Problem) -> bool:
+    """Whether neighbours are nearer to a body than they may be while the hand closes."""
+    between = ramp(pregrasp, q, _CLOSING)[:-1] if problem.target.neighbours else ()
+    return any(NEIGHBOUR in too_near(way, problem, problem.settings.clearance)[:, 0] for way in between)
 
 
-def pressed(candidate: Candidate[Posture], forces: Array, motion: GraspMotion) -> Grasp:
+def pressed(candidate: Candidate, forces: Array, motion: GraspMotion) -> Grasp:
     """Return the grasp of a configuration that presses with forces (N, c) N, with its certificate."""
     problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
     certificate = certificate_of(q, forces, (candidate.hold.contacts, candidate.hold.distances), problem)
@@ -217,6 +212,5 @@ def _touching(q: Array, normals: Array, problem: Problem) -> tuple[Array, Array]
     """Return the contacts (N, 3) m, and where the tips' centres are (N, 3) m when they touch there."""
     tips = fingertips(q, problem.tree)
     distance, _ = problem.target.distance.distance_gradient(tips)
-    return tips - distance[:, None] * normals, tips + (problem.settings.tip_radius - distance)[
-        :, None
-    ] * normals
+    off = distance[:, None]
+    return tips - off * normals, tips + (problem.settings.tip_radius - off) * normals

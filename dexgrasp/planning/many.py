@@ -16,7 +16,6 @@ import numpy as np
 from dexgrasp.grasp.variety import hand_points
 from dexgrasp.planning.certifier import Candidate
 from dexgrasp.planning.planner import NO_POSTURE, Planner, Search
-from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.proposals import ProposalSource, SurfaceProposals
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.settings import GRASPS
@@ -73,7 +72,7 @@ class _Pool:
     """Configurations that hold, and how far each one's hand is from the nearest that was chosen."""
 
     def __init__(self) -> None:
-        self._all: list[Candidate[Posture]] = []
+        self._all: list[Candidate] = []
         self._points = np.empty((0, 0))  # m
         self._gaps = np.empty(0)  # m; infinite while nothing is chosen, -1 for what has been taken
         self._chosen: list[int] = []
@@ -81,7 +80,7 @@ class _Pool:
     def __len__(self) -> int:
         return int((self._gaps >= 0.0).sum())
 
-    def add(self, candidate: Candidate[Posture], points: Array) -> bool:
+    def add(self, candidate: Candidate, points: Array) -> bool:
         """Add a candidate with its hand's points (m, 3), unless one like it was here before."""
         flat = points.ravel()
         self._points = self._points.reshape(-1, len(flat))
@@ -92,7 +91,7 @@ class _Pool:
         self._points, self._gaps = np.vstack([self._points, flat]), np.append(self._gaps, gap)
         return True
 
-    def take(self) -> tuple[int, Candidate[Posture]]:
+    def take(self) -> tuple[int, Candidate]:
         """Take out the farthest from what is chosen; of several such, as at the beginning, the firmest."""
         ties = np.flatnonzero(self._gaps == self._gaps.max())
         k = int(max(ties, key=lambda i: self._all[i].hold.merit))

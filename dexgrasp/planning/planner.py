@@ -12,7 +12,7 @@ from dexgrasp.motion.collision import raised_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
 from dexgrasp.planning.atlas import hand_atlas
-from dexgrasp.planning.certifier import OPEN_CLEARANCE, Candidate, Start, certified, completed
+from dexgrasp.planning.certifier import OPEN_CLEARANCE, Candidate, certified, completed
 from dexgrasp.planning.holding import Hold, firmest_hold, lightened
 from dexgrasp.planning.postures import Posture, atlas_postures
 from dexgrasp.planning.problem import Problem
@@ -100,7 +100,7 @@ class Planner:
             yield self, walls
 
     def _plan(self, target: GraspTarget, seed: int, start: Array | None) -> PlanResult:
-        search, pool = Search(self, target, seed, start), list[Candidate[Posture]]()
+        search, pool = Search(self, target, seed, start), list[Candidate]()
         result, breadths = search.result, self.settings.breadths
         crowded = target.around is not None
         # What does not get past its neighbours straight up is lifted by no grasp.
@@ -130,7 +130,7 @@ class Planner:
         return result
 
     def _firm(
-        self, search: "Search", settings: PlannerSettings, pool: list[Candidate[Posture]], patient: bool
+        self, search: "Search", settings: PlannerSettings, pool: list[Candidate], patient: bool
     ) -> bool:
         """Whether a round gave a firm grasp that can be carried out; what is feasible but weaker goes to `pool`.
 
@@ -145,7 +145,7 @@ class Planner:
                 return False
         return False
 
-    def candidates(self, starts: Iterator[Start], log: SearchLog) -> Iterator[Candidate[Start]]:
+    def candidates(self, starts: Iterator[Posture], log: SearchLog) -> Iterator[Candidate]:
         """Yield what is feasible of starting postures until they or the time run out; note what blocked the others."""
         for start in log.laps("postures", starts):
             if self._out_of_time(log):
@@ -168,7 +168,7 @@ class Planner:
         """Return where the optimiser ends from a posture."""
         return solve(start.q, start.problem, with_margin=self._with_closure)
 
-    def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
+    def certify(self, candidate: Candidate, log: SearchLog) -> Grasp | None:
         """Return the grasp of a candidate, or None and note in `log` what it lacks."""
         return certified(candidate, log, self._with_closure)
 
@@ -198,7 +198,7 @@ class Search:
         self.result = PlanResult(target, planner.settings, seed, asked)
         self.log = self.result.log
 
-    def round(self, source: ProposalSource, settings: PlannerSettings) -> Iterator[Candidate[Posture]]:
+    def round(self, source: ProposalSource, settings: PlannerSettings) -> Iterator[Candidate]:
         """Yield the feasible configurations of one round of proposals, with their squeeze."""
         proposals = source.propose(self._problem.target, settings, self._rng)
         self.log.rounds += 1
@@ -207,7 +207,7 @@ class Search:
         starts = self.planner.starts(proposals, self._problem._replace(settings=settings))
         yield from self.planner.candidates(starts, self.log)
 
-    def take(self, pool: list[Candidate[Posture]], enough: Callable[[Hold], bool]) -> bool:
+    def take(self, pool: list[Candidate], enough: Callable[[Hold], bool]) -> bool:
         """Whether a candidate that is good enough can be carried out; it is found then, and failures leave the pool."""
         # What holds the weight comes before what does not, though its merit with less friction may be lower; of many
         # that have none, those that hold more of it.
@@ -217,7 +217,7 @@ class Search:
                 return True
         return False
 
-    def carried_out(self, candidate: Candidate[Posture], holding: bool = False) -> bool:
+    def carried_out(self, candidate: Candidate, holding: bool = False) -> bool:
         """Whether a candidate can be certified and approached; it is found then, and what it lacks noted else.
 
         Args:
