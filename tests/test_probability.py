@@ -18,7 +18,7 @@ from dexgrasp.grasp.record import as_json
 from dexgrasp.planning.planner import Planner, small_box
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.planning.sure import UNSURE, chance_of, sure_of
+from dexgrasp.planning.sure import UNSURE, chances_of, sure_of
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 
@@ -66,7 +66,7 @@ def test_a_file_states_what_the_model_says_of_it(found, record):
     assert stated.model == shipped_model().hash
     assert stated.mass == record.certificate.mass
     assert stated.friction == pytest.approx(0.7)
-    assert stated.lifted.value == chance_of(found.found[0], found)
+    assert stated.lifted.value == chances_of(found.found[0], found).lifted.value
     again = json.loads(json.dumps(as_json(record)))
     assert record_of(again).holds_probability == stated
 
@@ -101,7 +101,7 @@ def asked(at_least):
 
 
 def test_a_grasp_is_as_sure_as_asked_or_there_is_none(found):
-    chance = chance_of(found.found[0], found)
+    chance = chances_of(found.found[0], found).lifted.value
     _, sure = asked(0.5 * chance)
     assert np.array_equal(sure.grasp.q, found.grasp.q)
     planner, none = asked(0.999999)
@@ -114,9 +114,9 @@ def test_a_grasp_is_as_sure_as_asked_or_there_is_none(found):
 
 def test_others_are_looked_at_where_the_first_is_not_sure(found):
     """One that the model says less of than of others gives way to the surest."""
-    chance = chance_of(found.found[0], found)
+    chance = chances_of(found.found[0], found).lifted.value
     _, sure = asked(min(chance + 1e-4, 0.9999))
-    assert not sure.success or chance_of(sure.found[0], sure) > chance
+    assert not sure.success or chances_of(sure.found[0], sure).lifted.value > chance
 
 
 def test_of_a_set_those_remain_that_are_sure(found, monkeypatch):
@@ -132,7 +132,7 @@ def test_no_probability_is_known_of_others(found, monkeypatch):
     unknown = SimpleNamespace(holds_probability=None)
     monkeypatch.setattr("dexgrasp.planning.sure.planned_record", lambda *args: unknown)
     with pytest.raises(InputError, match=r"friction 0\.3 or more"):
-        chance_of(found.found[0], found)
+        chances_of(found.found[0], found)
 
 
 def test_plan_at_least(printed, capsys):

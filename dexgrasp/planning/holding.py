@@ -71,10 +71,7 @@ def firmest_hold(q: Array, problem: Problem) -> Hold:
     """
     settings = problem.settings
     contacts, distance = contacts_of(q, problem, settings.friction_hold)
-    firm = robust_squeeze(contacts, distance, problem)
-    if firm.share >= 1.0:
-        return Hold(contacts, distance, firm.forces, firm.share, firm.load)
-    most = _squeeze(contacts, np.full_like(distance, settings.friction_hold), settings, DOWN)
+    firm, most = _squeezes(contacts, distance, problem, DOWN)
     if most.share == 0.0:
         forces = np.zeros(contacts.jacobians.shape[:2])
         forces[:, :3] = -settings.least_press * contacts.normals
@@ -94,15 +91,21 @@ def lightened(hold: Hold, problem: Problem) -> Hold:
     """
     if hold.holds or hold.share == 0.0:
         return hold
-    part, settings = _LIGHTER * hold.share, problem.settings
-    firm = squeeze = robust_squeeze(hold.contacts, hold.distances, problem, part * DOWN)
-    if firm.share < 1.0:
-        judged = np.full_like(hold.distances, settings.friction_hold)
-        squeeze = _squeeze(hold.contacts, judged, settings, part * DOWN)
-    return hold._replace(forces=squeeze.forces, merit=part * firm.load)
+    part = _LIGHTER * hold.share
+    firm, most = _squeezes(hold.contacts, hold.distances, problem, part * DOWN)
+    return hold._replace(forces=most.forces, merit=part * firm.load)
 
 
-def robust_squeeze(contacts: Contacts, distance: Array, problem: Problem, down: Array = DOWN) -> Squeeze:
+def _squeezes(contacts: Contacts, distance: Array, problem: Problem, down: Array) -> tuple[Squeeze, Squeeze]:
+    """Return the squeeze within narrowed cones; and it again, or if it bears too little that within the judge's."""
+    firm = robust_squeeze(contacts, distance, problem, down)
+    if firm.share >= 1.0:
+        return firm, firm
+    judged = np.full_like(distance, problem.settings.friction_hold)
+    return firm, _squeeze(contacts, judged, problem.settings, down)
+
+
+def robust_squeeze(contacts: Contacts, distance: Array, problem: Problem, down: Array) -> Squeeze:
     """Return the forces within narrowed cones and torque limits that bear the largest push.
 
     Args:

@@ -46,16 +46,14 @@ def sure_of(
 
 def _likely(result: PlanResult, found: list[Planned]) -> list[Planned]:
     """Return those that are likely enough, the likeliest first where one was asked for; note what the others lack."""
-    least, chances = result.settings.at_least, np.array([chance_of(one, result) for one in found])
+    least, chances = (
+        result.settings.at_least,
+        np.array([chances_of(one, result).lifted.value for one in found]),
+    )
     for chance in chances[chances < least]:
         result.log.block(UNSURE, float(least - chance))
     order = np.argsort(-chances, kind="stable") if result.asked is None else np.arange(len(found))
     return [found[k] for k in order if chances[k] >= least]
-
-
-def chance_of(planned: Planned, result: PlanResult) -> float:
-    """Return how likely a grasp of a plan is to be lifted and held; raises as `chances_of`."""
-    return chances_of(planned, result).lifted.value
 
 
 def chances_of(planned: Planned, result: PlanResult) -> HoldsProbability:
