@@ -31,7 +31,7 @@ def plan_approach(checker: CollisionChecker, start: Array, pregrasp: Array, trie
     """
     for end in (start, pregrasp):
         checker.allow(end)
-    contact = checker.first_contact(np.stack([pregrasp, pregrasp]))
+    contact = checker.first_contact(pregrasp[None])
     if contact is not None:
         raise NoPath("approach_blocked", f"at the pregrasp, {contact}")
     straight = np.stack([start, pregrasp])

@@ -1,7 +1,6 @@
 """Whether configurations of the whole robot are free of the object, the table and the robot itself."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -41,8 +40,7 @@ _CLOSER = 5e-4  # m that bodies may come nearer than at the ends of a path
 _OVERESTIMATE = 0.008  # m: covering spheres exceed the palm by 7 mm, a finger link by 3 mm
 
 
-@dataclass(frozen=True)
-class Contact:
+class Contact(NamedTuple):
     """Why a path is not free: which bodies, and their clearance (a lower bound, m)."""
 
     bodies: tuple[str, str]

@@ -1,7 +1,5 @@
 """Sample-based planning of the arm, the same at every run."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from dexgrasp.motion.collision import CollisionChecker
@@ -27,21 +25,13 @@ def plan_arm(checker: CollisionChecker, start: Array, goal: Array, tries: int = 
     Returns:
         Waypoints (m, n) rad, or None when the tries are used up.
     """
-    hand = goal[checker.tree.arm :]
-    arm = _rrt_connect(lambda q: checker.free(np.concatenate([q, hand])), (start, goal), checker, tries)
-    if arm is None:
-        return None
-    path = np.concatenate([arm, np.repeat(hand[None], len(arm), axis=0)], axis=1)
+    path = _rrt_connect(checker, start, goal, tries)
     # The trees were grown at a coarser resolution than paths are checked with.
-    return shorten(checker, path) if checker.first_contact(path) is None else None
+    return None if path is None or checker.first_contact(path) is not None else shorten(checker, path)
 
 
-def _rrt_connect(
-    free: Callable[[Array], bool],
-    between: tuple[Array, Array],
-    checker: CollisionChecker,
-    tries: int,
-) -> Array | None:
+def _rrt_connect(checker: CollisionChecker, start: Array, goal: Array, tries: int) -> Array | None:
+    """Return configurations (m, n) rad between which trees that grew together go straight."""
     from ompl import base, geometric, util
 
     level = util.getLogLevel()
@@ -49,17 +39,22 @@ def _rrt_connect(
     util.setLogLevel(util.LOG_NONE)
     try:
         util.RNG.setSeed(_SEED)
-        dof = checker.tree.arm
+        dof, tree = checker.tree.arm, checker.tree
+
+        def whole(state: base.State) -> Array:
+            """Return the configuration (n,) rad of a state of the arm."""
+            return np.concatenate([[state[j] for j in range(dof)], goal[dof:]])
+
         space = base.RealVectorStateSpace(dof)
         bounds = base.RealVectorBounds(dof)
         for j in range(dof):
-            bounds.setLow(j, float(checker.tree.lower[j]))
-            bounds.setHigh(j, float(checker.tree.upper[j]))
+            bounds.setLow(j, float(tree.lower[j]))
+            bounds.setHigh(j, float(tree.upper[j]))
         space.setBounds(bounds)
         setup = geometric.SimpleSetup(space)
-        setup.setStateValidityChecker(lambda state: free(np.array([state[j] for j in range(dof)])))
+        setup.setStateValidityChecker(lambda state: checker.free(whole(state)))
         ends = [space.allocState(), space.allocState()]
-        for state, q in zip(ends, between, strict=True):
+        for state, q in zip(ends, (start, goal), strict=True):
             for j in range(dof):
                 state[j] = float(q[j])
         setup.setStartAndGoalStates(*ends)
@@ -72,8 +67,7 @@ def _rrt_connect(
         setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))
         if not setup.haveExactSolutionPath():
             return None
-        states = setup.getSolutionPath().getStates()
-        return np.array([[state[j] for j in range(dof)] for state in states])
+        return np.array([whole(state) for state in setup.getSolutionPath().getStates()])
     finally:
         util.setLogLevel(level)
 

@@ -88,9 +88,9 @@ def _by_room(placed: Placements, merit: Array, problem: Problem) -> Index:
     """Return placements, the likeliest first: by merit (M,), those set back in which neighbours crowd the hand."""
     if problem.target.field is not None:
         robot, tree = problem.cell.robot, problem.tree
-        bodies = [name for finger in robot.grasping for name in finger.bodies]
-        of = np.array([tree.palm, *map(robot.bodies.index, bodies)])
-        rooms = _rooms(placed, hand_atlas(problem.cell).joints, tree, of, problem.target.field)
+        bodies = [robot.bodies.index(name) for finger in robot.grasping for name in finger.bodies]
+        joints, of = hand_atlas(problem.cell).joints, np.array([tree.palm, *bodies])
+        rooms = _rooms(placed, joints, tree, of, problem.target.field)
         merit = merit - _CROWDED * (_ROOM - np.minimum(rooms, _ROOM))
     return np.argsort(-merit, kind="stable")
 
@@ -98,17 +98,13 @@ def _by_room(placed: Placements, merit: Array, problem: Problem) -> Index:
 @njit
 def _rooms(placed: Placements, joints: Array, tree: RobotTree, bodies: Index, field: Field) -> Array:
     """Clearances (M,) m of some bodies of the hand from what stands around, of placements."""
-    out, frames, q, centre = (
-        np.empty(len(placed.which)),
-        empty_frames(tree),
-        np.zeros(len(tree.lower)),
-        np.empty(3),
-    )
+    out, frames = np.empty(len(placed.which)), empty_frames(tree)
+    q, centre = np.zeros(len(tree.lower)), np.empty(3)
     for m in range(len(out)):
         q[tree.arm :] = joints[placed.which[m]]
         frames.R[tree.palm] = placed.rotations[m] @ tree.palm_rotation.T
         frames.p[tree.palm] = placed.positions[m] - frames.R[tree.palm] @ tree.palm_offset
-        forward_part(q, tree, frames, tree.palm + 1, tree.parent.shape[0])
+        forward_part(q, tree, frames, tree.palm + 1, len(tree.parent))
         out[m] = np.inf
         for b in bodies:
             for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
@@ -128,8 +124,8 @@ def _has_room(q: Array, problem: Problem) -> bool:
     if deep > 0.0:
         folded, tree = q.copy(), problem.tree
         idle = np.setdiff1d(np.arange(len(q)), tree.moved)
-        folded[idle] = tree.lower[idle] + _FOLDED * (tree.upper[idle] - tree.lower[idle])
-        folded[idle] = np.where(tree.lower[idle] < -_SPREADS, tree.home[idle], folded[idle])
+        low = tree.lower[idle]
+        folded[idle] = np.where(low < -_SPREADS, tree.home[idle], low + _FOLDED * (tree.upper[idle] - low))
         if (other := overlap(folded, problem)) < deep:
             q[:], deep = folded, other
     return deep < _DEEPEST
@@ -168,21 +164,18 @@ def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burd
     """Loads (M,) of placements. The arm does not matter to them."""
     height, friction, limit = burden.height, burden.friction, burden.limit
     n, parts = shape.contacts, len(shape.parts)
-    frames, room, q = empty_frames(tree), empty_room(shape, len(limit)), np.zeros(tree.lower.shape[0])
-    out, J, nothing, shift = (
-        np.empty(len(placed.which)),
-        np.zeros((n, parts, len(q))),
-        np.zeros(3),
-        np.empty(3),
-    )
-    points, normals, down, middle = np.empty((n, 3)), np.empty((n, 3)), np.empty(3), np.empty(3)
-    hand = np.empty((n, parts, len(limit)))
+    frames, room, q = empty_frames(tree), empty_room(shape, len(limit)), np.zeros(len(tree.lower))
+    out, J, hand = (
+        np.empty(len(placed.which)), np.zeros((n, parts, len(q))), np.empty((n, parts, len(limit))),
+    )  # fmt: skip
+    points, normals, nothing = np.empty((n, 3)), np.empty((n, 3)), np.zeros(3)
+    down, middle, shift = np.empty(3), np.empty(3), np.empty(3)
     forward(q, tree, frames)
     palm = frames.R[tree.palm] @ tree.palm_rotation
-    for m in range(len(placed.which)):
+    for m in range(len(out)):
         goal = placed.triple[m]
         q[tree.arm :] = joints[placed.which[m]]
-        forward_part(q, tree, frames, tree.palm + 1, tree.parent.shape[0])
+        forward_part(q, tree, frames, tree.palm + 1, len(tree.parent))
         # All in the frame of the hand as the kinematics have it: x -> turn x + shift.
         turn = palm @ np.ascontiguousarray(placed.rotations[m].T)
         for r in range(3):
