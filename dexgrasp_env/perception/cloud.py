@@ -1,11 +1,12 @@
 """Depth images to points in the world frame, fewer of them, and noise averaged out over all views."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Fields, Index, Mask, Single
 from dexgrasp_env.errors import InputError
@@ -98,14 +99,15 @@ def gather(depths: NDArray[Any], cameras: tuple[Camera, ...]) -> Cloud:
     return Cloud.join(clouds)
 
 
-def crop(cloud: Cloud, low: ArrayLike, high: ArrayLike) -> Cloud:
+def crop(cloud: Cloud, low: Iterable[float], high: Iterable[float]) -> Cloud:
     """Return the points inside the axis-aligned box from `low` to `high`, (3,) m each, world frame."""
-    low, high = np.asarray(low), np.asarray(high)
-    keep = np.ones(len(cloud), bool)
-    for axis in range(3):
-        coordinate = cloud.points[:, axis]
-        keep &= (coordinate >= low[axis]) & (coordinate <= high[axis])
-    return cloud.select(np.flatnonzero(keep))
+    return cloud.select(np.flatnonzero(inside(cloud.points, low, high)))
+
+
+def inside(points: Array, low: Iterable[float], high: Iterable[float]) -> Mask:
+    """Return which points (M, n) are in the axis-aligned box from `low` to `high`, (n,) each (M,)."""
+    axes = zip(points.T, low, high, strict=True)  # one by one: ten times as fast as all at once
+    return np.logical_and.reduce([(x >= least) & (x <= most) for x, least, most in axes])
 
 
 def remove_flying(depths: NDArray[Any]) -> Single:
@@ -126,9 +128,8 @@ def remove_flying(depths: NDArray[Any]) -> Single:
     with np.errstate(invalid="ignore"):
         for dv in range(3):
             for du in range(3):
-                if (dv, du) != (1, 1):
-                    support += np.abs(padded[:, dv : dv + h, du : du + w] - z) < _SUPPORT
-    return np.where(support >= _SUPPORTS, z, np.float32(np.inf))
+                support += np.abs(padded[:, dv : dv + h, du : du + w] - z) < _SUPPORT
+    return np.where(support > _SUPPORTS, z, np.float32(np.inf))  # a pixel supports itself
 
 
 def remove_outliers(cloud: Cloud, radius: float = 0.012, least: int = 4) -> Cloud:
@@ -204,23 +205,16 @@ def smooth(cloud: Cloud, queries: Cloud, noise: float, radius: float = 0.010) ->
     Returns:
         Points (Q, 3) m and unit normals (Q, 3) towards the cameras.
     """
-    centres, normals, residuals = _planes(cloud, queries, radius)
+    from dexgrasp_env.perception.kernels import local_planes
+
+    points, at = np.ascontiguousarray(cloud.points), np.ascontiguousarray(queries.points)
+    centres, normals, residuals = local_planes(at, points, cloud.depth**-4.0, radius, _FEWEST)
+    facing = (normals * queries.views).sum(-1, keepdims=True)
+    normals = np.where(facing < 0, -normals, normals)
+    normals = np.where((normals**2).sum(-1, keepdims=True) < 0.5, queries.views, normals)
     offset = ((queries.points - centres) * normals).sum(-1)
     # Where the spread across the plane is more than noise, the surface is bent: trust the point more.
     bent = np.maximum(residuals**2 - noise**2, 0.0)
     share = noise**2 / np.maximum(noise**2 + bent, 1e-18)
     shift = np.clip(share * offset, -3.0 * noise, 3.0 * noise)
     return queries.points - shift[:, None] * normals, normals
-
-
-def _planes(cloud: Cloud, queries: Cloud, radius: float) -> tuple[Array, Array, Array]:
-    from dexgrasp_env.perception.kernels import local_planes
-
-    points = np.ascontiguousarray(cloud.points)
-    weights = cloud.depth**-4.0
-    centres, normals, residuals = local_planes(
-        np.ascontiguousarray(queries.points), points, weights, radius, _FEWEST
-    )
-    facing = (normals * queries.views).sum(-1, keepdims=True)
-    normals = np.where(facing < 0, -normals, normals)
-    return centres, np.where((normals**2).sum(-1, keepdims=True) < 0.5, queries.views, normals), residuals

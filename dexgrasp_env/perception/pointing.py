@@ -8,9 +8,8 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.files import check_file
-from dexgrasp_env.perception.cloud import Cloud, deproject
-from dexgrasp_env.perception.scan import CAMERAS_FILE, read_cameras
+from dexgrasp_env.perception.cloud import Cloud, deproject, inside
+from dexgrasp_env.perception.scan import CAMERAS_FILE, check_scan, read_cameras, understood
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +62,7 @@ class Pointing:
                 )
             return np.asarray(self.mask, dtype=bool).ravel()[cloud.pixel]
         if self.box is not None:
-            return ((cloud.points >= self.box[0]) & (cloud.points <= self.box[1])).all(axis=1)
+            return inside(cloud.points, *self.box)
         return None
 
 
@@ -96,17 +95,9 @@ def mask_of(values: Any, label: int | None = None) -> Mask:
 
 def read_mask(path: Path, label: int | None = None) -> Mask:
     """Read a mask from an npy file; see `mask_of`."""
-    try:
-        check_file(path)
+    check_scan(path)
+    with understood(path, "a mask: valid is a .npy file"):
         values = np.load(path, allow_pickle=False)
-    except InputError:
-        raise
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except Exception as error:  # whatever a damaged file makes numpy raise
-        raise InputError(
-            f"{path} cannot be read as a mask: valid is a .npy file ({type(error).__name__})"
-        ) from None
     return mask_of(values, label)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array, middle
-from dexgrasp_env.perception.cloud import Cloud, cells_of, crop
+from dexgrasp_env.perception.cloud import Cloud, cells_of, crop, inside
 from dexgrasp_env.perception.parting import parted
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, fit_plane
 from dexgrasp_env.perception.pointing import Pointing
@@ -262,8 +262,7 @@ def _choose(found: list[Cloud], points: int, near: Array | None, base: Array) ->
 
 
 def _in_reach(cloud: Cloud) -> bool:
-    place = middle(cloud.points[:, :2])
-    return bool((place >= CROP_LOW[:2]).all() and (place <= CROP_HIGH[:2]).all())
+    return bool(inside(middle(cloud.points[:, :2])[None], CROP_LOW[:2], CROP_HIGH[:2]).all())
 
 
 def _places(found: list[Cloud], base: Array) -> str:

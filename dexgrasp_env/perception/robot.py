@@ -27,13 +27,11 @@ class RobotShape:
     def __init__(self, model: "mujoco.MjModel") -> None:
         """Read the geoms of the robot, or of a scene with it."""
         self.geoms = robot_geoms(model)
-        self._types = model.geom_type[self.geoms].copy()
-        self._sizes = model.geom_size[self.geoms].copy()
-        self._radii = model.geom_rbound[self.geoms].copy()
+        self._types, self._sizes = model.geom_type[self.geoms], model.geom_size[self.geoms]
+        self._radii = model.geom_rbound[self.geoms]
         self._facets = [_mesh_facets(model, g) for g in self.geoms]
-        bodies = model.geom_bodyid[self.geoms]
-        covers = {int(body): self._cover(model, int(body)) for body in np.unique(bodies)}
-        self._covers = np.array([covers[int(body)] for body in bodies])
+        bodies, which = np.unique(model.geom_bodyid[self.geoms], return_inverse=True)
+        self._covers = np.array([self._cover(model, body) for body in bodies])[which]
 
     def at(self, data: "mujoco.MjData", margin: float = 0.012) -> Own:
         """Return what tells the points within `margin` metres of the robot where `data` has it (current kinematics).

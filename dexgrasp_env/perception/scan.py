@@ -5,7 +5,8 @@ file is the code that they go through as well.
 """
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import islice
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Single
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.files import check_bytes, check_file, read_npz, read_yaml
 from dexgrasp_env.perception.cloud import Cloud, check_count, gather, remove_flying
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
@@ -41,44 +42,42 @@ def read_pcd(path: Path) -> Array:
         raise InputError(f"{path} has fields {' '.join(names)}: x, y and z are needed")
     columns = [names.index(axis) for axis in "xyz"]
     repeats = [int(number) for number in header.get("COUNT", ["1"] * len(names))]
-    if count < 0:
-        raise InputError(f"{path} has {count} points: its header is damaged")
+    if count < 1:
+        raise InputError(f"{path} has {count} points: it is empty, or its header is damaged")
     if kind == "ascii":
         table = np.loadtxt(file, ndmin=2, max_rows=count)
         if len(table) < count:
             raise InputError(f"{path} ends after {len(table)} of {count} points: it was cut off")
         return np.asarray(table[:, [sum(repeats[:k]) for k in columns]])
-    if kind not in ("binary", "binary_compressed"):
+    packed, body = kind == "binary_compressed", file.read()
+    if not packed and kind != "binary":
         raise InputError(f"{path}: PCD data {kind!r} is none of ascii, binary and binary_compressed")
     kinds = zip(header["TYPE"], map(int, header["SIZE"]), repeats, strict=True)
     row = np.dtype([(f"f{i}", f"<{_KINDS[letter]}{size}", (n,)) for i, (letter, size, n) in enumerate(kinds)])
     check_bytes(count * row.itemsize, f"{path} unpacked", ".pcd")
-    fields = (_plain if kind == "binary" else _packed)(file.read(), row, count, path)
-    return np.stack([fields[k][:, 0] for k in columns], axis=1).astype(float)
-
-
-def _plain(body: bytes, row: np.dtype[Any], count: int, path: Path) -> list[NDArray[Any]]:
-    """Return the fields, which follow each other in each point."""
-    if len(body) < count * row.itemsize:
+    if packed:  # the fields follow each other, instead of the points
+        body, row = _unpacked(body, count * row.itemsize, path), _whole(row, count)
+    elif len(body) < count * row.itemsize:
         raise InputError(f"{path} ends after {len(body) // row.itemsize} of {count} points: it was cut off")
-    table = np.frombuffer(body, row, count)
-    return [table[str(name)] for name in row.names or ()]
+    table = np.frombuffer(body, row, 1 if packed else count)
+    fields = [table[f"f{k}"].reshape(count, -1)[:, 0] for k in columns]
+    return np.stack(fields, axis=1).astype(float)
 
 
-def _packed(body: bytes, row: np.dtype[Any], count: int, path: Path) -> list[NDArray[Any]]:
-    """Return the fields, which are packed one after the other, by LZF."""
+def _whole(row: np.dtype[Any], count: int) -> np.dtype[Any]:
+    """Return what holds `count` rows, one field after the other."""
+    return np.dtype([(name, row[name], (count,)) for name in row.names or ()])
+
+
+def _unpacked(body: bytes, size: int, path: Path) -> bytes:
+    """Return `size` bytes that were packed by LZF."""
     from dexgrasp_env.perception.lzf import unpack
 
     sizes = np.frombuffer(body, "<u4", 2)
-    data = unpack(np.frombuffer(body[8 : 8 + int(sizes[0])], np.uint8), count * row.itemsize)
-    if data is None or int(sizes[1]) != len(data):
+    data = unpack(np.frombuffer(body[8 : 8 + int(sizes[0])], np.uint8), size)
+    if data is None or int(sizes[1]) != size:
         raise InputError(f"{path}: its compressed points are damaged or cut off")
-    found, start = [], 0
-    for name in row.names or ():
-        kind = row[name]
-        found.append(np.frombuffer(data, kind.base, count * kind.shape[0], start).reshape(count, -1))
-        start += count * kind.itemsize
-    return found
+    return data.tobytes()
 
 
 def _header(file: IO[bytes], path: Path) -> dict[str, list[str]]:
@@ -108,6 +107,23 @@ def check_scan(path: Path) -> None:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
     if size == 0:
         raise InputError(f"{path} is empty: record it again")
+
+
+@contextmanager
+def understood(path: Path, kind: str) -> Iterator[None]:
+    """Say in one line that a file is no such thing: parsers of damaged ones raise whatever they trip over.
+
+    Raises:
+        InputError: for any error within.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"{path} cannot be read as {kind} ({type(error).__name__}: {first_line(error)})"
+        ) from None
 
 
 def _inside(value: Any) -> str:
@@ -143,7 +159,7 @@ class DepthImage:
         check_scan(path)
         is_png = path.suffix.lower() == ".png"
         scale = (0.001 if is_png else 1.0) if self.depth_scale is None else self.depth_scale
-        try:
+        with understood(path, "a depth image"):
             image = _array(path)
             if image.shape != (lens.height, lens.width):
                 raise InputError(
@@ -151,10 +167,6 @@ class DepthImage:
                 )
             check_count(image.size, str(path))
             return (np.asarray(image, dtype=float) * scale).astype(np.float32)
-        except InputError:
-            raise
-        except Exception as error:
-            raise InputError(f"{path} cannot be read as a depth image ({type(error).__name__})") from None
 
 
 def _array(path: Path) -> NDArray[Any]:
@@ -222,14 +234,8 @@ def read_scan(path: Path, unit: str = "m") -> Cloud:
     if path.suffix.lower() not in READERS:
         raise InputError(f"{path}: valid clouds are {', '.join(READERS)}, or a folder with {CAMERAS_FILE}")
     check_scan(path)
-    try:
+    with understood(path, "a point cloud"):
         points = READERS[path.suffix.lower()](path)
-    except InputError:
-        raise
-    except Exception as error:  # parsers of damaged files raise whatever they trip over
-        raise InputError(
-            f"{path} cannot be read as a point cloud ({type(error).__name__}: {error})"
-        ) from None
     cloud = cloud_of(points, str(path))
     return replace(cloud, points=cloud.points * UNITS[unit])
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Arrays
+from dexgrasp_env.arrays import Array, Arrays, Mask
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import pad
 from dexgrasp_env.perception.plane import Plane
@@ -99,9 +99,8 @@ class Scene:
             raise InputError(
                 "this agent plans from a point cloud: make the environment with obs_mode='pointcloud'"
             )
-        points, known = np.asarray(observation["cloud"], dtype=float), info or {}
-        normals = np.asarray(observation.get("cloud_normals", np.zeros_like(points)), dtype=float)
-        counts = np.asarray(observation["cloud_mask"], dtype=bool) & np.isfinite(points).all(axis=1)
+        (points, normals, finite), known = _read(observation, "cloud"), info or {}
+        counts = np.asarray(observation["cloud_mask"], dtype=bool) & finite
         neighbours, rest = _around(observation)
         return cls(
             ObjectCloud(points[counts], normals[counts]),
@@ -120,9 +119,7 @@ class Scene:
             around: rows of points of what stands around it, labels saying of what: a neighbour's number, from 1 on,
                 `REST` for the rest, 0 for no point. None where it is 0.
         """
-        target: Arrays = {
-            "cloud": pad(self.target.points.astype(np.float32), count),
-            "cloud_normals": pad(self.target.normals.astype(np.float32), count),
+        target = _written("cloud", self.target.points, self.target.normals, count) | {
             "cloud_mask": (np.arange(count) < len(self.target)).astype(np.int8),
             "table_plane": Plane.to_array(self.plane).astype(np.float32),
         }
@@ -137,20 +134,32 @@ class Scene:
         sizes, numbers = [len(cloud) for cloud in clouds], [*range(1, len(clouds)), REST]
         labels = np.repeat(np.array(numbers, np.int16), sizes)
         kept = slice(None, None, max(1, -(-len(points) // count)))
-        return {
-            "around": pad(points[kept].astype(np.float32), count),
-            "around_normals": pad(normals[kept].astype(np.float32), count),
-            "around_labels": pad(labels[kept], count),
+        return _written("around", points[kept], normals[kept], count) | {
+            "around_labels": pad(labels[kept], count)
         }
+
+
+def _written(name: str, points: Array, normals: Array, count: int) -> Arrays:
+    """Return points and normals (N, 3) as `count` rows of an observation."""
+    return {
+        name: pad(points.astype(np.float32), count),
+        f"{name}_normals": pad(normals.astype(np.float32), count),
+    }
+
+
+def _read(observation: Mapping[str, Any], name: str) -> tuple[Array, Array, Mask]:
+    """Return points and normals (N, 3) of an observation, normals 0 where it has none, and which are numbers (N,)."""
+    points = np.asarray(observation[name], dtype=float)
+    normals = np.asarray(observation.get(f"{name}_normals", np.zeros_like(points)), dtype=float)
+    return points, normals, np.isfinite(points).all(axis=1)
 
 
 def _around(observation: Mapping[str, Any]) -> tuple[tuple[ObjectCloud, ...], ObjectCloud]:
     """Return neighbours and rest of an observation, none where it holds none."""
     if "around" not in observation:
         return (), ObjectCloud()
-    points = np.asarray(observation["around"], dtype=float)
-    normals = np.asarray(observation.get("around_normals", np.zeros_like(points)), dtype=float)
-    labels = np.where(np.isfinite(points).all(axis=1), observation["around_labels"], 0)
+    points, normals, finite = _read(observation, "around")
+    labels = np.where(finite, observation["around_labels"], 0)
     numbers = [number for number in np.unique(labels) if number > 0]
     *neighbours, rest = (ObjectCloud(points[labels == k], normals[labels == k]) for k in [*numbers, REST])
     return tuple(neighbours), rest

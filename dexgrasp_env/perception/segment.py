@@ -123,10 +123,9 @@ def listed(scene: Scene, base: Array) -> list[Seen]:
     shown = [one for one in (scene.target, *scene.neighbours) if len(one)]
     clouds: Sequence[Array] = [one.points for one in shown]
     gaps = np.array([[_gap(a, b) if a is not b else np.inf for b in clouds] for a in clouds])
-    boxes = [(middle(points) - base, np.ptp(points, axis=0)) for points in clouds]
     return [
-        Seen(k + 1, *boxes[k], float(gaps[k].min()), float(gaps[0, k]), one.doubtful)
-        for k, one in enumerate(shown)
+        Seen(k, middle(points) - base, np.ptp(points, axis=0), float(own.min()), float(own[0]), one.doubtful)
+        for k, (one, points, own) in enumerate(zip(shown, clouds, gaps, strict=True), start=1)
     ]
 
 
