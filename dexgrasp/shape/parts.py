@@ -45,14 +45,14 @@ def parts_within(
         (K, 3) m of each part, and whether the hull holds air, so that not all of its surface is the object's.
     """
     points = np.asarray(points, dtype=float)
-    whole = _Piece.of(_sample(points, plane), np.zeros((0, 3)), np.zeros(0))
+    whole = _Piece.of(_sample(points, plane), np.zeros((0, 4)))
     deep = 0.0 if whole is None else (whole.depths() > _DEEP).mean()
     if whole is None or deep < _SHARE:
         return [hull], bool(deep > _AIRY)
     pieces = _cut_up(whole, most)
     if len(pieces) < 2:
         return [hull], True
-    found = [cloud_corners(points[piece.holds(points)], plane) for piece in pieces]
+    found = [cloud_corners(points[_held(points, piece.within)], plane) for piece in pieces]
     parts = [part for part in found if part is not None]
     from scipy.spatial import ConvexHull
 
@@ -65,28 +65,23 @@ class _Piece:
     """What of the cloud lies within half-spaces n . x <= offset, and how much air its hull may hold."""
 
     points: Array  # (N, 3) m, those that cuts are tried on
-    normals: Array  # (K, 3)
-    offsets: Array  # (K,) m
+    within: Array  # (K, 4) half-spaces: normals and offsets, m
     hull_volume: float  # m3, of the points' hull
     planes: Array  # (F, 4) of the hull
 
     @classmethod
-    def of(cls, points: Array, normals: Array, offsets: Array) -> "_Piece | None":
+    def of(cls, points: Array, within: Array) -> "_Piece | None":
         """Return the piece of these points, or None where they span no volume."""
         from scipy.spatial import ConvexHull, QhullError
 
-        inside = points[_within(points, normals, offsets)]
+        inside = points[_held(points, within)]
         if len(inside) < 8:
             return None
         try:
             hull = ConvexHull(inside)
         except QhullError:
             return None
-        return cls(inside, normals, offsets, float(hull.volume), hull.equations)
-
-    def holds(self, points: Array) -> Mask:
-        """Return which of points (M, 3) belong to the piece (M,)."""
-        return _within(points, self.normals, self.offsets)
+        return cls(inside, within, float(hull.volume), hull.equations)
 
     def depths(self) -> Array:
         """Return how far the points lie inside the hull (N,) m."""
@@ -105,19 +100,14 @@ class _Piece:
 
     def cut(self, normal: Array, offset: float) -> "list[_Piece]":
         """Return the two sides of a plane; none where one is nothing."""
-        sides = []
-        for sign in (1.0, -1.0):
-            normals, offsets = (
-                np.vstack([self.normals, sign * normal]),
-                np.append(self.offsets, sign * offset),
-            )
-            sides.append(_Piece.of(self.points, normals, offsets))
+        halves = (np.vstack([self.within, sign * np.append(normal, offset)]) for sign in (1.0, -1.0))
+        sides = [_Piece.of(self.points, half) for half in halves]
         return [side for side in sides if side] if all(sides) else []
 
 
-def _within(points: Array, normals: Array, offsets: Array) -> Mask:
-    """Whether points (M, 3) lie within half-spaces, or next to them (M,)."""
-    return np.asarray((points @ normals.T <= offsets + _OVERLAP).all(1))
+def _held(points: Array, within: Array) -> Mask:
+    """Whether points (M, 3) lie within half-spaces (K, 4), or next to them (M,)."""
+    return np.asarray((points @ within[:, :3].T <= within[:, 3] + _OVERLAP).all(1))
 
 
 def _cut_up(whole: _Piece, most: int) -> list[_Piece]:

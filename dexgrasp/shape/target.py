@@ -210,8 +210,7 @@ def corners_of(triangles: Array) -> Array:
 def _mesh(triangles: Array) -> "trimesh.Trimesh":
     import trimesh
 
-    corners = triangles.reshape(-1, 3)
-    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3))
+    return trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
 
 
 def _hull(distance: ConvexDistance) -> "trimesh.Trimesh":

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Mask, middle
+from dexgrasp_env.arrays import Array, middle
 
 LOW = 0.030
 """m above the table, up to which nothing that is open above has room for a fingertip."""
@@ -33,17 +33,12 @@ def walls_of(points: Array) -> list[Array]:
     count = int(np.clip(np.ceil(2.0 * np.pi * radius.max() / _ARC), 6, _MOST_ARCS))
     found = []
     for tier in range(_TIERS):
-        high = np.inf if tier == 0 else rim - tier * _TIER
-        row = points[_between(height, rim - (tier + 1) * _TIER, high)]
-        turned = angle[_between(height, rim - (tier + 1) * _TIER, high)]
+        low, high = rim - (tier + 1) * _TIER, np.inf if tier == 0 else rim - tier * _TIER
+        held = (height > low - _OVERLAP) & (height < high + _OVERLAP)
+        row, turned = points[held], angle[held]
         for turn in 2.0 * np.pi * np.arange(count) / count:
             off = np.abs((turned - turn + np.pi) % (2.0 * np.pi) - np.pi)
             found.append(row[off < np.pi / count + _OVERLAP / radius.max()])
     below = points[height < rim - _TIERS * _TIER + _OVERLAP]
     found.append(np.concatenate([below, below * [1.0, 1.0, 0.0]]))
     return [part for part in found if len(part) >= _LEAST]
-
-
-def _between(height: Array, low: float, high: float) -> Mask:
-    """Whether heights (M,) lie between two, or next to them (M,)."""
-    return np.asarray((height > low - _OVERLAP) & (height < high + _OVERLAP))
