@@ -18,10 +18,9 @@ from dexgrasp.planning.constraints import fixed_rows
 from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import Posture, oriented_postures, posture_at
-from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals
 from dexgrasp.planning.result import SearchLog
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp.planning.sqp import Solution
 from dexgrasp_env.robot.cell import Cell
 

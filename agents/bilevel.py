@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
 from dexgrasp.agent import Agent, Observation, cell_of
-from dexgrasp.motion.aside import SettingAside, WayAside
+from dexgrasp.motion.carried import SettingAside, WayAside
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.guarded import GuardedGrasp
 from dexgrasp.motion.motion import NoPath
@@ -15,10 +15,9 @@ from dexgrasp.planning.aside import plan_aside
 from dexgrasp.planning.carry import plan_turn
 from dexgrasp.planning.overhang import plan_slid, plan_slide
 from dexgrasp.planning.planner import LIFT_BLOCKED, Planner
-from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.seen import default_planner, plan_scene, start_of
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene

@@ -20,10 +20,10 @@ from dexgrasp.kinematics.forward import fingertips
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.guarded import GuardedGrasp
+from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.look import look_at
 from dexgrasp.planning.result import PlansGrasps
 from dexgrasp.planning.seen import plan_scene
-from dexgrasp.planning.sources import make_source
 from dexgrasp.shape.completion import target_of
 from dexgrasp_env.perception.scene import Scene
 

@@ -11,15 +11,14 @@ from robots import CELL, HOME, ROBOT, denormalise
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.motion.carried import turn_arm
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.guarded import GuardedGrasp
-from dexgrasp.motion.turn import turn_arm
 from dexgrasp.physics.strength import capacity_of, hold_residual, torque_fraction
 from dexgrasp.planning.carry import ENOUGH, plan_turn
 from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.problem import Problem
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.settings import PlannerSettings, Problem
 
 TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
 

@@ -25,8 +25,8 @@ from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.physics.margin import margins
 from dexgrasp.planning.placement import assignments, place_on_atlas
 from dexgrasp.planning.postures import loads_on
-from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import closure_sweep
+from dexgrasp.planning.settings import Problem
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.shards import text_of, write_shard
 from dexgrasp_env.assets import asset_path

@@ -14,10 +14,10 @@ from dexgrasp.kinematics import shapes
 from dexgrasp.kinematics.palm_ik import palm_frame, solve_palm
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion import collision
+from dexgrasp.motion.approach import plan_arm
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker, densify
 from dexgrasp.motion.motion import NoPath
-from dexgrasp.motion.sampling import plan_arm
 from dexgrasp.motion.script import make_script
 from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
 from dexgrasp.motion.timing import round_corners, time_path, within_limits

@@ -26,10 +26,9 @@ from dexgrasp.planning.certifier import _in_the_way
 from dexgrasp.planning.claims import overlap, too_near
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import _has_room, atlas_postures
-from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.result import PlanResult
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp.shape.around import SEEN, UNSEEN, columns, neighbours_of
 from dexgrasp.shape.completion import target_of
 from dexgrasp.shape.target import GraspTarget

@@ -20,9 +20,8 @@ from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.constraints import evaluate
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
-from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import SurfaceProposals
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp.planning.sqp import TOLERANCE, bounds_of, solve
 from dexgrasp.shape.target import GraspTarget
 

@@ -122,8 +122,8 @@ def test_others_are_looked_at_where_the_first_is_not_sure(found):
 def test_of_a_set_those_remain_that_are_sure(found, monkeypatch):
     planner = Planner(PlannerSettings(at_least=0.9), cell=CELL)
     result = PlanResult(small_box(), planner.settings, asked=3, found=[*found.found] * 3)
-    chances = iter((0.95, 0.2, 0.92))
-    monkeypatch.setattr("dexgrasp.planning.sure.chance_of", lambda one, result: next(chances))
+    chances = (SimpleNamespace(lifted=SimpleNamespace(value=value)) for value in (0.95, 0.2, 0.92))
+    monkeypatch.setattr("dexgrasp.planning.sure.chances_of", lambda one, result: next(chances))
     left = sure_of(copy.copy(result), planner, HOME)
     assert (len(left.found), left.success, left.reason) == (2, False, UNSURE)
 

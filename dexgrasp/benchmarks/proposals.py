@@ -22,10 +22,9 @@ from dexgrasp.physics.metrics import ferrari_canny
 from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import atlas_postures
-from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals, graspable_points
 from dexgrasp.planning.result import PlanResult
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp.planning.sqp import solve
 from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp.shape.target import GraspTarget

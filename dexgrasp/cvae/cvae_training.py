@@ -1,5 +1,6 @@
 """Training of the CVAE."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +91,7 @@ class CvaeTraining(StepTraining):
         if self.best == self.state.epoch:
             row = dict(self.state.curve[-1])
             about = {
-                "schema": SCHEMA, "network": self.settings.network.as_json(), "epoch": row.pop("epoch"),
+                "schema": SCHEMA, "network": asdict(self.settings.network), "epoch": row.pop("epoch"),
                 "dataset": self._dataset, "hand": self._hand, "seed": self.settings.seed, "losses": row,
             }  # fmt: skip
             write_tensors(self.out / WEIGHTS, self.net.state_dict(), about)

@@ -27,9 +27,8 @@ from dexgrasp.planning.constraints import fixed_rows
 from dexgrasp.planning.placement import assignments, place_on_atlas
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import Posture, loads_on
-from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import SearchLog
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import about_z, matrix_to_quat

@@ -1,4 +1,4 @@
-"""The way from where the robot stands to the pregrasp: straight, else over a hover, else sampled."""
+"""The way from where the robot stands to the pregrasp: straight, else over a hover, else sampled; always the same."""
 
 from collections.abc import Iterator
 
@@ -8,13 +8,18 @@ from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import NoPath, arm_and_hand
-from dexgrasp.motion.sampling import TRIES, plan_arm
 from dexgrasp_env.arrays import Array
 
 _SPACING = 0.01  # m between points of a straight motion of the palm
 _HOVERS = ((0.0, 0.15), (0.0, 0.10), (0.08, 0.08), (0.12, 0.0), (0.08, 0.0), (0.05, 0.12))
 """Where the last straight stretch may begin: m back along the palm's normal, and m up."""
 _PALM_ERROR = 0.002  # m
+_RANGE = 0.6  # rad: longest branch of the trees
+TRIES = 3000
+"""Growths of the trees; counted, not timed, so that a slow machine finds the same path."""
+_RESOLUTION = 0.002  # of the space's extent: about 0.03 rad between checked states
+_SHORTCUTS = 120
+_SEED = 1
 
 
 def plan_approach(checker: CollisionChecker, start: Array, pregrasp: Array, tries: int = TRIES) -> Array:
@@ -76,3 +81,85 @@ def _sampled(
         if path is not None:
             return np.concatenate([start[None], path, descent[1:]])
     raise NoPath("approach_blocked", f"on the straight way {contact}, and no other was found")
+
+
+def plan_arm(checker: CollisionChecker, start: Array, goal: Array, tries: int = TRIES) -> Array | None:
+    """Find a path of the arm with RRT-Connect, fingers as in `goal`, and shorten it.
+
+    Args:
+        checker: of the scene.
+        start: (n,) rad; its fingers are those of `goal`.
+        goal: (n,) rad.
+        tries: growths of the trees.
+
+    Returns:
+        Waypoints (m, n) rad, or None when the tries are used up.
+    """
+    path = _rrt_connect(checker, start, goal, tries)
+    # The trees were grown at a coarser resolution than paths are checked with.
+    return None if path is None or checker.first_contact(path) is not None else shorten(checker, path)
+
+
+def _rrt_connect(checker: CollisionChecker, start: Array, goal: Array, tries: int) -> Array | None:
+    """Return configurations (m, n) rad between which trees that grew together go straight."""
+    from ompl import base, geometric, util
+
+    level = util.getLogLevel()
+    # Seeding again is meant, every object that draws numbers is made anew below: no message about it.
+    util.setLogLevel(util.LOG_NONE)
+    try:
+        util.RNG.setSeed(_SEED)
+        dof, tree = checker.tree.arm, checker.tree
+
+        def whole(state: base.State) -> Array:
+            """Return the configuration (n,) rad of a state of the arm."""
+            return np.concatenate([[state[j] for j in range(dof)], goal[dof:]])
+
+        space = base.RealVectorStateSpace(dof)
+        bounds = base.RealVectorBounds(dof)
+        for j in range(dof):
+            bounds.setLow(j, float(tree.lower[j]))
+            bounds.setHigh(j, float(tree.upper[j]))
+        space.setBounds(bounds)
+        setup = geometric.SimpleSetup(space)
+        setup.setStateValidityChecker(lambda state: checker.free(whole(state)))
+        ends = [space.allocState(), space.allocState()]
+        for state, q in zip(ends, (start, goal), strict=True):
+            for j in range(dof):
+                state[j] = float(q[j])
+        setup.setStartAndGoalStates(*ends)
+        information = setup.getSpaceInformation()
+        information.setStateValidityCheckingResolution(_RESOLUTION)
+        planner = geometric.RRTConnect(information)
+        planner.setRange(_RANGE)
+        setup.setPlanner(planner)
+        left = iter(range(tries))
+        setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))
+        if not setup.haveExactSolutionPath():
+            return None
+        return np.array([whole(state) for state in setup.getSolutionPath().getStates()])
+    finally:
+        util.setLogLevel(level)
+
+
+def shorten(checker: CollisionChecker, path: Array) -> Array:
+    """Cut corners of a free polyline (m, n) where the straight line between two of its points is free."""
+    rng = np.random.default_rng(_SEED)
+    for _ in range(_SHORTCUTS):
+        if len(path) < 3:
+            break
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+        at = np.sort(rng.random(2)) * length[-1]
+        i, j = np.searchsorted(length, at, side="right") - 1
+        i, j = min(i, len(path) - 2), min(j, len(path) - 2)
+        if i == j:
+            continue
+        a, b = _on_leg(path, length, i, at[0]), _on_leg(path, length, j, at[1])
+        if checker.free_line(a, b):
+            path = np.concatenate([path[: i + 1], a[None], b[None], path[j + 1 :]])
+    return path
+
+
+def _on_leg(path: Array, length: Array, leg: int, at: float) -> Array:
+    share = (at - length[leg]) / (length[leg + 1] - length[leg])
+    return path[leg] + share * (path[leg + 1] - path[leg])

@@ -1,18 +1,30 @@
-"""Straight ways of what the hand holds, and letting go of it."""
+"""Ways of what the hand holds: straight, or turned about its centre in the air; letting go of it, setting it aside."""
+
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.cartesian import shift_palm
-from dexgrasp.motion.timing import eased, ramp, within_limits
+from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp.motion.guarded import GuardedGrasp
+from dexgrasp.motion.motion import Played, arm_and_hand
+from dexgrasp.motion.timing import eased, ramp, smooth_steps, within_limits
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import about_z
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 STILL = 0.001
 """m that count as no way."""
 _SPEED = 0.01  # m a control step, on average
 _SETTLE, _OPEN = 6, 14  # control steps before the hand opens, and of its opening
+_SECONDS = 1.15  # s a radian
+_LEAST_SECONDS = 0.6
+_STRAY = 0.005  # m that the palm may be off its way in a turn; a radian counts as 0.15 m
 
 
 def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple[Array, float]:
@@ -42,6 +54,78 @@ def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple
         count = int(1.3 * count) + 1
 
 
+class Turn(NamedTuple):
+    """A turn of hand and object about the object's centre, after the lift: what friction held then lies on fingers."""
+
+    arm: Array  # (m, a) rad, set-points of the arm, one a control step
+    forces: (
+        Array  # (3, 3) N on the object, to press with at its end; in the axes that the grasp has before it
+    )
+
+
+def turn_arm(
+    start: Array,
+    vector: Array,
+    centre: Array,
+    corners: Array,
+    cell: Cell,
+    around: ConvexDistance | None = None,
+) -> Array | None:
+    """Return set-points (m, a) rad that turn hand and object, None where the arm or the table is in the way.
+
+    The object's centre rises as far as keeps its lowest corner where it is.
+
+    Args:
+        start: (n,) rad, set-points before.
+        vector: (3,) rad, rotation vector.
+        centre: (3,) m, of the object.
+        corners: (K, 3) m, of the object, from its centre.
+        cell: of the robot.
+        around: what stands on the table, in the way of hand and object; None where there is nothing.
+    """
+    tree = robot_tree(cell)
+    count = round(max(_SECONDS * float(np.linalg.norm(vector)), _LEAST_SECONDS) / CONTROL_PERIOD)
+    turns = Rotation.from_rotvec(smooth_steps(count)[:, None] * vector).as_matrix()
+    turned = (turns @ corners.T).transpose(0, 2, 1)
+    arm = palm_frame(start, tree)[1] - centre
+    shifts = turns @ arm - arm
+    shifts[:, 2] += np.maximum.accumulate(np.maximum(corners[:, 2].min() - turned[..., 2].min(axis=1), 0.0))
+    path, strayed = shift_palm(start, tree, shifts, turns)
+    if strayed > _STRAY or not within_limits(start, path, tree):
+        return None
+    if CollisionChecker(cell, around, 0.0).first_contact(np.vstack([start, path])) is not None:
+        return None
+    if around is not None:
+        moved = turned + (centre + shifts + arm - turns @ arm)[:, None]
+        if around.distance(moved.reshape(-1, 3)).min() < 0.0:
+            return None
+    return path[:, : tree.arm]
+
+
 def let_go(held: Array, opened: Array) -> Array:
     """Return set-points (m, n) rad that come to rest at `held` (n,), and open the hand to `opened` (n,)."""
     return np.concatenate([np.repeat(held[None], _SETTLE, axis=0), ramp(held, opened, _OPEN)])
+
+
+class WayAside(NamedTuple):
+    """What follows the lift of what is set aside."""
+
+    there: Array  # (m, n) rad, set-points with the object in the hand, one a control step
+    away: Array  # (k, n) rad, the same of the open hand
+
+
+class SettingAside(Played):
+    """Carries what was taken hold of to its place; nothing is felt. It is done when the hand has left the object."""
+
+    def __init__(self, held: GuardedGrasp, way: WayAside) -> None:
+        """Prepare.
+
+        Args:
+            held: that is done.
+            way: from the end of its lift.
+        """
+        arm = held.tree.arm
+        rows = np.concatenate([held.script.phases["lift"], way.there])
+        rows[:, arm:] = held.targets[arm:]
+        opened = arm_and_hand(rows[-1], way.away[0], held.tree)
+        super().__init__(np.concatenate([rows, let_go(rows[-1], opened), way.away]), held.tree)

@@ -10,9 +10,9 @@ from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.forward import follow
 from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.motion.carried import Turn
 from dexgrasp.motion.guarded import GuardedGrasp, finger_of_joints, lag_of, pressing_torques, tip_spans
 from dexgrasp.motion.motion import Motion, arm_and_hand
-from dexgrasp.motion.turn import Turn
 from dexgrasp_env.arrays import Array
 
 _FREE_SHARE = 0.15  # of the torque asked for: a finger that lags by less has nothing left to press against

@@ -77,10 +77,9 @@ class CollisionChecker:
         They may come as near as there, but no nearer than the covering spheres can be wrong (8 mm); shapes may touch.
         """
         values, labels = clearances(q, self.tree, (self._obstacle, NOTHING), self.margin, False)
-        for value, (kind, body, other) in zip(values, labels, strict=True):
-            column = other if kind == SELF else len(self._needed) + int(kind != OBJECT)
-            near = max(value - _CLOSER, -_OVERESTIMATE)
-            self._needed[body, column] = min(self._needed[body, column], near)
+        kind, body, other = labels.T
+        column = np.where(kind == SELF, other, len(self._needed) + (kind != OBJECT))
+        np.minimum.at(self._needed, (body, column), np.maximum(values - _CLOSER, -_OVERESTIMATE))
         for pair, apart in near_shapes(q[None], self._cell):
             self._needed[pair] = max(apart, 0.0) - _CLOSER
 

@@ -7,10 +7,9 @@ from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import Played, arm_and_hand
-from dexgrasp.motion.timing import time_path
+from dexgrasp.motion.timing import still, time_path
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 _SETTLE = 0.35  # s at home: the arm's servos lag by 0.1 s
 _MARGIN = 0.004  # m that the robot keeps from the table and from itself
@@ -38,5 +37,5 @@ class Retreat(Played):
         # Unchecked: pressing fingers are set inside one another.
         opening = time_path(np.stack([start, opened]), tree, speed=_SPEED)
         way = time_path(plan_approach(checker, opened, home), tree, checker, _SPEED)
-        still = np.repeat(home[None], round(_SETTLE / CONTROL_PERIOD), axis=0)
-        super().__init__(np.clip(np.concatenate([opening, way, still]), tree.lower, tree.upper), tree)
+        rows = np.concatenate([opening, way, still(home, _SETTLE)])
+        super().__init__(np.clip(rows, tree.lower, tree.upper), tree)

@@ -8,12 +8,11 @@ from dexgrasp.grasp.path import bend, jerkiness
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
-from dexgrasp.motion.approach import plan_approach
+from dexgrasp.motion.approach import TRIES, plan_approach
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker, carried_into
 from dexgrasp.motion.motion import NoPath
-from dexgrasp.motion.sampling import TRIES
-from dexgrasp.motion.timing import SPEED, ramp, smooth_steps, time_path
+from dexgrasp.motion.timing import SPEED, ramp, smooth_steps, still, time_path
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
@@ -58,17 +57,13 @@ def make_script(
         if not among or bend(np.concatenate([start[None], approach])) <= _BEND:
             break
     pieces = {
-        "approach": np.concatenate([approach, _still(motion.pregrasp, _SETTLE)]),
+        "approach": np.concatenate([approach, still(motion.pregrasp, _SETTLE)]),
         "close": _ramp(motion.pregrasp, motion.grasp, _CLOSE, tree),
         "squeeze": _ramp(motion.grasp, motion.squeeze, _SQUEEZE, tree),
         "lift": lift,
-        "hold": _still(lift[-1], _HOLD),
+        "hold": still(lift[-1], _HOLD),
     }
     return ActionScript(pieces, start)
-
-
-def _still(q: Array, seconds: float) -> Array:
-    return np.repeat(q[None], round(seconds / CONTROL_PERIOD), axis=0)
 
 
 def _ramp(a: Array, b: Array, seconds: float, tree: RobotTree) -> Array:

@@ -133,6 +133,11 @@ def eased(path: Array, count: int) -> Array:
     return points_at(smooth_steps(count) * (len(path) - 1), np.arange(0.0, len(path)), path)
 
 
+def still(q: Array, seconds: float) -> Array:
+    """Return set-points (T, n) that stay at `q` (n,)."""
+    return np.repeat(q[None], round(seconds / CONTROL_PERIOD), axis=0)
+
+
 def ramp(a: Array, b: Array, count: int) -> Array:
     """Return `count` set-points (count, n) that go evenly from `a` (n,) to `b`."""
     return a + np.arange(1, count + 1)[:, None] / count * (b - a)

@@ -10,15 +10,14 @@ import numpy as np
 from dexgrasp.grasp.grasp import RAISED
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.motion.aside import WayAside
-from dexgrasp.motion.carried import carried
+from dexgrasp.motion.carried import WayAside, carried
 from dexgrasp.motion.collision import CollisionChecker, carried_into, raised_into
 from dexgrasp.motion.motion import arm_and_hand
 from dexgrasp.planning.claims import overlap
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.seen import plan_scene
+from dexgrasp.planning.settings import Problem
 from dexgrasp.shape.around import neighbours_of
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array

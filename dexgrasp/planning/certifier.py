@@ -24,9 +24,9 @@ from dexgrasp.physics.strength import capacity_of
 from dexgrasp.planning.claims import certificate_of, too_near
 from dexgrasp.planning.holding import UNBALANCED, Hold
 from dexgrasp.planning.postures import Posture
-from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import LEAST_OPENING
 from dexgrasp.planning.result import SearchLog
+from dexgrasp.planning.settings import Problem
 from dexgrasp.planning.sqp import Solution
 from dexgrasp_env.arrays import Array, unit
 
@@ -154,7 +154,7 @@ def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: flo
     (_, goals), pregrasp, out = _touching(q, normals, problem), q.copy(), normals
     if problem.settings.is_low(problem.target.top):  # coming from above, tips would meet its edge too high up
         out = unit(normals * [1.0, 1.0, 0.0])
-    goals = goals + np.reshape(opening, (-1, 1)) * out + [0.0, 0.0, rise]
+    goals = goals + opening * out + [0.0, 0.0, rise]
     solve_tips(pregrasp, goals, problem.tree, 40, 1e-4, True)
     robot = problem.cell.robot
     if robot.hand.tendons:  # free fingers curl more than fingers on an object

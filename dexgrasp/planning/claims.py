@@ -10,7 +10,7 @@ from dexgrasp.physics.margin import margins
 from dexgrasp.physics.ratios import wrench_ratios
 from dexgrasp.physics.strength import hold_residual, load_of, torque_fraction
 from dexgrasp.physics.wrench import solve_wrench_qp
-from dexgrasp.planning.problem import Problem
+from dexgrasp.planning.settings import Problem
 from dexgrasp_env.arrays import Array, Index, Mask
 
 BESIDE = 0.002
@@ -70,7 +70,7 @@ def least_clearance(q: Array, problem: Problem) -> float:
 
     It is a lower bound, as spheres cover the robot from outside.
     """
-    values, labels = _clearances(q, problem, FAR, tips_touch=True)
+    values, labels = clearances(q, problem.tree, problem.obstacles, FAR, True)
     return float(min(values[labels[:, 0] != NEIGHBOUR], default=FAR))
 
 
@@ -81,7 +81,7 @@ def too_near(q: Array, problem: Problem, least: float) -> Index:
     Beside a low object tips may be as near the table as they grasp; fingers that stand close at home may be as close
     to each other as in a grasp.
     """
-    values, labels = _clearances(q, problem, least, tips_touch=False)
+    values, labels = clearances(q, problem.tree, problem.obstacles, least, False)
     needed = np.where(labels[:, 0] == NEIGHBOUR, min(BESIDE, least), least)
     if problem.settings.is_low(problem.target.top):
         needed[labels[:, 0] == TABLE] = problem.settings.off_table(problem.target.top)
@@ -92,7 +92,8 @@ def too_near(q: Array, problem: Problem, least: float) -> Index:
 
 def _close_at_home(labels: Index, problem: Problem, least: float) -> Mask:
     """Return which labels (K, 3) are of parts of the robot that are nearer to each other than `least` m at home."""
-    found = _clearances(problem.tree.home, problem, least, tips_touch=True)[1]
+    tree = problem.tree
+    found = clearances(tree.home, tree, problem.obstacles, least, True)[1]
     found = found[found[:, 0] == SELF]
     close: Mask = (labels[:, None] == found).all(2).any(1)
     return close
@@ -100,10 +101,5 @@ def _close_at_home(labels: Index, problem: Problem, least: float) -> Mask:
 
 def overlap(q: Array, problem: Problem) -> float:
     """Return how deep, m, the robot lies in neighbours or in itself; 0 or less where it is clear of both."""
-    values, labels = _clearances(q, problem, 0.0, tips_touch=True)
+    values, labels = clearances(q, problem.tree, problem.obstacles, 0.0, True)
     return float(-min(values[np.isin(labels[:, 0], (NEIGHBOUR, SELF))], default=0.0))
-
-
-def _clearances(q: Array, problem: Problem, far: float, tips_touch: bool) -> tuple[Array, Index]:
-    """Return the clearances (K,) that are below `far` m, and their labels (K, 3)."""
-    return clearances(q, problem.tree, problem.obstacles, far, tips_touch)

@@ -1,4 +1,4 @@
-"""Learned proposals: latents drawn in one batch, decoded, put on the surface, and judged in one batch."""
+"""Sources of proposals by their names; learned ones: latents decoded, put on the surface, judged, each in one batch."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -7,15 +7,15 @@ import numpy as np
 from numpy.random import Generator
 
 from dexgrasp.planning.decoder import CROPPED, SCALE, Decoder, centre_of, read_decoder
-from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource, fits
+from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource, SurfaceProposals, fits
 from dexgrasp.planning.ranking import most_robust
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array, Mask, unit
 from dexgrasp_env.assets import asset_path
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.robot.cell import default_cell
-from dexgrasp_env.robot.robot import Hand
+from dexgrasp_env.robot.robot import Hand, Robot
 
 LATENTS = 1024
 _NO_CLOSURE, _NO_SURFACE = "no_closure_proposal", "no_surface_above_table"
@@ -53,16 +53,15 @@ class CvaeProposals(ProposalSource):
             return Proposals.none(_NO_SURFACE)
         tips, palms = decode(_decoder(self._path), target, self._latents, rng)
         contacts, normals, usable = on_surface(tips, target, settings)
-        contacts, normals = contacts[usable], normals[usable]
+        contacts, normals, palms = contacts[usable], normals[usable], palms[usable]
         if not len(contacts):
             return Proposals.none(_NO_SURFACE)
-        if not self._ranked:
-            first = slice(settings.triples)
-            return Proposals(contacts[first], normals[first], assigned=True, palms=palms[usable][first])
-        chosen = most_robust(contacts, normals, target, settings)
+        chosen = np.arange(len(contacts))[: settings.triples]
+        if self._ranked:
+            chosen = most_robust(contacts, normals, target, settings)
         if not len(chosen):
             return Proposals.none(_NO_CLOSURE)
-        return Proposals(contacts[chosen], normals[chosen], assigned=True)
+        return Proposals(contacts[chosen], normals[chosen], assigned=True, palms=palms[chosen])
 
 
 def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) -> tuple[Array, Array]:
@@ -137,6 +136,48 @@ def shipped_weights() -> Path:
         raise InputError("the CVAE's weights are not there: train them with `dexgrasp train cvae`") from None
 
 
-@lru_cache(maxsize=4)
-def _decoder(path: Path) -> Decoder:
-    return read_decoder(path)
+_decoder = lru_cache(maxsize=4)(read_decoder)
+
+
+class LearnedFirst(ProposalSource):
+    """What the network proposes for convex objects, which it was made for; where that is nothing, the surface."""
+
+    def __init__(self) -> None:
+        """Prepare.
+
+        Raises:
+            InputError: without the network's weights.
+        """
+        self._learned, self._surface = CvaeProposals(), SurfaceProposals()
+
+    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
+        """Return proposals; the reason for none is the surface's."""
+        if target.is_convex:
+            found = self._learned.propose(target, settings, rng)
+            # It knows no neighbours: where they leave little of what it says, the surface has more.
+            if len(found.contacts) > (settings.triples // 2 if target.neighbours else 0):
+                return found
+        return self._surface.propose(target, settings, rng)
+
+
+SOURCES = {"auto": LearnedFirst, "surface": SurfaceProposals, "cvae": CvaeProposals}
+
+
+def make_source(name: str, robot: Robot | None = None) -> ProposalSource:
+    """Return a source of proposals by its name; of a hand that the network has not learned, `auto` is the surface.
+
+    Args:
+        name: of the source.
+        robot: whose hand is to grasp; ours by default.
+
+    Raises:
+        InputError: for an unknown name, for `auto` and `cvae` without weights, or for `cvae` of another hand.
+    """
+    if name not in SOURCES:
+        raise unknown_name("proposals", name, SOURCES)
+    source = SOURCES[name]()
+    if robot is not None and name == "auto" and robot.hand.stamp != default_cell().robot.hand.stamp:
+        return SurfaceProposals()
+    if robot is not None:
+        source.check_hand(robot.hand)
+    return source

@@ -1,12 +1,12 @@
 """The half of the CVAE that proposes grasps, in numpy: planning needs no torch. `network` is what was trained."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from dexgrasp.runs.arrays import Layer, layers_of, read_arrays, relu, through
-from dexgrasp_env.arrays import Array, Fields, Single
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count
 
@@ -42,10 +42,6 @@ class NetworkSettings:
     local: Count = 64
     cloud: Count = 256
     hidden: Count = 320
-
-    def as_json(self) -> Fields:
-        """Return the settings as JSON holds them."""
-        return asdict(self)
 
 
 @dataclass(frozen=True, eq=False)

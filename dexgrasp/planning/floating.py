@@ -15,6 +15,7 @@ from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.shape.parts import parts_within
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.objects.load import load_target
+from dexgrasp_env.poses import rigid
 
 MASS = 0.1  # kg that the object is taken for, as DexGraspBench weighs it
 _MIDDLE = np.array([0.5, 0.0, 0.45])  # m, where an arm gets a hand to most sides of an object
@@ -22,15 +23,9 @@ _POINTS = 3000  # of the surface, to see hollows by
 
 
 def plan_floating(
-    planner: Planner,
-    source: str,
-    seed: int = 0,
-    *,
-    scale: float = 1.0,
-    mass: float | None = None,
-    count: int | None = None,
-    progress: Progress | None = None,
-) -> tuple[Subject, PlanResult]:
+    planner: Planner, source: str, seed: int, *,
+    scale: float, mass: float | None, count: int | None, progress: Progress | None,
+) -> tuple[Subject, PlanResult]:  # fmt: skip
     """Plan grasps of an object that is turned at random, far above the table, without an approach.
 
     Args:
@@ -46,10 +41,9 @@ def plan_floating(
         InputError: for an unknown object or a count out of range.
     """
     began, model = time.perf_counter(), load_target(source, scale, None)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = Rotation.random(rng=seed).as_matrix(), _MIDDLE
-    points = triangle_samples(model.mesh.triangles, _POINTS, seed).points @ T[:3, :3].T + _MIDDLE
-    parts, _ = parts_within(model.solid.corners @ T[:3, :3].T + _MIDDLE, points, None)
+    R = Rotation.random(rng=seed).as_matrix()
+    points = triangle_samples(model.mesh.triangles, _POINTS, seed).points @ R.T + _MIDDLE
+    parts, _ = parts_within(model.solid.corners @ R.T + _MIDDLE, points, None)
     target = GraspTarget.of_corners(parts, mass or MASS, _MIDDLE)
     found = (
         planner.plan(target, seed)
@@ -57,4 +51,4 @@ def plan_floating(
         else plan_many(planner, target, count, seed, None, progress)
     )
     found.planning_seconds = time.perf_counter() - began
-    return Subject(ObjectIdentity.of(model, source, scale), ObjectPose(model.solid, T)), found
+    return Subject(ObjectIdentity.of(model, source, scale), ObjectPose(model.solid, rigid(R, _MIDDLE))), found

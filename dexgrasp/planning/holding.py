@@ -8,8 +8,7 @@ from dexgrasp.physics.cones import tangent_basis
 from dexgrasp.physics.contacts import Contacts
 from dexgrasp.physics.squeeze import Squeeze, firmest_squeeze
 from dexgrasp.planning.claims import contacts_of
-from dexgrasp.planning.problem import Problem
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 

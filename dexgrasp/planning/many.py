@@ -49,7 +49,7 @@ def plan_many(
     """
     check("count", count, GRASPS)
     began = time.process_time()
-    result = _Search(planner, target, seed, start, count).run(count, _rising(progress))
+    result = _Search(planner, target, seed, start, count).chosen(count, _rising(progress))
     result.cpu_seconds = time.process_time() - began
     return result
 
@@ -113,7 +113,7 @@ def _distance(points: Array, to: Array) -> Array:
 class _Search(Search):
     """Collects configurations that hold, and chooses among them."""
 
-    def run(self, count: int, progress: Progress) -> PlanResult:
+    def chosen(self, count: int, progress: Progress) -> PlanResult:
         """Collect and choose in turns, until there are enough or nothing new comes."""
         result, room = self.result, round(_POOL * count)
         pool, sources = _Pool(), list[ProposalSource]([self.planner.source, SurfaceProposals()])

@@ -10,7 +10,7 @@ from dexgrasp.geometry.triangle import cross
 from dexgrasp.kinematics.forward import to_world
 from dexgrasp.physics.cones import basis_of
 from dexgrasp.planning.atlas import Tips, hand_atlas, triangle_sides
-from dexgrasp.planning.problem import Problem
+from dexgrasp.planning.settings import Problem
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 

@@ -15,10 +15,9 @@ from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.certifier import OPEN_CLEARANCE, Candidate, certified, completed
 from dexgrasp.planning.holding import Hold, firmest_hold, lightened
 from dexgrasp.planning.postures import Posture, atlas_postures
-from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
 from dexgrasp.planning.result import Planned, PlanResult, SearchLog
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.runs.compiling import ensure_compiled
 from dexgrasp.shape.target import GraspTarget
@@ -84,11 +83,11 @@ class Planner:
             seed: of the proposals.
             start: (n,) rad, set-points the robot approaches from; None plans the grasp alone.
         """
-        result = self._plan(target, seed, start)
+        result = Search(self, target, seed, start).run()
         for other, shape in self._otherwise(target):
             if result.grasp is not None and result.grasp.certificate.holds:
                 break
-            again = other._plan(shape, seed, start)
+            again = Search(other, shape, seed, start).run()
             if again.grasp is not None and (result.grasp is None or again.grasp.certificate.holds):
                 result = again
         return result
@@ -99,56 +98,10 @@ class Planner:
         if (walls := target.opened()) is not None:
             yield self, walls
 
-    def _plan(self, target: GraspTarget, seed: int, start: Array | None) -> PlanResult:
-        search, pool = Search(self, target, seed, start), list[Candidate]()
-        result, breadths = search.result, self.settings.breadths
-        crowded = target.around is not None
-        # What does not get past its neighbours straight up is lifted by no grasp.
-        if start is not None and raised_into(target, RAISED) > 0.0:
-            search.log.block(LIFT_BLOCKED)
-            result.shortfall = LIFT_BLOCKED
-            return result
-        patience = min(self.settings.patience, _AMONG) if crowded else self.settings.patience
-        last = len(breadths) + patience - 1
-        for k, breadth in enumerate((*breadths, *breadths[-1:] * patience)):
-            late = k >= len(breadths)
-            # The best of a round that is looked at whole will do if it bears the weight on slippery surfaces too; in
-            # the end, and among neighbours, where a firm grasp is rare, soon: if it bears the weight at all.
-            enough = _robust if (k == 1 if crowded else k < last) else _holds
-            if (late or crowded) and search.take(pool, enough):
-                break
-            if (late and not pool) or self._out_of_time(result.log):
-                break
-            if self._firm(search, self.settings.broadened(breadth), pool, late or crowded):
-                break
-        if not result.found:
-            pool = [one._replace(hold=lightened(one.hold, one.start.problem)) for one in pool]
-        if result.found or search.take(pool, lambda _: True):
-            result.shortfall = None
-        else:
-            result.shortfall = result.log.commonest() or result.shortfall or NO_POSTURE
-        return result
-
-    def _firm(
-        self, search: "Search", settings: PlannerSettings, pool: list[Candidate], patient: bool
-    ) -> bool:
-        """Whether a round gave a firm grasp that can be carried out; what is feasible but weaker goes to `pool`.
-
-        Postures come firmest first, so that a batch without a firm one is the last that is looked at, unless `patient`.
-        """
-        firm, candidates = self.settings.firm_load, search.round(self.source, settings)
-        for batch in iter(lambda: list(islice(candidates, settings.candidates)), []):
-            pool += batch
-            if search.take(pool, lambda hold: hold.merit >= firm):
-                return True
-            if not patient and max(candidate.hold.merit for candidate in batch) < firm:
-                return False
-        return False
-
     def candidates(self, starts: Iterator[Posture], log: SearchLog) -> Iterator[Candidate]:
         """Yield what is feasible of starting postures until they or the time run out; note what blocked the others."""
         for start in log.laps("postures", starts):
-            if self._out_of_time(log):
+            if self.out_of_time(log):
                 return
             log.tried += 1
             solution = self.refine(start)
@@ -172,7 +125,8 @@ class Planner:
         """Return the grasp of a candidate, or None and note in `log` what it lacks."""
         return certified(candidate, log, self._with_closure)
 
-    def _out_of_time(self, log: SearchLog) -> bool:
+    def out_of_time(self, log: SearchLog) -> bool:
+        """Whether a search has taken as long as it may, which is noted then."""
         over = self.settings.seconds is not None and sum(log.seconds.values()) > self.settings.seconds
         if over:
             log.block(BUDGET)
@@ -186,6 +140,7 @@ class Search:
         planner: whose it is.
         result: what has been found.
         log: of the result.
+        pool: what is feasible, and not yet found to lack anything.
     """
 
     def __init__(
@@ -196,7 +151,51 @@ class Search:
         self._problem = Problem(target, planner.cell, planner.settings)
         self._rng = np.random.default_rng(seed)
         self.result = PlanResult(target, planner.settings, seed, asked)
-        self.log = self.result.log
+        self.log, self.pool = self.result.log, list[Candidate]()
+
+    def run(self) -> PlanResult:
+        """Return the first firm grasp of ever broader rounds; failing that the best of all that is feasible."""
+        target, settings, result = self._problem.target, self.planner.settings, self.result
+        breadths, crowded = settings.breadths, target.around is not None
+        # What does not get past its neighbours straight up is lifted by no grasp.
+        if self._start is not None and raised_into(target, RAISED) > 0.0:
+            self.log.block(LIFT_BLOCKED)
+            result.shortfall = LIFT_BLOCKED
+            return result
+        patience = min(settings.patience, _AMONG) if crowded else settings.patience
+        last = len(breadths) + patience - 1
+        for k, breadth in enumerate((*breadths, *breadths[-1:] * patience)):
+            late = k >= len(breadths)
+            # The best of a round that is looked at whole will do if it bears the weight on slippery surfaces too; in
+            # the end, and among neighbours, where a firm grasp is rare, soon: if it bears the weight at all.
+            enough = _robust if (k == 1 if crowded else k < last) else _holds
+            if (late or crowded) and self.take(enough):
+                break
+            if (late and not self.pool) or self.planner.out_of_time(self.log):
+                break
+            if self._firm(settings.broadened(breadth), late or crowded):
+                break
+        if not result.found:
+            self.pool = [one._replace(hold=lightened(one.hold, one.start.problem)) for one in self.pool]
+        if result.found or self.take(lambda _: True):
+            result.shortfall = None
+        else:
+            result.shortfall = self.log.commonest() or result.shortfall or NO_POSTURE
+        return result
+
+    def _firm(self, settings: PlannerSettings, patient: bool) -> bool:
+        """Whether a round gave a firm grasp that can be carried out; what is feasible but weaker goes to the pool.
+
+        Postures come firmest first, so that a batch without a firm one is the last that is looked at, unless `patient`.
+        """
+        firm, candidates = settings.firm_load, self.round(self.planner.source, settings)
+        for batch in iter(lambda: list(islice(candidates, settings.candidates)), []):
+            self.pool += batch
+            if self.take(lambda hold: hold.merit >= firm):
+                return True
+            if not patient and max(candidate.hold.merit for candidate in batch) < firm:
+                return False
+        return False
 
     def round(self, source: ProposalSource, settings: PlannerSettings) -> Iterator[Candidate]:
         """Yield the feasible configurations of one round of proposals, with their squeeze."""
@@ -207,13 +206,13 @@ class Search:
         starts = self.planner.starts(proposals, self._problem._replace(settings=settings))
         yield from self.planner.candidates(starts, self.log)
 
-    def take(self, pool: list[Candidate], enough: Callable[[Hold], bool]) -> bool:
+    def take(self, enough: Callable[[Hold], bool]) -> bool:
         """Whether a candidate that is good enough can be carried out; it is found then, and failures leave the pool."""
         # What holds the weight comes before what does not, though its merit with less friction may be lower; of many
         # that have none, those that hold more of it.
-        pool.sort(key=lambda one: (not one.hold.holds, -one.hold.merit, -one.hold.share))
-        while pool and enough(pool[0].hold):
-            if self.carried_out(pool.pop(0)):
+        self.pool.sort(key=lambda one: (not one.hold.holds, -one.hold.merit, -one.hold.share))
+        while self.pool and enough(self.pool[0].hold):
+            if self.carried_out(self.pool.pop(0)):
                 return True
         return False
 

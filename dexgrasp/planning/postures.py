@@ -28,8 +28,8 @@ from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.claims import overlap
 from dexgrasp.planning.holding import ENOUGH, narrowed_friction
 from dexgrasp.planning.placement import Placements, assignments, place_on_atlas
-from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals
+from dexgrasp.planning.settings import Problem
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import about_z

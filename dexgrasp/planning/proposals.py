@@ -114,9 +114,10 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
     above = (samples.points[:, 2] > settings.table_clearance) & (
         centres[:, 2] > settings.tip_radius + settings.clearance
     )
-    distance, gradient = target.distance.distance_gradient(centres[above])
-    contacts = centres[above] - distance[:, None] * gradient
-    touching = (distance > settings.tip_height - _ROUNDING) & fits(centres[above], gradient, target, settings)
+    centres = centres[above]
+    distance, gradient = target.distance.distance_gradient(centres)
+    contacts = centres - distance[:, None] * gradient
+    touching = (distance > settings.tip_height - _ROUNDING) & fits(centres, gradient, target, settings)
     touching &= target.was_seen(contacts)
     return contacts[touching], gradient[touching]
 

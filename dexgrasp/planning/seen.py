@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.agent import Observation
+from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.many import plan_many
 from dexgrasp.planning.planner import Planner, warm_up
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.settings import GRASPS, PlannerSettings
-from dexgrasp.planning.sources import make_source
 from dexgrasp.planning.sure import sure_of
 from dexgrasp.shape.around import neighbours_of
 from dexgrasp.shape.completion import NoTarget, target_of
@@ -59,19 +59,18 @@ def plan_scene(
         target = target_of(scene, mass, planner.settings.most_parts)
         target = replace(target, neighbours=neighbours_of(scene, give))
     except NoTarget as none:
-        seconds = time.perf_counter() - began
-        return PlanResult(
-            settings=planner.settings, seed=seed, asked=count, shortfall=none.reason, sentence=scene.sentence,
-            planning_seconds=seconds,
-        )  # fmt: skip
-    hull_seconds = time.perf_counter() - began
-    if count is None:
-        result = planner.plan(target, seed, start)
+        result = PlanResult(
+            settings=planner.settings, seed=seed, asked=count, shortfall=none.reason, sentence=scene.sentence
+        )
     else:
-        result = plan_many(planner, target, count, seed, start, progress)
-    if planner.settings.at_least:
-        result = sure_of(result, planner, start, progress)
-    result.log.seconds = {"hull": hull_seconds} | result.log.seconds
+        hull_seconds = time.perf_counter() - began
+        if count is None:
+            result = planner.plan(target, seed, start)
+        else:
+            result = plan_many(planner, target, count, seed, start, progress)
+        if planner.settings.at_least:
+            result = sure_of(result, planner, start, progress)
+        result.log.seconds = {"hull": hull_seconds} | result.log.seconds
     result.planning_seconds = time.perf_counter() - began
     return result
 
@@ -161,11 +160,8 @@ def _shape(cell: Cell) -> RobotShape:
     return RobotShape(compiled_robot(cell))
 
 
-def default_planner(
-    cell: Cell | None = None, settings: PlannerSettings | None = None, proposals: str = "auto"
-) -> Planner:
+def default_planner(cell: Cell, settings: PlannerSettings | None = None, proposals: str = "auto") -> Planner:
     """Return the planner of agent `bilevel`, its compiled code loaded; `proposals` are of a source of that name."""
-    cell = cell or default_cell()
     source = make_source(proposals, cell.robot)
     warm_up(cell, source)
     return Planner(settings, source, cell)

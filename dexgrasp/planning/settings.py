@@ -1,11 +1,16 @@
-"""Settings of the planner, with where each number comes from."""
+"""What every step of planning is told: settings, with where each number comes from, the object and the robot."""
 
 from dataclasses import dataclass, replace
 from math import inf
+from typing import NamedTuple
 
+from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle
 from dexgrasp.grasp.thresholds import FROZEN, Thresholds, frozen_for, planned_friction
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.physics.contacts import Shape, shape_of
 from dexgrasp.shape.parts import MOST_PARTS
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Hand
 from dexgrasp_env.valid import number
 
@@ -100,3 +105,27 @@ class PlannerSettings(Thresholds):
             self, surface_points=round(factor * self.surface_points), triples=round(factor**2 * self.triples),
             postures=round(factor * self.postures),
         )  # fmt: skip
+
+
+class Problem(NamedTuple):
+    """What is to be grasped, by which robot, within which limits."""
+
+    target: GraspTarget
+    cell: Cell
+    settings: PlannerSettings
+
+    @property
+    def tree(self) -> RobotTree:
+        """Kinematics of the robot."""
+        return robot_tree(self.cell)
+
+    @property
+    def shape(self) -> Shape:
+        """Of the contacts that the grasping fingers make."""
+        return shape_of(len(self.tree.tip_body), self.tree.torsion)
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, Obstacle]:
+        """The object, which the tips may touch, and what stands around it, which nothing may."""
+        around = self.target.around
+        return self.target.distance.obstacle, NOTHING if around is None else around.obstacle

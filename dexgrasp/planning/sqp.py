@@ -15,7 +15,7 @@ import numpy as np
 from dexgrasp.kinematics.clearance import KINDS
 from dexgrasp.kinematics.forward import follow
 from dexgrasp.planning.constraints import MARGIN_SCALE, Bounds, Evaluation, evaluate, fixed_rows
-from dexgrasp.planning.problem import Problem
+from dexgrasp.planning.settings import Problem
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.robot.robot import Robot
 
