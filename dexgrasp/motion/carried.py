@@ -58,9 +58,7 @@ class Turn(NamedTuple):
     """A turn of hand and object about the object's centre, after the lift: what friction held then lies on fingers."""
 
     arm: Array  # (m, a) rad, set-points of the arm, one a control step
-    forces: (
-        Array  # (3, 3) N on the object, to press with at its end; in the axes that the grasp has before it
-    )
+    forces: Array  # (3, 3) N on the object, to press with at its end; in the axes of the grasp before it
 
 
 def turn_arm(

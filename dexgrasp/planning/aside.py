@@ -27,10 +27,7 @@ _ASKED = 8  # neighbours for which a grasp is looked for
 _TABLE = ((0.34, 0.70), (-0.36, 0.36))  # m, x and y, where things are set down
 _GRID = 0.04  # m between places that are looked at
 _HEIGHTS = (0.03, 0.10, 0.17)  # m above the table, at which a place must be free
-_HAND, _AWAY = (
-    0.06,
-    0.16,
-)  # m that are free around what is set down, for the hand; and between it and the object
+_HAND, _AWAY = 0.06, 0.16  # m that are free around what is set down, for the hand; between it and the object
 _PLACES, _RISES = 8, (0.0, 0.12)  # places tried, nearest first; m beyond the lift that it is carried higher
 _LEFT, _CLEAR = 0.12, 0.004  # m that the open hand goes up, and above the table where it is let go of
 _STRAY = 0.01  # m that the palm may be off its way

@@ -24,16 +24,10 @@ from dexgrasp_env.robot.robot import Robot
 _VERSION = 6
 SAMPLES = 400_000
 _SEED = 0
-_ENOUGH, _ROUNDS = (
-    20_000,
-    30,
-)  # postures of a hand from elsewhere that will do, and how often to sample for them
+_ENOUGH, _ROUNDS = 20_000, 30  # postures of a hand from elsewhere that will do; how often to sample for them
 _APART = 0.003  # m between its bodies, so that it can open too
 _INWARD = -0.2  # least cosine of its tips' axes to the middle of all tips: the backs of tips cannot press
-_BESIDE, _DEPTH = (
-    0.003,
-    0.005,
-)  # m that the link behind a tip may lie in a face that the tip presses into so deep
+_BESIDE, _DEPTH = 0.003, 0.005  # m that the link behind a tip may lie in a face that the tip presses so deep
 _LEAST = 0.05  # cosine of a tip's axis to what it presses against
 _RANGE = 0.92  # share of each joint's range that is sampled: the optimiser needs room to move
 _SIDE = (0.024, 0.20)  # m, sides of the triangles kept

@@ -28,21 +28,17 @@ from dexgrasp.planning.proposals import LEAST_OPENING
 from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.settings import Problem
 from dexgrasp.planning.sqp import Solution
-from dexgrasp_env.arrays import Array, unit
+from dexgrasp_env.arrays import Array, Index, unit
 
 OPENINGS = (0.025, 0.035, 0.018, 0.012)
 """m that the tips back off along the normals, first choice first."""
 _EACH = (LEAST_OPENING, 0.012, 0.018, 0.025)
 """m of each fingertip, where neighbours leave them unequal room, narrowest first."""
-_TIPS_MEET = (
-    2.5e-4  # m that closed tips may be from the surface, as fingers may end before; `verify` allows 3e-4
-)
+_TIPS_MEET = 2.5e-4  # m that closed tips may be from the surface, as fingers may end before; `verify`: 3e-4
 OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
 _CLOSING = 6  # pieces of the way on which the hand closes: tips go 6 mm from one look at it to the next
-
-
 _TIPS_BESIDE = (
-    0.004  # m that they may be beside it, where a finger has too few joints to meet it; `verify` too
+    0.004  # m that they may be beside it, where a finger has too few joints to meet it; as `verify`
 )
 
 
@@ -117,14 +113,15 @@ def _is_open(pregrasp: Array, q: Array, problem: Problem) -> bool:
     return (
         not len(too_near(pregrasp, problem, OPEN_CLEARANCE))
         and shapes_apart(pregrasp, problem.cell)
-        and not _meets_neighbours(pregrasp, q, problem)
+        and not (problem.target.neighbours and len(_in_the_way(pregrasp, q, problem)))
     )
 
 
-def _meets_neighbours(pregrasp: Array, q: Array, problem: Problem) -> bool:
-    """Whether neighbours are nearer to a body than they may be while the hand closes."""
-    between = ramp(pregrasp, q, _CLOSING)[:-1] if problem.target.neighbours else ()
-    return any(NEIGHBOUR in too_near(way, problem, problem.settings.clearance)[:, 0] for way in between)
+def _in_the_way(pregrasp: Array, q: Array, problem: Problem) -> Index:
+    """Return the labels (K, 3) of the bodies that neighbours are nearer to than they may be while the hand closes."""
+    between = ramp(pregrasp, q, _CLOSING)[:-1]
+    near = np.concatenate([too_near(way, problem, problem.settings.clearance) for way in between])
+    return near[near[:, 0] == NEIGHBOUR]
 
 
 def pressed(candidate: Candidate, forces: Array, motion: GraspMotion) -> Grasp:

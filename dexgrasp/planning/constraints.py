@@ -64,9 +64,7 @@ class Evaluation(NamedTuple):
     normals: Array  # (g, 3) out of the object
     distances: Array  # (g,) m, of the tip sphere centres
     margin: float
-    metric: (
-        Array  # (n, n) m^2/rad^2: dq^T metric dq is how far the fingertips slide over the surface, squared
-    )
+    metric: Array  # (n, n) m^2/rad^2: dq^T metric dq is how far fingertips slide over the surface, squared
 
 
 class _Touch(NamedTuple):

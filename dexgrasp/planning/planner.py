@@ -7,7 +7,7 @@ from itertools import islice, product
 import numpy as np
 
 from dexgrasp.grasp.grasp import RAISED, Grasp
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.collision import raised_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
@@ -57,7 +57,7 @@ class Planner:
         """
         self.cell = cell or default_cell()
         self.settings = (settings or PlannerSettings()).for_hand(self.cell.robot.hand)
-        self.tree: RobotTree = robot_tree(self.cell)
+        self.tree = robot_tree(self.cell)
         if self.settings.fingers == 2:
             gap = float(hand_atlas(self.cell).search.maxes[0])  # m between the tips' centres, open
             widest = gap - 2.0 * (self.settings.tip_radius + OPEN_CLEARANCE)

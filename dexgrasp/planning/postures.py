@@ -35,10 +35,7 @@ from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import about_z
 
 _REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
-_FOLDED, _SPREADS = (
-    0.85,
-    0.3,
-)  # share of the range that a folded joint has turned; rad below 0 of one that spreads
+_FOLDED, _SPREADS = 0.85, 0.3  # share of the range that a folded joint has turned; rad below 0 if it spreads
 _DEEPEST = 0.005  # m in a neighbour from which the optimiser seldom finds out
 _ROOM = 0.012  # m between hand and neighbours beyond which there is room to open
 _CROWDED = 60.0  # load that a metre less of it is worth
@@ -79,7 +76,7 @@ def atlas_postures(proposals: Proposals, problem: Problem) -> Iterator[Posture]:
         tried.add(placed.triple[k])
         q = tree.home.copy()
         q[tree.arm :] = hand_atlas(problem.cell).joints[placed.which[k]]
-        if reach_palm(q, placed.rotations[k], placed.positions[k], problem.tree) and _has_room(q, problem):
+        if reach_palm(q, placed.rotations[k], placed.positions[k], tree) and _has_room(q, problem):
             found += 1
             yield Posture(q, problem, int(placed.triple[k]) // len(orders), float(merit[k]))
 
@@ -201,11 +198,11 @@ def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burd
 
 def posture_at(R: Array, p: Array, proposal: int, proposals: Proposals, problem: Problem) -> Posture | None:
     """Return what IK finds for a proposal from a palm at `p` (3,) m, turned by `R` (3, 3); None out of reach."""
-    q, height = problem.tree.home.copy(), problem.settings.tip_height
-    if not reach_palm(q, R, p, problem.tree):
+    tree, q = problem.tree, problem.tree.home.copy()
+    if not reach_palm(q, R, p, tree):
         return None
-    tips = proposals.contacts[proposal] + height * proposals.normals[proposal]
-    return Posture(q, problem, proposal, -float(solve_tips(q, tips, problem.tree, 60, 1e-3)))
+    tips = proposals.contacts[proposal] + problem.settings.tip_height * proposals.normals[proposal]
+    return Posture(q, problem, proposal, -float(solve_tips(q, tips, tree, 60, 1e-3)))
 
 
 def oriented_postures(proposal: int, proposals: Proposals, problem: Problem) -> list[Posture]:

@@ -10,11 +10,10 @@ import numpy as np
 
 from dexgrasp.agent import Observation
 from dexgrasp.planning.cvae_source import make_source
-from dexgrasp.planning.many import plan_many
+from dexgrasp.planning.many import plan_many, sure_of
 from dexgrasp.planning.planner import Planner, warm_up
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.settings import GRASPS, PlannerSettings
-from dexgrasp.planning.sure import sure_of
 from dexgrasp.shape.around import neighbours_of
 from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp_env.arrays import Array, array

@@ -21,7 +21,7 @@ from dexgrasp_env.robot.robot import Robot
 
 _SOFT = 8  # daqp's mark of a soft constraint
 _SOFTNESS = (
-    1e-7  # weight of a step against violations: small enough that a feasible one is found where there is one
+    1e-7  # weight of a step against violations: so small that a feasible one is found where there is one
 )
 # A step costs (fingertips' slide / 0.5 m)^2 + 0.001 (joints' turn / 1 rad)^2.
 _SLIDE, _TURN = 0.5, 1e-3

@@ -228,9 +228,8 @@ def hull_volume(distance: ConvexDistance) -> tuple[float, Array]:
 
 def volume_centre(distance: ConvexDistance) -> Array:
     """Return the centre of mass (3,) m of parts of one density; where they overlap, both count."""
-    found = [volume_and_centre(part) for part in distance.parts]
-    volumes, centres = np.array([volume for volume, _ in found]), np.array([centre for _, centre in found])
-    return centres[0] if len(found) == 1 else volumes @ centres / volumes.sum()
+    volumes, centres = map(np.array, zip(*map(volume_and_centre, distance.parts), strict=True))
+    return np.asarray(centres[0] if len(centres) == 1 else volumes @ centres / volumes.sum())
 
 
 def assumed_mass(volume: float) -> float:

@@ -162,9 +162,9 @@ def downsample(points: Array, count: int, rng: Generator) -> Index:
         (min(M, count),) indices without repetition; all of them, in order, when there are no more than
         wanted.
     """
-    if len(points) <= count:
-        return np.arange(len(points))
     candidates = np.arange(len(points))
+    if len(points) <= count:
+        return candidates
     if len(points) > _POOL * count:
         candidates = np.sort(rng.choice(len(points), _POOL * count, replace=False))
     from dexgrasp_env.perception.kernels import farthest_points

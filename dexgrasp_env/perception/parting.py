@@ -217,14 +217,14 @@ def _with_crumbs(points: Array, labels: Index) -> Index:
     from scipy.spatial import cKDTree
 
     _, labels, counts = np.unique(labels, return_inverse=True, return_counts=True)
-    sides = np.array([np.ptp(points[labels == k], axis=0).max() for k in range(len(counts))])
-    large = (counts >= LEAST_POINTS) & (sides >= LEAST_EXTENT)
+    sides = np.array([longest_side(points[labels == k]) for k in range(len(counts))])
+    large = ((counts >= LEAST_POINTS) & (sides >= LEAST_EXTENT))[labels]
     if not large.any():
         return labels
-    crumbs = np.flatnonzero(~large[labels])
-    distance, nearest = cKDTree(points[large[labels]]).query(points[crumbs], distance_upper_bound=_CRUMBS)
+    crumbs = np.flatnonzero(~large)
+    distance, nearest = cKDTree(points[large]).query(points[crumbs], distance_upper_bound=_CRUMBS)
     near = np.isfinite(distance)
-    labels[crumbs[near]] = labels[large[labels]][nearest[near]]
+    labels[crumbs[near]] = labels[large][nearest[near]]
     return _with_shared(points, labels)
 
 
@@ -232,7 +232,7 @@ def _with_shared(points: Array, labels: Index) -> Index:
     """Return labels (M,) in which things whose hulls share space are one: the inside of a cup is seen apart from it."""
     numbers = [k for k in np.unique(labels) if (labels == k).sum() >= _FEW]
     hulls = {k: _hull(points[labels == k]) for k in sorted(numbers, key=lambda k: -(labels == k).sum())}
-    small = [k for k, (corners, _) in hulls.items() if np.ptp(corners, axis=0).max() <= _HOLLOW]
+    small = [k for k, (corners, _) in hulls.items() if longest_side(corners) <= _HOLLOW]
     for j, other in enumerate(small):
         for k in small[:j]:
             (mine, volume), (its, least) = hulls[k], hulls[other]
@@ -250,16 +250,21 @@ def _with_walls(labels: Index, cloud: Cloud, link: float) -> Index:
     rows = clusters(cloud, link)
     for row in range(rows.max() + 1):
         own = np.unique(labels[rows == row])
-        if np.ptp(cloud.points[rows == row], axis=0).max() <= MOST_EXTENT or len(own) < 2:
+        if longest_side(cloud.points[rows == row]) <= MOST_EXTENT or len(own) < 2:
             continue
         sheets = [k for k in own if _is_sheet(cloud.points[labels == k])]
         labels[np.isin(labels, sheets)] = sheets[0] if sheets else 0
     return labels
 
 
+def longest_side(points: Array) -> float:
+    """Return the longest side, m, of the box around points (N, 3)."""
+    return float(np.ptp(points, axis=0).max())
+
+
 def _is_sheet(points: Array) -> bool:
     """Whether points (N, 3) lie in an upright sheet."""
-    if len(points) < LEAST_POINTS or np.ptp(points, axis=0).max() < _SHEET[1]:
+    if len(points) < LEAST_POINTS or longest_side(points) < _SHEET[1]:
         return False
     across = np.linalg.svd(points - points.mean(0), full_matrices=False)[2][2]
     low, high = np.quantile(points @ across, (0.02, 0.98))

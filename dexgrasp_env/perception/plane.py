@@ -171,13 +171,9 @@ def level_views(cloud: Cloud, corrections: Array) -> Cloud:
 
 
 def _onto(own: Plane, common: Plane, centre: Array) -> Array:
+    """Return the pose (4, 4) that lays a plane into a nearby one by the smallest turn (Rodrigues), about a point."""
     pivot = centre - own.heights(centre) * own.normal
-    R = _smallest_turn(own.normal, common.normal)
-    return rigid(R, pivot - common.heights(pivot) * common.normal - R @ pivot)
-
-
-def _smallest_turn(a: Array, b: Array) -> Array:
-    """Return the smallest rotation that takes unit vector a to the nearby unit vector b (Rodrigues)."""
-    v = np.cross(a, b)
+    v = np.cross(own.normal, common.normal)
     K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    return np.eye(3) + K + K @ K / (1.0 + a @ b)
+    R = np.eye(3) + K + K @ K / (1.0 + own.normal @ common.normal)
+    return rigid(R, pivot - common.heights(pivot) * common.normal - R @ pivot)

@@ -38,22 +38,24 @@ class RobotShape:
 
         They may be farther from what a link collides with, by as much as its covers stand out of it: those are seen.
         """
-        return lambda points: self._contains(points, data, margin)
 
-    def _contains(self, points: Array, data: "mujoco.MjData", margin: float) -> Mask:
-        inside = np.zeros(len(points), bool)
-        if not len(points):
+        def own(points: Array) -> Mask:
+            """Tell which of points (M, 3) m are the robot's."""
+            inside = np.zeros(len(points), bool)
+            if not len(points):
+                return inside
+            margins = margin + self._covers
+            low, high, positions = points.min(0), points.max(0), data.geom_xpos[self.geoms]
+            reach = (self._radii + margins)[:, None]
+            near = ((positions + reach >= low) & (positions - reach <= high)).all(-1)
+            for k in np.flatnonzero(near):
+                local = points - positions[k]
+                rows = np.flatnonzero((local * local).sum(-1) <= reach[k] ** 2)
+                local = local[rows] @ data.geom_xmat[self.geoms[k]].reshape(3, 3)
+                inside[rows] |= self._distance(int(k), local) <= margins[k]
             return inside
-        margins = margin + self._covers
-        low, high, positions = points.min(0), points.max(0), data.geom_xpos[self.geoms]
-        reach = (self._radii + margins)[:, None]
-        near = ((positions + reach >= low) & (positions - reach <= high)).all(-1)
-        for k in np.flatnonzero(near):
-            local = points - positions[k]
-            rows = np.flatnonzero((local * local).sum(-1) <= reach[k] ** 2)
-            local = local[rows] @ data.geom_xmat[self.geoms[k]].reshape(3, 3)
-            inside[rows] |= self._distance(int(k), local) <= margins[k]
-        return inside
+
+        return own
 
     def _cover(self, model: "mujoco.MjModel", body: int) -> float:
         """Return how far the meshes of a body that are only seen stand out of its geoms that collide, m."""

@@ -59,7 +59,7 @@ def read_pcd(path: Path) -> Array:
         body, row = _unpacked(body, count * row.itemsize, path), _whole(row, count)
     elif len(body) < count * row.itemsize:
         raise InputError(f"{path} ends after {len(body) // row.itemsize} of {count} points: it was cut off")
-    table = np.frombuffer(body, row, 1 if packed else count)
+    table: NDArray[Any] = np.frombuffer(body, row, 1 if packed else count)
     fields = [table[f"f{k}"].reshape(count, -1)[:, 0] for k in columns]
     return np.stack(fields, axis=1).astype(float)
 
@@ -183,9 +183,7 @@ def read_views(folder: Path) -> Cloud:
     for k, image in enumerate(read_cameras(folder / CAMERAS_FILE)):
         depth = image.read(folder)
         seen = gather(remove_flying(depth[None]), (image.camera,))
-        clouds.append(
-            replace(seen, camera=np.full(len(seen), k, np.int32), pixel=seen.pixel + np.int32(first))
-        )
+        clouds.append(replace(seen, camera=seen.camera + np.int32(k), pixel=seen.pixel + np.int32(first)))
         check_count(sum(map(len, clouds)), str(folder))
         shapes, first = [*shapes, depth.shape], first + depth.size
     shape = (len(shapes), *shapes[0]) if len(set(shapes)) == 1 else (first,)

@@ -21,7 +21,14 @@ from dexgrasp_env.perception.cloud import (
     remove_outliers,
     smooth,
 )
-from dexgrasp_env.perception.parting import LEAST_EXTENT, LEAST_POINTS, MOST_EXTENT, Parting, parted
+from dexgrasp_env.perception.parting import (
+    LEAST_EXTENT,
+    LEAST_POINTS,
+    MOST_EXTENT,
+    Parting,
+    longest_side,
+    parted,
+)
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -57,7 +64,7 @@ def objects_of(cloud: Cloud, parting: Parting) -> list[int]:
     """Return the numbers of those things on the table that are objects, the largest first."""
     counts = np.bincount(parting.labels)
     sides = {
-        int(k): np.ptp(cloud.points[parting.labels == k], axis=0).max()
+        int(k): longest_side(cloud.points[parting.labels == k])
         for k in np.flatnonzero(counts >= LEAST_POINTS)
     }
     found = [k for k, side in sides.items() if LEAST_EXTENT <= side <= MOST_EXTENT]
