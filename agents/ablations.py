@@ -13,13 +13,12 @@ import numpy as np
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.physics.closure import TOLERANCE
 from dexgrasp.physics.wrench import solve_wrench_qp
-from dexgrasp.planning.certifier import OPENINGS, Candidate, grasp_motion, opened, pressed
+from dexgrasp.planning.certifier import OPENINGS, Candidate, NoGrasp, grasp_motion, opened, pressed
 from dexgrasp.planning.constraints import fixed_rows
 from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import Posture, oriented_postures, posture_at
 from dexgrasp.planning.proposals import Proposals
-from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp.planning.sqp import Solution
 from dexgrasp_env.robot.cell import Cell
@@ -79,12 +78,11 @@ class LatentPlanner(Planner):
 class KinematicPlanner(LatentPlanner):
     """Kinematics by the optimiser, dynamics by rejection."""
 
-    def certify(self, candidate: Candidate, log: SearchLog) -> Grasp | None:
-        """Return the grasp, or None and note in `log` that its forces do not bear the whole of the assumed weight."""
+    def certify(self, candidate: Candidate) -> Grasp:
+        """Return the grasp; `NoGrasp` says that its forces do not bear all of the assumed weight, or what it lacks."""
         if not candidate.hold.holds:
-            log.block(TOO_WEAK, 1.0 - candidate.hold.share)
-            return None
-        return super().certify(candidate, log)
+            raise NoGrasp(TOO_WEAK, 1.0 - candidate.hold.share)
+        return super().certify(candidate)
 
 
 class CvaeKinematicsAgent(LatentAgent):
@@ -119,7 +117,7 @@ class RawPlanner(LatentPlanner):
         balanced = solve_wrench_qp(at.contacts, at.normals, settings.friction).residual < TOLERANCE
         return None if balanced else NO_CLOSURE
 
-    def certify(self, candidate: Candidate, log: SearchLog) -> Grasp | None:
+    def certify(self, candidate: Candidate) -> Grasp:
         """Return the grasp, pressed with balanced forces of Eq. 4; its certificate tells what is true of them."""
         problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
         forces = solve_wrench_qp(at.contacts, at.normals, problem.settings.friction, f_min=PRESS).forces

@@ -118,7 +118,7 @@ def test_bodies_that_spheres_tell_nothing_of_are_kept_apart_by_their_shapes(monk
 
 def test_straight_way_through_the_tower_is_avoided_the_same_way_twice():
     checker = CollisionChecker(CELL, TOWER)
-    assert not checker.free_line(LEFT, RIGHT)
+    assert not checker.free(LEFT, RIGHT)
     path = plan_arm(checker, LEFT, RIGHT)
     assert path is not None
     assert checker.first_contact(path) is None

@@ -26,8 +26,7 @@ from dexgrasp.planning.atlas import hand_atlas, triangle_sides
 from dexgrasp.planning.constraints import evaluate, fixed_rows
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
-from dexgrasp.planning.proposals import SurfaceProposals
-from dexgrasp.planning.ranking import robustness
+from dexgrasp.planning.proposals import SurfaceProposals, robustness
 from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp.planning.sqp import bounds_of
 from dexgrasp.shape.target import GraspTarget

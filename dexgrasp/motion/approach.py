@@ -45,7 +45,7 @@ def plan_approach(checker: CollisionChecker, start: Array, pregrasp: Array, trie
         return straight
     descents = []
     for descent in _descents(checker, pregrasp):
-        if checker.free_line(start, descent[0]):
+        if checker.free(start, descent[0]):
             return np.concatenate([start[None], descent])
         descents.append(descent)
     return _sampled(checker, start, pregrasp, descents, tries, str(contact))
@@ -155,7 +155,7 @@ def shorten(checker: CollisionChecker, path: Array) -> Array:
         if i == j:
             continue
         a, b = _on_leg(path, length, i, at[0]), _on_leg(path, length, j, at[1])
-        if checker.free_line(a, b):
+        if checker.free(a, b):
             path = np.concatenate([path[: i + 1], a[None], b[None], path[j + 1 :]])
     return path
 

@@ -83,13 +83,9 @@ class CollisionChecker:
         for pair, apart in near_shapes(q[None], self._cell):
             self._needed[pair] = max(apart, 0.0) - _CLOSER
 
-    def free(self, q: Array) -> bool:
-        """Whether `q` (n,) rad is free."""
-        return self.first_contact(np.asarray(q)[None]) is None
-
-    def free_line(self, start: Array, goal: Array) -> bool:
-        """Whether the straight joint line between two configurations is free."""
-        return self.first_contact(np.stack([start, goal])) is None
+    def free(self, *path: Array) -> bool:
+        """Whether a configuration (n,) rad is free, or the straight joint line between two."""
+        return self.first_contact(np.stack(path)) is None
 
     def first_contact(self, path: Array, slack: float = 0.0) -> Contact | None:
         """Return the first contact found on a polyline of configurations (k, n) rad, or None.

@@ -25,7 +25,6 @@ from dexgrasp.planning.claims import certificate_of, too_near
 from dexgrasp.planning.holding import UNBALANCED, Hold
 from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.proposals import LEAST_OPENING
-from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.settings import Problem
 from dexgrasp.planning.sqp import Solution
 from dexgrasp_env.arrays import Array, Index, unit
@@ -50,51 +49,50 @@ class Candidate(NamedTuple):
     hold: Hold
 
 
-def certified(candidate: Candidate, log: SearchLog, with_closure: bool = True) -> Grasp | None:
-    """Return the grasp of a feasible configuration and its squeeze, or None and note in `log` what it lacks.
+class NoGrasp(Exception):  # noqa: N818  (it is an outcome, not a defect)
+    """What a configuration lacks: a word that can be counted, and by how much, where that is a number."""
+
+
+def certified(candidate: Candidate, with_closure: bool) -> Grasp:
+    """Return the grasp of a feasible configuration and its squeeze.
 
     Args:
         candidate: the configuration.
-        log: of the search.
         with_closure: False reports forces that fail to hold in the certificate instead of refusing them.
+
+    Raises:
+        NoGrasp: for what it lacks.
     """
     problem, hold = candidate.start.problem, candidate.hold
     settings, q, at = problem.settings, candidate.solution.q, candidate.solution.evaluation
     least, top = float(at.contacts[:, 2].min()), problem.target.top
     if with_closure and least < settings.lowest_contact(top):
-        log.block("contact_height", settings.lowest_contact(top) - least)
-        return None
+        raise NoGrasp("contact_height", settings.lowest_contact(top) - least)
     if with_closure and not problem.target.was_seen(at.contacts).all():
-        log.block("surface_not_seen")
-        return None
+        raise NoGrasp("surface_not_seen")
     if hold.share == 0.0 and with_closure:
-        log.block(f"holding_forces: {UNBALANCED}", 1.0)
-        return None
+        raise NoGrasp(f"holding_forces: {UNBALANCED}", 1.0)
     # Firm grasps are many. One that is not is worth another way to open.
     rises = settings.rises[:1] if hold.merit >= settings.firm_load else settings.rises
     if not shapes_apart(q, problem.cell):
-        log.block("clearance_self", 0.0)
-        return None
+        raise NoGrasp("clearance_self")
     if problem.target.neighbours:
         ways = (_opened_each(q, at.normals, problem, rise) for rise in rises)
     else:
         ways = (opened(q, at.normals, problem, opening, rise) for rise, opening in product(rises, OPENINGS))
     pregrasp = next((way for way in ways if _is_open(way, q, problem)), None)
     if pregrasp is None:
-        log.block("pregrasp_clearance")
-        return None
+        raise NoGrasp("pregrasp_clearance")
     motion = grasp_motion(q, at.normals, hold.forces, problem, pregrasp)
     missed = fingertips(motion.grasp, problem.tree) - (at.contacts + settings.tip_radius * at.normals)
     if np.linalg.norm(missed, axis=1).max() < _TIPS_BESIDE:
         missed = _mendable(missed, motion.grasp, problem.tree)
     if (farthest := float(np.linalg.norm(missed, axis=1).max())) > _TIPS_MEET:
-        log.block("surface_out_of_reach", farthest)
-        return None
+        raise NoGrasp("surface_out_of_reach", farthest)
     contacts = hold.contacts
     loose = stop_torques(q, contacts.points, contacts.normals, hold.forces, problem.tree)
     if with_closure and loose.min(initial=0.0) < 0.0:
-        log.block("tendon_pulls_joint_off_its_stop", -float(loose.min()))
-        return None
+        raise NoGrasp("tendon_pulls_joint_off_its_stop", -float(loose.min()))
     return pressed(candidate, hold.forces, motion)
 
 

@@ -7,8 +7,14 @@ import numpy as np
 from numpy.random import Generator
 
 from dexgrasp.planning.decoder import CROPPED, SCALE, Decoder, centre_of, read_decoder
-from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource, SurfaceProposals, fits
-from dexgrasp.planning.ranking import most_robust
+from dexgrasp.planning.proposals import (
+    LEAST_DISTANCE,
+    Proposals,
+    ProposalSource,
+    SurfaceProposals,
+    fits,
+    most_robust,
+)
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array, Mask, unit

@@ -56,7 +56,7 @@ def plan_many(
     """
     check("count", count, GRASPS)
     began = time.process_time()
-    result = _Search(planner, target, seed, start, count).chosen(count, _rising(progress))
+    result = _Search(planner, target, seed, start).chosen(count, _rising(progress))
     result.cpu_seconds = time.process_time() - began
     return result
 
@@ -123,6 +123,7 @@ class _Search(Search):
     def chosen(self, count: int, progress: Progress) -> PlanResult:
         """Collect and choose in turns, until there are enough or nothing new comes."""
         result, room = self.result, round(_POOL * count)
+        result.asked = count
         pool, sources = _Pool(), list[ProposalSource]([self.planner.source, SurfaceProposals()])
         while left := count - len(result.found):
             if len(pool) < left and sources:

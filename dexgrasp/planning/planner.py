@@ -12,7 +12,7 @@ from dexgrasp.motion.collision import raised_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
 from dexgrasp.planning.atlas import hand_atlas
-from dexgrasp.planning.certifier import OPEN_CLEARANCE, Candidate, certified, completed
+from dexgrasp.planning.certifier import OPEN_CLEARANCE, Candidate, NoGrasp, certified, completed
 from dexgrasp.planning.holding import Hold, firmest_hold, lightened
 from dexgrasp.planning.postures import Posture, atlas_postures
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
@@ -121,9 +121,9 @@ class Planner:
         """Return where the optimiser ends from a posture."""
         return solve(start.q, start.problem, with_margin=self._with_closure)
 
-    def certify(self, candidate: Candidate, log: SearchLog) -> Grasp | None:
-        """Return the grasp of a candidate, or None and note in `log` what it lacks."""
-        return certified(candidate, log, self._with_closure)
+    def certify(self, candidate: Candidate) -> Grasp:
+        """Return the grasp of a candidate; `NoGrasp` says what it lacks."""
+        return certified(candidate, self._with_closure)
 
     def out_of_time(self, log: SearchLog) -> bool:
         """Whether a search has taken as long as it may, which is noted then."""
@@ -143,14 +143,12 @@ class Search:
         pool: what is feasible, and not yet found to lack anything.
     """
 
-    def __init__(
-        self, planner: Planner, target: GraspTarget, seed: int, start: Array | None, asked: int | None = None
-    ) -> None:
-        """Prepare; the arguments are those of `Planner.plan`, `asked` the number of grasps wanted."""
+    def __init__(self, planner: Planner, target: GraspTarget, seed: int, start: Array | None) -> None:
+        """Prepare; the arguments are those of `Planner.plan`."""
         self.planner, self._start = planner, start
         self._problem = Problem(target, planner.cell, planner.settings)
         self._rng = np.random.default_rng(seed)
-        self.result = PlanResult(target, planner.settings, seed, asked)
+        self.result = PlanResult(target, planner.settings, seed)
         self.log, self.pool = self.result.log, list[Candidate]()
 
     def run(self) -> PlanResult:
@@ -224,9 +222,14 @@ class Search:
             holding: whether its forces must bear the assumed weight, as the certificate says.
         """
         planner, script = self.planner, None
-        grasp = planner.certify(candidate, self.log)
-        self.log.lap("certificate")
-        if grasp is None or (holding and not grasp.certificate.holds):
+        try:
+            grasp = planner.certify(candidate)
+        except NoGrasp as lack:
+            self.log.block(*lack.args)
+            return False
+        finally:
+            self.log.lap("certificate")
+        if holding and not grasp.certificate.holds:
             return False
         try:
             if self._start is not None:

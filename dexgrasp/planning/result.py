@@ -72,10 +72,8 @@ class SearchLog:
 
     def totals(self) -> Counter[str]:
         """Return the same without the names of fingers and bodies."""
-        totals: Counter[str] = Counter()
-        for reason, count in self.counts().items():
-            totals[reason.split(":")[0]] += count
-        return totals
+        counts = self.counts().items()
+        return Counter(reason.split(":")[0] for reason, count in counts for _ in range(count))
 
     def commonest(self) -> str | None:
         """Return what stopped most postures; None if nothing did."""

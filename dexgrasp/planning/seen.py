@@ -59,7 +59,7 @@ def plan_scene(
         target = replace(target, neighbours=neighbours_of(scene, give))
     except NoTarget as none:
         result = PlanResult(
-            settings=planner.settings, seed=seed, asked=count, shortfall=none.reason, sentence=scene.sentence
+            settings=planner.settings, seed=seed, asked=count, shortfall=str(none), sentence=scene.sentence
         )
     else:
         hull_seconds = time.perf_counter() - began

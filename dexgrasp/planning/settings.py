@@ -86,8 +86,7 @@ class PlannerSettings(Thresholds):
         """Return settings for the tips of a hand."""
         ours = frozen_for(hand)
         own = {name: getattr(ours, name) for name in _OF_HAND if getattr(self, name) == getattr(FROZEN, name)}
-        fingers = len(hand.grasp)
-        return replace(self, tip_radius=hand.tip_radius, fingers=fingers, torsion=hand.torsion, **own)
+        return replace(self, tip_radius=hand.tip_radius, fingers=len(hand.grasp), torsion=hand.torsion, **own)
 
     @property
     def proposed(self) -> Shape:

@@ -20,11 +20,7 @@ _LEAST_INSIDE = 0.003 / UNIT  # radius of the largest ball inside, below which t
 
 
 class NoTarget(Exception):  # noqa: N818  (it is an outcome, not a defect)
-    """A scene that shows nothing to grasp; `reason` says why in a word that can be counted."""
-
-    def __init__(self, reason: str) -> None:
-        super().__init__(reason)
-        self.reason = reason
+    """A scene that shows nothing to grasp: why, in a word that can be counted."""
 
 
 def target_of(scene: Scene, mass: float | None = None, parts: int = MOST_PARTS) -> GraspTarget:

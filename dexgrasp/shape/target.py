@@ -190,8 +190,6 @@ class GraspTarget:
         """The faces of all parts in one mesh, also those that lie within another part."""
         import trimesh
 
-        if self.is_convex:
-            return self.hull
         return cast("trimesh.Trimesh", trimesh.util.concatenate(list(self.parts)))
 
 

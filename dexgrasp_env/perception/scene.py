@@ -123,20 +123,20 @@ class Scene:
             "cloud_mask": (np.arange(count) < len(self.target)).astype(np.int8),
             "table_plane": Plane.to_array(self.plane).astype(np.float32),
         }
-        return target | self._around(around) if around else target
-
-    def _around(self, count: int) -> Arrays:
-        """Points of neighbours and rest, thinned evenly where there are more than `count`."""
+        if not around:
+            return target
+        # Of neighbours and rest, thinned evenly where there are more than `around` points.
         clouds = [*self.neighbours, self.rest]
         points, normals = (
             np.concatenate([getattr(c, name) for c in clouds]) for name in ("points", "normals")
         )
-        sizes, numbers = [len(cloud) for cloud in clouds], [*range(1, len(clouds)), REST]
-        labels = np.repeat(np.array(numbers, np.int16), sizes)
-        kept = slice(None, None, max(1, -(-len(points) // count)))
-        return _written("around", points[kept], normals[kept], count) | {
-            "around_labels": pad(labels[kept], count)
-        }
+        labels = np.array([*range(1, len(clouds)), REST], np.int16).repeat([len(cloud) for cloud in clouds])
+        kept = slice(None, None, max(1, -(-len(points) // around)))
+        return (
+            target
+            | _written("around", points[kept], normals[kept], around)
+            | {"around_labels": pad(labels[kept], around)}
+        )
 
 
 def _written(name: str, points: Array, normals: Array, count: int) -> Arrays:
