@@ -59,8 +59,8 @@ def read_pcd(path: Path) -> Array:
         body, row = _unpacked(body, count * row.itemsize, path), _whole(row, count)
     elif len(body) < count * row.itemsize:
         raise InputError(f"{path} ends after {len(body) // row.itemsize} of {count} points: it was cut off")
-    table: NDArray[Any] = np.frombuffer(body, row, 1 if packed else count)
-    fields = [table[f"f{k}"].reshape(count, -1)[:, 0] for k in columns]
+    records: NDArray[Any] = np.frombuffer(body, row, 1 if packed else count)
+    fields = [records[f"f{k}"].reshape(count, -1)[:, 0] for k in columns]
     return np.stack(fields, axis=1).astype(float)
 
 
