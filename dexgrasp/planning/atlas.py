@@ -73,11 +73,10 @@ def hand_atlas(cell: Cell) -> HandAtlas:
 def _key(robot: Robot, tree: RobotTree) -> str:
     """Return a hash of all that the postures of a hand depend on."""
     hand = robot.hand
-    return content_hash(
-        _VERSION, SAMPLES, _SEED, tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body, tree.tip_offset,
-        *robot.drive, tree.sphere_centre, tree.sphere_radius, tree.pairs, [finger.aside for finger in hand.fingers],
-        *(() if hand.frame is None else (hand.stamp, *hand.tendons)),
-    )  # fmt: skip
+    places = tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body, tree.tip_offset, *robot.drive
+    shapes = tree.sphere_centre, tree.sphere_radius, tree.pairs, [finger.aside for finger in hand.fingers]
+    foreign = () if hand.frame is None else (hand.stamp, *hand.tendons)
+    return content_hash(_VERSION, SAMPLES, _SEED, *places, *shapes, *foreign)
 
 
 def triangle_sides(corners: Array) -> Array:

@@ -36,9 +36,7 @@ _EACH = (LEAST_OPENING, 0.012, 0.018, 0.025)
 _TIPS_MEET = 2.5e-4  # m that closed tips may be from the surface, as fingers may end before; `verify`: 3e-4
 OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
 _CLOSING = 6  # pieces of the way on which the hand closes: tips go 6 mm from one look at it to the next
-_TIPS_BESIDE = (
-    0.004  # m that they may be beside it, where a finger has too few joints to meet it; as `verify`
-)
+_TIPS_BESIDE = 0.004  # m beside it that will do where a finger has too few joints to meet it; as `verify`
 
 
 class Candidate(NamedTuple):

@@ -23,9 +23,15 @@ _POINTS = 3000  # of the surface, to see hollows by
 
 
 def plan_floating(
-    planner: Planner, source: str, seed: int, *,
-    scale: float, mass: float | None, count: int | None, progress: Progress | None,
-) -> tuple[Subject, PlanResult]:  # fmt: skip
+    planner: Planner,
+    source: str,
+    seed: int,
+    *,
+    scale: float,
+    mass: float | None,
+    count: int | None,
+    progress: Progress | None,
+) -> tuple[Subject, PlanResult]:
     """Plan grasps of an object that is turned at random, far above the table, without an approach.
 
     Args:

@@ -162,11 +162,9 @@ def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burd
     height, friction, limit = burden.height, burden.friction, burden.limit
     n, parts = shape.contacts, len(shape.parts)
     frames, room, q = empty_frames(tree), empty_room(shape, len(limit)), np.zeros(len(tree.lower))
-    out, J, hand = (
-        np.empty(len(placed.which)), np.zeros((n, parts, len(q))), np.empty((n, parts, len(limit))),
-    )  # fmt: skip
-    points, normals, nothing = np.empty((n, 3)), np.empty((n, 3)), np.zeros(3)
-    down, middle, shift = np.empty(3), np.empty(3), np.empty(3)
+    J, hand = np.zeros((n, parts, len(q))), np.empty((n, parts, len(limit)))
+    out, points, normals = np.empty(len(placed.which)), np.empty((n, 3)), np.empty((n, 3))
+    nothing, down, middle, shift = np.zeros(3), np.empty(3), np.empty(3), np.empty(3)
     forward(q, tree, frames)
     palm = frames.R[tree.palm] @ tree.palm_rotation
     for m in range(len(out)):
