@@ -14,6 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 from functools import cache, partial
+from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -100,17 +101,17 @@ def compile_ahead(rehearsal: str, show: Show, workers: int | None = None) -> lis
             pool.submit(_prepare, rehearsal)
         with processes(1, alone=True) as stage:
             tasks = stage.submit(_rehearse, rehearsal).result()
-        needs = [{j for j in range(k) if tasks[j].name in tasks[k].calls} for k in range(len(tasks))]
-        done: set[int] = set()
-        open_: set[int] = set(range(len(tasks)))
-        running: dict[Future[None], int] = {}
-        while open_ or running:
-            for k in sorted(k for k in open_ if needs[k] <= done)[: workers - len(running)]:
-                running[pool.submit(_compile, tasks[k])] = k
-                open_.remove(k)
-            ended, _ = wait(running, _LOOK, FIRST_COMPLETED)
-            done |= {running.pop(future) for future in ended}
-            show(len(done), len(tasks), now=" ".join(tasks[k].name for k in running.values()))
+        order = TopologicalSorter(
+            {task: [one for one in tasks[:k] if one.name in task.calls] for k, task in enumerate(tasks)}
+        )
+        order.prepare()
+        sent, done = dict[Future[None], Task](), 0
+        while order.is_active():
+            sent |= {pool.submit(_compile, task): task for task in order.get_ready()}
+            ended, waiting = wait(sent, _LOOK, FIRST_COMPLETED)
+            order.done(*map(sent.pop, ended))
+            done += len(ended)
+            show(done, len(tasks), now=" ".join(sent[one].name for one in waiting if one.running()))
     return tasks
 
 
@@ -163,11 +164,10 @@ class _Rehearsed:
 
     def _kinds(self, args: tuple[Any, ...], kwargs: Fields) -> tuple[Any, ...]:
         """Return the types of a call as numba sees them."""
-        folded: tuple[Any, ...] = fold_arguments(
+        return fold_arguments(
             self._signature, args, kwargs, lambda _, __, value: numba.typeof(value),
             lambda _, __, default: numba.types.Omitted(default), None,
         )  # fmt: skip
-        return folded
 
     def calls(self) -> set[str]:
         """Return the names of the compiled functions that this one calls, and those call, and so on."""
