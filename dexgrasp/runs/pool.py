@@ -1,8 +1,10 @@
 """Work in parallel: in processes of this machine, or on a Ray cluster. What comes out does not depend on which."""
 
+import logging
 import multiprocessing
 import os
 import pickle
+import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
@@ -15,8 +17,8 @@ from multiprocessing import connection
 from types import ModuleType
 from typing import Annotated, Any, TypeVar
 
-from dexgrasp.runs.cluster import run_on_cluster
 from dexgrasp.runs.interrupt import not_inherited
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.valid import Count, check, one_of
@@ -26,6 +28,10 @@ R = TypeVar("R")
 
 BACKENDS = ("processes", "ray")
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_AHEAD = 4
+"""Tasks in flight for each processor of a cluster: enough that none waits for the driver."""
+_RETRIES = 10
+"""Lost nodes of a cluster that a task may outlive."""
 
 
 class WorkerDiedError(RuntimeError):
@@ -75,8 +81,7 @@ def run_pool(work: Callable[[T], R], tasks: Sequence[T], backend: Backend) -> It
     """
     workers = max(1, min(backend.workers, len(tasks)))
     if backend.name == "ray":
-        packed = pickle.dumps(work)
-        yield from run_on_cluster(_do, packed, tasks, backend.address, workers)
+        yield from _on_cluster(pickle.dumps(work), tasks, backend.address, workers)
     elif workers == 1:
         for task in tasks:  # a StopIteration of a task would end a map() as if all were done
             yield work(task)
@@ -99,8 +104,10 @@ def processes(workers: int, *, alone: bool = False) -> Iterator[ProcessPoolExecu
     others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
     main = {"__main__": ModuleType("__main__")} if alone else {}
+    share = str(max(1, (os.cpu_count() or 1) // workers))  # of the processors, that each may use
+    limits = {name: os.environ.get(name, share) for name in _THREADS}
     try:
-        with _replaced(os.environ, _thread_limits(workers)), _replaced(sys.modules, main), not_inherited():
+        with _replaced(os.environ, limits), _replaced(sys.modules, main), not_inherited():
             pool.submit(os.getpid)  # starts all of them
         yield pool
     except BrokenProcessPool:
@@ -125,6 +132,82 @@ def _in_processes(packed: bytes, tasks: Sequence[Any], workers: int) -> Iterator
                 )
 
 
+def _on_cluster(packed: bytes, tasks: Sequence[Any], address: str | None, workers: int) -> Iterator[Any]:
+    """Yield what comes of tasks on a Ray cluster, one a piece; Ray runs again what a lost node had not finished.
+
+    Args:
+        packed: sent once.
+        tasks: in flight are `_AHEAD` for each processor; they are cancelled where one raises.
+        address: of a running cluster: "auto" for the one that this machine belongs to, or host:port; None for the
+            cluster that is connected already, else a new one on this machine alone.
+        workers: processes of a new cluster.
+
+    Raises:
+        InputError: where no cluster answers.
+    """
+    import ray
+
+    connected = _connect(address, workers)
+    remote = ray.remote(_do).options(num_cpus=1, max_retries=_RETRIES)
+    sent = ray.put(packed)
+    most = _AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
+    waiting: list[Any] = []
+    try:
+        for number, task in enumerate(tasks, start=1):
+            waiting.append(remote.remote(sent, task))
+            while waiting and (len(waiting) >= most or number == len(tasks)):
+                done, waiting = ray.wait(waiting)
+                yield from map(_result, done)
+    finally:
+        for reference in waiting:
+            ray.cancel(reference, force=True)
+        if connected:
+            ray.shutdown()
+
+
+def _result(reference: Any) -> Any:
+    import ray
+    from ray.exceptions import RayTaskError
+
+    try:
+        return ray.get(reference)
+    except RayTaskError as error:
+        raise error.cause if isinstance(error.cause, InputError) else error from None
+
+
+def _connect(address: str | None, workers: int) -> bool:
+    """Connect to a cluster; return whether it was this call that did."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is sent anywhere
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    import ray
+
+    if address is None and ray.is_initialized():
+        return False
+    if address not in (None, "auto"):
+        _check_reachable(str(address))
+    local: Fields = {} if address else {"num_cpus": workers, "include_dashboard": False}
+    try:
+        ray.init(address=address or "local", log_to_driver=False, logging_level=logging.ERROR, **local)
+    except (ConnectionError, ValueError, RuntimeError) as error:
+        raise _no_cluster(address, str(error).partition("\n")[0]) from None
+    return True
+
+
+def _check_reachable(address: str) -> None:
+    """Knock first: Ray itself waits for minutes where nobody listens."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    try:
+        socket.create_connection((host, int(port)), timeout=5.0).close()
+    except (OSError, ValueError) as error:
+        raise _no_cluster(address, getattr(error, "strerror", None) or str(error)) from None
+
+
+def _no_cluster(address: str | None, reason: str) -> InputError:
+    return InputError(
+        f"no Ray cluster at {address!r}: {reason} (valid: auto, on a machine of it, or host:port)"
+    )
+
+
 def _do(packed: bytes, task: Any) -> Any:
     return _unpacked(packed)(task)
 
@@ -132,8 +215,7 @@ def _do(packed: bytes, task: Any) -> Any:
 @lru_cache(maxsize=1)
 def _unpacked(packed: bytes) -> Callable[[Any], Any]:
     """Return this process's copy of what does the work; `packed` is of the process that started it."""
-    work: Callable[[Any], Any] = pickle.loads(packed)
-    return work
+    return pickle.loads(packed)
 
 
 def _begin() -> None:
@@ -156,12 +238,6 @@ def _end_with_parent() -> None:
             os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-def _thread_limits(workers: int) -> dict[str, str]:
-    """Environment variables that give each of `workers` processes its share of the processors."""
-    share = str(max(1, (os.cpu_count() or 1) // workers))
-    return {name: os.environ.get(name, share) for name in _THREADS}
 
 
 @contextmanager
