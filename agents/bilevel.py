@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
-from dexgrasp.agent import Agent, Observation, cell_of
+from dexgrasp.agent import BY_CLOUD, Agent, Observation, cell_of
 from dexgrasp.motion.carried import SettingAside, WayAside
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.guarded import GuardedGrasp
@@ -45,11 +45,7 @@ class BilevelAgent(Agent):
     agent looks again at once.
     """
 
-    env_settings: ClassVar[Mapping[str, Any]] = {
-        "obs_mode": "pointcloud",
-        "control_mode": "joint_position",
-        "observe": "clear",
-    }
+    env_settings = BY_CLOUD | {"observe": "clear"}
 
     def __init__(
         self,
@@ -117,9 +113,9 @@ class BilevelAgent(Agent):
         self.report = plan.report()
         # Only where the cameras look again: what they saw at first is no longer where the object is.
         again = info.get("observe") in ("clear", "step")
-        crowded = plan.target is not None and plan.target.around is not None
         # Among neighbours each try shifts something, and another grasp may then be there.
-        self._looks = max(self._regrasps, self._moves) if crowded and self._regrasps else self._regrasps
+        crowded = plan.around is not None and self._regrasps > 0
+        self._looks = max(self._regrasps, self._moves) if crowded else self._regrasps
         looks, moves = (self._looks, self._moves) if again else (0, 0)
         if plan.found:
             self._state = State(self._grasp(plan), plan, looks, moves)
@@ -152,7 +148,10 @@ class BilevelAgent(Agent):
             case SettingAside(done=True):
                 home = self._way_home(observation, state.plan)
                 return state if home is None else state._replace(motion=home)
-            case GuardedCarry() as carry if state.looks and (carry.lost or self._missed(carry, state.plan)):
+            # Where the hold is long over, the hand has something else: neighbours feel like the object.
+            case GuardedCarry() as carry if state.looks and (
+                carry.lost or (carry.overdue and state.plan.around is not None)
+            ):
                 if (home := self._way_home(observation, state.plan)) is not None:
                     return state._replace(motion=home)
                 # Right above the table the hand may have no room to open: it has a little higher.
@@ -178,15 +177,10 @@ class BilevelAgent(Agent):
             turn = plan_turn(held.grasp, held.script, Problem(plan.target, held.grasp.cell, plan.settings))
         return GuardedCarry(held, turn)
 
-    def _missed(self, carry: GuardedCarry, plan: PlanResult) -> bool:
-        """Whether the hold is long over, so that the hand has something else: neighbours feel like the object."""
-        return carry.overdue and plan.target is not None and plan.target.around is not None
-
     def _way_home(self, observation: Observation, plan: PlanResult) -> Retreat | None:
         """Return the way home, where the cameras look again; None where there is none."""
         try:
-            around = None if plan.target is None else plan.target.around
-            return Retreat(self._start(observation), self._planner.cell, around)
+            return Retreat(self._start(observation), self._planner.cell, plan.around)
         except NoPath:
             return None
 

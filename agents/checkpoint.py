@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from dexgrasp.agent import Agent, Observation, Report
+from dexgrasp.agent import Agent, Observation
 from dexgrasp_env.arrays import Fields, Single
 from dexgrasp_env.errors import InputError, first_line, unknown_name
 from dexgrasp_env.extras import require_extra
@@ -43,15 +43,17 @@ class CheckpointAgent(Agent):
             raise InputError(f"checkpoint {path} does not exist: valid is a .zip file of Stable-Baselines3")
         self._policy = _open(path, algorithm or _guess(path))
         self._counted = counted(path)
-        self.env_settings = _told(self._policy) | _sidecar(path)  # type: ignore[misc]  # of the instance here
+        told, beside = _told(self._policy), path.with_suffix(".json")
+        if beside.is_file():
+            told |= read_json_object(beside, 'it holds environment settings, e.g. {"obs_mode": "state"}')
+        self.env_settings = told  # type: ignore[misc]  # of the instance here
 
     def seed(self, seed: int) -> None:
         """Seed the policy's own draws."""
         self._policy.set_random_seed(seed)
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
-        """Forget the last episode."""
-        self.report = Report()
+        """Nothing of the last episode is kept."""
 
     def act(self, observation: Observation) -> Single:
         """Return the policy's mean action."""
@@ -61,9 +63,7 @@ class CheckpointAgent(Agent):
 
 
 def checkpoint_files(spec: str) -> list[Path]:
-    """Return the files that an agent's name stands for: a checkpoint and its settings; none for other agents."""
-    if not spec.endswith(".zip"):
-        return []
+    """Return the files that a checkpoint's name stands for: itself, its settings, and what `VecNormalize` counted."""
     _, path = _split(spec)
     return [path, path.with_suffix(".json"), *statistics_files(path)]
 
@@ -88,9 +88,8 @@ def _guess(path: Path) -> str:
     # PPO and A2C share their policies; PPO alone has a clip range.
     if "common" in policy:
         return "ppo" if "clip_range" in data else "a2c"
-    valid = ", ".join(ALGORITHMS)
     raise InputError(
-        f"cannot tell the algorithm of {path}: write it before, e.g. ppo:{path}; valid are {valid}"
+        f"cannot tell the algorithm of {path}: write it before, e.g. ppo:{path}; valid are {', '.join(ALGORITHMS)}"
     )
 
 
@@ -125,10 +124,3 @@ def _told(policy: Any) -> Fields:
         "obs_mode": "+".join(known + seen),
         "control_mode": getattr(policy.action_space, "control_mode", "joint_delta"),
     }
-
-
-def _sidecar(path: Path) -> Fields:
-    settings = path.with_suffix(".json")
-    if not settings.is_file():
-        return {}
-    return read_json_object(settings, 'it holds environment settings, e.g. {"obs_mode": "state"}')

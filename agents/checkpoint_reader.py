@@ -16,7 +16,7 @@ from typing import Any
 
 from dexgrasp.runs.pickles import unpickle
 from dexgrasp_env.arrays import Fields
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.files import check_archive, check_bytes, read_file
 
 _ENTRY = re.compile(r"data|[\w.]+\.pth|_stable_baselines3_version|system_info\.txt")
@@ -54,7 +54,7 @@ def read_settings(path: Path) -> Fields:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     except Exception as error:  # a zip can be damaged in many ways
         raise InputError(
-            f"{path} is not a checkpoint of Stable-Baselines3: {' '.join(str(error).split())[:100]}"
+            f"{path} is not a checkpoint of Stable-Baselines3: {first_line(error)[:100]}"
         ) from None
 
 
@@ -83,7 +83,7 @@ def harmless_objects(path: Path, settings: Fields) -> Fields:
         except Exception as error:
             if key in _NEEDED:
                 raise InputError(
-                    f"{path}: {key} is not read, as {' '.join(str(error).split())[:120]} (an agent of your own is "
+                    f"{path}: {key} is not read, as {first_line(error)[:120]} (an agent of your own is "
                     "named package.module:Class)"
                 ) from None
             found[key] = _REPLACED.get(key)
@@ -107,9 +107,7 @@ def counted(path: Path) -> Any:
             try:
                 return unpickle(content, _NAMES, _CLASSES)
             except Exception as error:  # damaged ones fail in many ways
-                raise InputError(
-                    f"{file} holds no VecNormalize: {' '.join(str(error).split())[:120]}"
-                ) from None
+                raise InputError(f"{file} holds no VecNormalize: {first_line(error)[:120]}") from None
     return None
 
 

@@ -2,11 +2,11 @@
 
 import time
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from dexgrasp.agent import Agent, Observation, Report, cell_of
+from dexgrasp.agent import BY_CLOUD, Agent, Observation, Report, cell_of
 from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.script import ActionScript
@@ -55,17 +55,9 @@ class HardcodedAgent(Agent):
     positions; the thumb's servo saturates and presses the object against them whatever its width.
     """
 
-    env_settings: ClassVar[Mapping[str, Any]] = {
-        "obs_mode": "pointcloud",
-        "control_mode": "joint_position",
-        "observe": "reset",
-    }
+    env_settings = BY_CLOUD
 
     def __init__(self) -> None:
-        self._script: ActionScript | None = None
-        self._rest = np.zeros(0, np.float32)
-        self._cell = default_cell()
-        self._step = 0
         ensure_compiled()
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
@@ -77,7 +69,8 @@ class HardcodedAgent(Agent):
         began = time.perf_counter()
         self._cell = cell_of(info, default_cell())
         start = start_of(observation, self._cell.robot)
-        self._step, self._script, self._rest = 0, None, self._action(start)
+        self._script: ActionScript | None = None
+        self._step, self._rest = 0, self._action(start)
         self.report = Report()
         points = self._points(Scene.of_observation(observation, info))
         if len(points) < _MIN_POINTS:
@@ -145,20 +138,15 @@ class HardcodedAgent(Agent):
         """Return the configurations (a,) rad of the arm for grips along axes (3,), those that it reaches."""
         arms = []
         for axis in axes:
-            R, p = self._palm_goal(points, axis)
+            R = hanging_palm(axis, _TILT)
+            p = points.mean(axis=0) + _U * axis + _V * R[:, 1]
+            p[2] = max(points[:, 2].max() + _ABOVE, _LEAST_Z)
             q = start.copy()
             q[tree.arm :] = self._hand(_OPEN)
             q[0] = np.arctan2(p[1], p[0])
             if solve_palm(q, R, p, tree, 300, 1e-5) < _IK_ERROR:
                 arms.append(q[: tree.arm].copy())
         return arms
-
-    def _palm_goal(self, points: Array, axis: Array) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and position (3,) m of the palm frame for a grip along `axis` (3,)."""
-        R = hanging_palm(axis, _TILT)
-        position = points.mean(axis=0) + _U * axis + _V * R[:, 1]
-        position[2] = max(points[:, 2].max() + _ABOVE, _LEAST_Z)
-        return R, position
 
 
 class HardcodedCompletedAgent(HardcodedAgent):

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-from dexgrasp.agent import Agent, Observation, Report, cell_of
+from dexgrasp.agent import BY_CLOUD, BY_STATE, Agent, Observation, Report, cell_of
 from dexgrasp.imitation.clone import Clone
 from dexgrasp.imitation.grasper import Grasper
 from dexgrasp.imitation.policy import Policy, PolicyRun
@@ -31,7 +31,13 @@ class LearnedAgent(Agent):
         Raises:
             InputError: if the folder holds no policy, or a damaged one.
         """
-        self._policy = read_learned(expand(folder or asset_path("weights", self.shipped)))
+        path = expand(folder or asset_path("weights", self.shipped))
+        about, arrays = read_policy(path)
+        kinds: dict[str, type[Policy]] = {own.kind: own for own in (Clone, Grasper, Actor, Grip)}
+        kind = str(about.get("kind"))
+        if kind not in kinds:
+            raise InputError(f"{path}: policy of kind {kind!r}: valid are {', '.join(kinds)}")
+        self._policy = kinds[kind](about, arrays)
         self.env_settings = dict(self._policy.env)  # type: ignore[misc]  # of the instance here
         self._run: PolicyRun | None = None
 
@@ -56,40 +62,22 @@ class LearnedAgent(Agent):
         return self._run.action(observation)
 
 
-def read_learned(folder: Path) -> Policy:
-    """Read the policy of a folder, of whatever kind.
-
-    Raises:
-        InputError: if it holds none, or a damaged one.
-    """
-    about, arrays = read_policy(folder)
-    kinds: dict[str, type[Policy]] = {own.kind: own for own in (Clone, Grasper, Actor, Grip)}
-    kind = str(about.get("kind"))
-    if kind not in kinds:
-        raise InputError(f"{folder}: policy of kind {kind!r}: valid are {', '.join(kinds)}")
-    return kinds[kind](about, arrays)
-
-
 class BcAgent(LearnedAgent):
     """Cloned from demonstrations: sees the state, predicts set-points."""
 
-    env_settings: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
+    env_settings = BY_STATE
     shipped = "bc"
 
 
 class RlAgent(LearnedAgent):
     """`bc` with a grip that reinforcement corrects: sees the state, decides once an episode where to take hold."""
 
-    env_settings = BcAgent.env_settings
+    env_settings = BY_STATE
     shipped = "rl"
 
 
 class BcCloudAgent(LearnedAgent):
     """Cloned from demonstrations of the planner: looks at the cloud once, then feels through the joints."""
 
-    env_settings: ClassVar[Mapping[str, Any]] = {
-        "obs_mode": "pointcloud",
-        "control_mode": "joint_position",
-        "observe": "reset",
-    }
+    env_settings = BY_CLOUD
     shipped = "bc_cloud"

@@ -56,7 +56,7 @@ class PlacingAgent(Agent):
         self._cell = cell_of(info, default_cell())
         self._tree = robot_tree(self._cell)
         self._low: Array | None = None  # set-points when the hand came down, still open
-        self._height = np.inf
+        self._lowest = self._height = np.inf  # m, of the palm then, and a step ago
         self._way: Iterator[Array] = iter(())
         self._last: Array | None = None
 
@@ -76,10 +76,10 @@ class PlacingAgent(Agent):
         robot, (_, p) = self._cell.robot, palm_frame(targets, self._tree)
         before, self._height = self._height, float(p[2])
         away = np.abs(targets - robot.home)[robot.arm_columns].max() > 0.05
-        if not away or self._low is None or p[2] < palm_frame(self._low, self._tree)[1][2] - STILL:
-            self._low = targets if away else None
+        if not away or p[2] < self._lowest - STILL:
+            self._low, self._lowest = (targets, float(p[2])) if away else (None, np.inf)
             return False
-        risen = p[2] > palm_frame(self._low, self._tree)[1][2] + _RISEN and p[2] < before + STILL
+        risen = self._lowest + _RISEN < p[2] < before + STILL
         return bool(risen and np.abs(targets - q)[robot.hand_columns].max() > _PRESSING)
 
     def _deliver(self, targets: Array) -> Iterator[Array]:

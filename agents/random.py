@@ -1,19 +1,19 @@
 """Uniform random actions: what an environment gives away for nothing."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
-from dexgrasp.agent import Agent, Observation, Report
+from dexgrasp.agent import BY_STATE, Agent, Observation
 from dexgrasp_env.arrays import Single
 
 
 class RandomAgent(Agent):
     """Draws every action evenly from the action space."""
 
-    env_settings: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
+    env_settings = BY_STATE
 
     def __init__(self) -> None:
         self._rng = np.random.default_rng()
@@ -26,7 +26,6 @@ class RandomAgent(Agent):
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Take the action space from `info`; one of 23 numbers in [-1, 1] without."""
         self._space = info.get("action_space", self._space)
-        self.report = Report()
 
     def act(self, observation: Observation) -> Single:
         """Draw an action."""

@@ -1,10 +1,8 @@
 """Agents to learn from."""
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
-
 import numpy as np
 
+from dexgrasp.agent import BY_CLOUD
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
@@ -44,7 +42,7 @@ class Teacher(HardcodedAgent):
 class PlansOnce(BilevelAgent):
     """`bilevel` that looks and plans once: an episode of two grasps teaches no single closing."""
 
-    env_settings: ClassVar[Mapping[str, Any]] = dict(BilevelAgent.env_settings) | {"observe": "reset"}
+    env_settings = BY_CLOUD
 
     def __init__(self) -> None:
         """Prepare the planner."""

@@ -17,6 +17,9 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 Env = gym.Env[Any, Any]
 Observation = Mapping[str, NDArray[Any]]
+BY_STATE: Fields = {"obs_mode": "state", "control_mode": "joint_delta"}
+BY_CLOUD: Fields = {"obs_mode": "pointcloud", "control_mode": "joint_position", "observe": "reset"}
+"""`env_settings` of agents that see all, and of those that look once and command set-points."""
 
 
 @dataclass

@@ -9,7 +9,6 @@ from typing import Any
 
 from dexgrasp.agent import Agent, complete
 from dexgrasp.runs.policy_folder import is_policy, policy_files
-from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
 
 AGENTS: dict[str, str] = {
@@ -52,7 +51,13 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     if is_policy(name):
         return _load("dexgrasp.agents.learned:LearnedAgent")(name, **kwargs)
     check_name(name)
-    return complete(name, _made(name, kwargs))
+    try:
+        made = _load(name)(**kwargs)
+    except InputError:
+        raise
+    except Exception as error:  # that a user's class cannot be made is the user's to mend
+        raise InputError(f"agent {name!r} cannot be made: {type(error).__name__}: {error}") from error
+    return complete(name, made)
 
 
 def placing_agent(name: str) -> Agent:
@@ -64,8 +69,7 @@ def placing_agent(name: str) -> Agent:
     agent = make_agent(name)
     if agent.env_settings.get("control_mode") != "joint_position":
         return agent
-    placing: Agent = _load("dexgrasp.agents.placing:PlacingAgent")(agent)
-    return placing
+    return _load("dexgrasp.agents.placing:PlacingAgent")(agent)
 
 
 def agent_for(name: str, friction: float | None, at_least: float | None = None) -> Agent:
@@ -104,8 +108,7 @@ def agent_files(name: str) -> list[Path]:
     if is_policy(name):
         return policy_files(name)
     if name.endswith(".zip"):
-        files: list[Path] = _load("dexgrasp.agents.checkpoint:checkpoint_files")(name)
-        return files
+        return _load("dexgrasp.agents.checkpoint:checkpoint_files")(name)
     return []
 
 
@@ -131,19 +134,9 @@ def _load(spec: str) -> Any:
         raise
     except Exception as error:  # an empty or relative name, or whatever the module does when it is imported
         raise InputError(f"agent {spec!r}: module {module_name!r} cannot be imported ({error})") from error
-    if not callable(getattr(module, attribute, None)):
+    if not callable(found := getattr(module, attribute, None)):
         raise InputError(f"agent {spec!r}: module {module_name!r} has no class {attribute!r}")
-    return getattr(module, attribute)
-
-
-def _made(spec: str, kwargs: Fields) -> Any:
-    """Make an object of a user's class; that it cannot be made is the user's to mend."""
-    try:
-        return _load(spec)(**kwargs)
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"agent {spec!r} cannot be made: {type(error).__name__}: {error}") from error
+    return found
 
 
 def _look_here() -> None:

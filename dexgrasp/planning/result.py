@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from dexgrasp.agent import Observation, Report
+from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.grasp.content import ObjectPose, Origin, grasp_json, planned_record
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
@@ -115,6 +116,11 @@ class PlanResult:
         began = time.perf_counter()
         yield
         self.planning_seconds += time.perf_counter() - began
+
+    @property
+    def around(self) -> ConvexDistance | None:
+        """What stands around the object and must not be touched; None where there is nothing, or no object."""
+        return None if self.target is None else self.target.around
 
     @property
     def grasps(self) -> list[Grasp]:
