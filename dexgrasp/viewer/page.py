@@ -1,12 +1,13 @@
 """Films as one self-contained page, or on a live server with a slider."""
 
 import contextlib
-import html
 import io
 import sys
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
+
+import jinja2
 
 from dexgrasp.viewer.film import Film
 from dexgrasp.viewer.stage import Stage
@@ -20,6 +21,15 @@ _APART = 1.3  # m between films that stand side by side
 _FRAMES = 90  # states of a film that a page holds at most
 _CAMERA = (1.12, -0.72, 0.52)  # m, where one looks from
 _LOOK_AT = (0.40, 0.0, 0.19)  # m
+_FACTS = """
+<div id="facts" style="position:fixed;right:12px;top:12px;z-index:10;max-width:340px;max-height:80vh;overflow:auto;
+padding:8px 12px;background:rgba(255,255,255,.88);border-radius:8px;font:13px/1.5 system-ui,sans-serif;color:#222">
+{% for film in films %}<details open><summary>{{ film.title }}</summary><table>
+{% for name, value in film.facts.items() %}<tr><td>{{ name }}</td><td>{{ value }}</td></tr>{% endfor %}
+</table></details>{% endfor %}
+</div>
+"""
+"""The certificates as a panel over the scene."""
 
 
 def page(films: Sequence[Film]) -> str:
@@ -28,7 +38,7 @@ def page(films: Sequence[Film]) -> str:
     try:
         stages, count = _staged(server, films)
         recording = server.get_scene_serializer()
-        every = max(1, -(-count // _FRAMES))
+        every = -(-count // _FRAMES)
         for index in range(0, count, every):
             for stage in stages:
                 stage.show(index)
@@ -37,10 +47,11 @@ def page(films: Sequence[Film]) -> str:
     finally:
         with contextlib.redirect_stdout(io.StringIO()):
             server.stop()
-    return text.replace("</body>", _facts(films) + "</body>", 1)
+    facts = jinja2.Template(_FACTS, autoescape=True).render(films=films)
+    return text.replace("</body>", facts + "</body>", 1)
 
 
-def serve(films: Sequence[Film], port: int = 8080) -> None:
+def serve(films: Sequence[Film], port: int) -> None:
     """Show the films on a local server until interrupted: a slider for the time, the certificates beside it."""
     server = start_server(port=port, quiet=False)
     stages, count = _staged(server, films)
@@ -74,21 +85,3 @@ def start_server(port: int, quiet: bool) -> "viser.ViserServer":
     server.initial_camera.position = _CAMERA
     server.initial_camera.look_at = _LOOK_AT
     return server
-
-
-def _facts(films: Sequence[Film]) -> str:
-    """The certificates as a panel over the scene."""
-    blocks = []
-    for film in films:
-        rows = "".join(
-            f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>"
-            for name, value in film.facts.items()
-        )
-        blocks.append(
-            f"<details open><summary>{html.escape(film.title)}</summary><table>{rows}</table></details>"
-        )
-    style = (
-        "position:fixed;right:12px;top:12px;z-index:10;max-width:340px;max-height:80vh;overflow:auto;padding:8px 12px;"
-        "background:rgba(255,255,255,.88);border-radius:8px;font:13px/1.5 system-ui,sans-serif;color:#222"
-    )
-    return f'<div id="facts" style="{style}">{"".join(blocks)}</div>'

@@ -42,7 +42,8 @@ class Stage:
         self._scene.add_frame(self._root, show_axes=False, position=(0.0, offset, 0.0))
         self._bodies = self._add_robot()
         self._object = self._scene.add_frame(f"{self._root}/object", show_axes=False)
-        self._add_table()
+        table = (TABLE_CENTRE_X, 0.0, -0.5 * TABLE_SIZE[2] - 0.001)
+        self._scene.add_box(f"{self._root}/table", dimensions=TABLE_SIZE, color=_TABLE, position=table)
         self._add_seen()
         self._add_contacts()
         self.show(0)
@@ -78,12 +79,7 @@ class Stage:
         return handles
 
     def _mesh(self, path: str, mesh: Any, colour: Any, **more: Any) -> None:
-        vertices, faces = mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32)
-        self._scene.add_mesh_simple(path, vertices, faces, color=colour, **more)
-
-    def _add_table(self) -> None:
-        place = (TABLE_CENTRE_X, 0.0, -0.5 * TABLE_SIZE[2] - 0.001)
-        self._scene.add_box(f"{self._root}/table", dimensions=TABLE_SIZE, color=_TABLE, position=place)
+        self._scene.add_mesh_simple(path, mesh.vertices, mesh.faces, color=colour, **more)
 
     def _add_seen(self) -> None:
         """The object, or in its place what was planned on; that as a wire frame; neighbours; the cloud."""
@@ -99,8 +95,7 @@ class Stage:
         for k, part in enumerate(film.record.around):
             self._mesh(f"{self._root}/neighbours/{k}", trimesh.convex.convex_hull(part), _NEIGHBOUR)
         if film.cloud is not None:
-            points = film.cloud.astype(np.float32)
-            self._scene.add_point_cloud(f"{self._root}/cloud", points, _CLOUD, point_size=0.002)
+            self._scene.add_point_cloud(f"{self._root}/cloud", film.cloud, _CLOUD, point_size=0.002)
 
     def _add_contacts(self) -> None:
         """Contacts, cones and forces; in the object's frame, so that they move with it."""
@@ -110,13 +105,10 @@ class Stage:
         for contact, colour in zip(record.contacts, _COLOURS, strict=False):
             own, point = f"{path}/{contact.finger}", contact.point
             force = np.stack([point - _FORCE_SCALE * contact.force, point])[None]
-            self._lines(f"{own}/force", force, colour, 0.004)
+            self._scene.add_line_segments(f"{own}/force", force, colour, thickness=0.004)
             rays = _cone_rays(point, contact.normal, record.thresholds.friction)
-            self._lines(f"{own}/cone", rays, colour, 0.001)
+            self._scene.add_line_segments(f"{own}/cone", rays, colour, thickness=0.001)
             self._scene.add_icosphere(f"{own}/point", radius=0.004, color=colour, position=point)
-
-    def _lines(self, path: str, segments: Array, colour: tuple[int, int, int], thickness: float) -> None:
-        self._scene.add_line_segments(path, segments.astype(np.float32), colour, thickness=thickness)
 
 
 def _cone_rays(contact: Array, normal: Array, friction: float) -> Array:
