@@ -6,23 +6,12 @@ from typing import TYPE_CHECKING
 from dexgrasp.cli.figures import columns, record_table
 from dexgrasp.cli.output import coloured
 from dexgrasp.evaluation.reasons import explain
+from dexgrasp.grasp.certificate import figures_of
 from dexgrasp_env.arrays import Fields
 
 if TYPE_CHECKING:
     from dexgrasp.planning.result import PlanResult
 
-_CERTIFICATE = {
-    "fingertip distances, cm (allowed -0.68 .. -0.32)": "{distances}",
-    "closure margin (0 edge, 1 best)": "{closure_margin:.2f}",
-    "force ratio, %": "{force_ratio_percent:.1e}",
-    "torque ratio, %": "{torque_ratio_percent:.1e}",
-    "least clearance, mm": "{clearance_mm:.1f}",
-    "distance to a joint limit, rad": "{joint_limit_margin_rad:.3f}",
-    "joint torque over its limit": "{max_joint_torque_fraction:.2f}",
-    "load (1: bears its weight, 2: and a push as large)": "{load:.2f}",
-    "capacity (the same of any forces within the torques)": "{capacity:.2f}",
-    "holds": "{holds} (assumed to weigh {grams:.0f} g)",
-}
 _SET = {
     "load": "{load:.2f}",
     "capacity": "{capacity:.2f}",
@@ -55,16 +44,16 @@ def describe(result: Fields, unseen: str = "") -> str:
     """Return the outcome as people read it; `unseen` says why no object was."""
     if "asked" in result:
         return _describe_set(result)
-    name, reason = result["object"], result["reason"]
+    name = result["object"]
     if unseen:
-        return f"{name}: no object [{reason}]\n  {unseen}"
+        return f"{name}: no object [{result['reason']}]\n  {unseen}"
     seconds = f"{1000 * (result['planning_seconds'] or 0.0):.0f} ms"
     if not result["success"]:
-        return f"{name}: {coloured('no grasp', 'bad')} after {seconds} [{reason}]\n  {_why(result)}"
+        return f"{name}: {coloured('no grasp', 'bad')} after {seconds} [{result['reason']}]\n  {_why(result)}"
     found = coloured("grasp found", "good")
     if not result["certificate"]["holds"]:
         found = coloured("grasp found that does not bear the assumed weight", "look")
-    figures = _figures(result["certificate"], _CERTIFICATE)
+    figures = figures_of(result["certificate"])
     if (known := result["grasp"]["holds_probability"]) is not None:
         chances = f"{_chance(known['lifted'])}, {_chance(known['pushed'])}"
         figures["probability to be lifted and held, and pushed by its weight"] = chances
@@ -78,7 +67,7 @@ def _describe_set(result: Fields) -> str:
     speed = f"{result['grasps_per_cpu_second']:.0f} a second of one core"
     lines = [f"{result['object']}: {found} in {seconds:.2f} s, {speed}"]
     if result["grasps"]:
-        rows = [_figures(grasp["certificate"], _SET) | _sure(grasp) for grasp in result["grasps"]]
+        rows = [figures_of(grasp["certificate"], _SET) | _sure(grasp) for grasp in result["grasps"]]
         lines += [
             record_table([{"grasp": f"{k:03d}", **row} for k, row in enumerate(rows)]),
             f"each bears the {1000 * result['certificate']['mass']:.0f} g that the object is assumed to weigh",
@@ -88,15 +77,6 @@ def _describe_set(result: Fields) -> str:
     if count < asked:
         lines.append(f"no more were found [{result['reason']}]\n  {_why(result)}")
     return "\n".join(lines)
-
-
-def _figures(certificate: Fields, formats: dict[str, str]) -> dict[str, str]:
-    shown = certificate | {
-        "distances": " ".join(f"{d:.2f}" for d in certificate["distances_cm"]),
-        "clearance_mm": 1000 * certificate["min_clearance_m"],
-        "grams": 1000 * certificate["mass"],
-    }
-    return {name: form.format(**shown) for name, form in formats.items()}
 
 
 def _sure(grasp: Fields) -> dict[str, str]:

@@ -57,7 +57,7 @@ class View(Command, Scene):
 def _films(view: View) -> "list[Film]":
     from dexgrasp.evaluation.store import kept_grasps
     from dexgrasp.grasp.file import read_grasp, record_of
-    from dexgrasp.viewer.from_record import film_of
+    from dexgrasp.viewer.film import film_of
     from dexgrasp_env.perception.scene import Scene
 
     path, cell = Path(view.target), view.cell

@@ -1,6 +1,7 @@
 """The certificate of a grasp: the residual of every constraint, in physical units."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 
 from dexgrasp.grasp.values import Number, Numbers, Positive
@@ -54,3 +55,27 @@ class Certificate:
     def as_json(self) -> Fields:
         """Return the certificate as JSON holds it."""
         return asdict(self) | {"distances_cm": list(self.distances_cm)}
+
+
+_FORMS = {
+    "fingertip distances, cm (allowed -0.68 .. -0.32)": "{distances}",
+    "closure margin (0 edge, 1 best)": "{closure_margin:.2f}",
+    "force ratio, %": "{force_ratio_percent:.1e}",
+    "torque ratio, %": "{torque_ratio_percent:.1e}",
+    "least clearance, mm": "{clearance_mm:.1f}",
+    "distance to a joint limit, rad": "{joint_limit_margin_rad:.3f}",
+    "joint torque over its limit": "{max_joint_torque_fraction:.2f}",
+    "load (1: bears its weight, 2: and a push as large)": "{load:.2f}",
+    "capacity (the same of any forces within the torques)": "{capacity:.2f}",
+    "holds": "{holds} (assumed to weigh {grams:.0f} g)",
+}
+
+
+def figures_of(certificate: Fields, forms: Mapping[str, str] = _FORMS) -> dict[str, str]:
+    """Return what people read of a certificate that is as JSON holds it, by name: its fields put into `forms`."""
+    shown = certificate | {
+        "distances": " ".join(f"{d:.2f}" for d in certificate["distances_cm"]),
+        "clearance_mm": 1000 * certificate["min_clearance_m"],
+        "grams": 1000 * certificate["mass"],
+    }
+    return {name: form.format(**shown) for name, form in forms.items()}

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dexgrasp.grasp.certificate import figures_of
 from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
@@ -11,6 +12,8 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.cell import Cell
+
+_CLOSING = 12  # states from open to closed, and from closed to pressing
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,17 +42,33 @@ class Film:
     @property
     def facts(self) -> dict[str, str]:
         """What is shown beside the scene, by name."""
-        c = self.record.certificate
-        return {
-            "planned by": self.record.agent or "unknown",
-            "fingertip distances, cm": ", ".join(f"{d:.2f}" for d in c.distances_cm),
-            "closure margin": f"{c.closure_margin:.2f}",
-            "load, weights": f"{c.load:.2f}",
-            "assumed mass, g": f"{1000 * c.mass:.0f}",
-            "least clearance, mm": f"{1000 * c.min_clearance_m:.1f}",
-            "joint torque over limit": f"{c.max_joint_torque_fraction:.2f}",
-            "holds": str(c.holds),
-        }
+        record = self.record
+        return {"planned by": record.agent or "unknown"} | figures_of(record.certificate.as_json())
+
+
+def film_of(record: GraspRecord, cloud: Array | None = None) -> Film:
+    """Return the film of a grasp: approach, close, squeeze, lift.
+
+    Args:
+        record: of a grasp file; one without approach and lift shows closing alone.
+        cloud: (N, 3) m that was seen, if it is to be shown.
+
+    Raises:
+        InputError: for a grasp of another cell, or one whose object is not here.
+    """
+    cell, pose = record.check_cell(), record.T_world_object
+    script = record.script
+    approach, lift = (
+        [phase.setpoints for phase in script.phases]
+        if script
+        else [record.pregrasp[None], record.squeeze[None]]
+    )
+    closing = np.linspace(record.pregrasp, record.grasp, _CLOSING)
+    pressing = np.linspace(record.grasp, record.squeeze, _CLOSING)
+    states = np.concatenate([approach, closing, pressing, lift])
+    poses = carried(states, len(states) - len(lift), np.eye(4) if pose is None else pose, cell)
+    model = None if pose is None else record.object.load()
+    return Film(record, states, poses, model, cloud)
 
 
 def carried(states: Array, first_lifted: int, T_world_object: Array, cell: Cell) -> Array:
