@@ -32,8 +32,9 @@ def make_missing(
         show: called with pieces done and pieces in all.
     """
     left = [piece for piece in pieces if not is_there(piece)]
-    show(len(pieces) - len(left), len(pieces))
-    for done, _ in enumerate(run_pool(work, left, backend), start=len(pieces) - len(left) + 1):
+    there = len(pieces) - len(left)
+    show(there, len(pieces))
+    for done, _ in enumerate(run_pool(work, left, backend), start=there + 1):
         show(done, len(pieces))
     return bool(left)
 

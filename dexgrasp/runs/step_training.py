@@ -25,9 +25,9 @@ def perceptron(
 ) -> torch.nn.Sequential:
     """Return linear layers with an activation between them."""
     layers: list[torch.nn.Module] = []
-    for k, (a, b) in enumerate(pairwise(widths)):
-        layers += ([activation()] if k else []) + [torch.nn.Linear(a, b)]
-    return torch.nn.Sequential(*layers)
+    for a, b in pairwise(widths):
+        layers += [activation(), torch.nn.Linear(a, b)]
+    return torch.nn.Sequential(*layers[1:])
 
 
 class StepTraining(Training):

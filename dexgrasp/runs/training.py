@@ -193,14 +193,11 @@ class Training(ABC):
             if self.course.tester:
                 row |= self.course.tester.after(self.out, state)
             with held():
-                self._keep()
+                note = {"progress": asdict(state), **self.note()}
+                write_state(self.out / CHECKPOINT, self.parts(), note)
+                lines = "".join(json.dumps(row) + "\n" for row in state.curve)
+                write_atomically(self.out / CURVE, lines.encode())
             board.add(row, row.get("steps", state.epoch))
             if progress:
                 progress(state)
         board.close()
-
-    def _keep(self) -> None:
-        note = {"progress": asdict(self.state), **self.note()}
-        write_state(self.out / CHECKPOINT, self.parts(), note)
-        lines = "".join(json.dumps(row) + "\n" for row in self.state.curve)
-        write_atomically(self.out / CURVE, lines.encode())
