@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dexgrasp.cli.command import Answer, Command, Folder, Scene
-from dexgrasp.cli.output import make_folder, note
+from dexgrasp.cli.output import note
 from dexgrasp.cli.plan import check_target
 from dexgrasp.evaluation.video import Film
+from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.arrays import Fields
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell
-from dexgrasp.cli.output import make_folder
+from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.valid import Positive
 
 

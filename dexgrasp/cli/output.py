@@ -4,10 +4,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
-from pathlib import Path
 from typing import TYPE_CHECKING
-
-from dexgrasp_env.errors import InputError
 
 if TYPE_CHECKING:
     from dexgrasp.verify.check import Check
@@ -73,18 +70,3 @@ def check_lines(checks: "Sequence[Check]") -> list[str]:
 def mark(good: bool) -> str:
     """Return how a line of a list of checks begins."""
     return coloured("ok  ", "good") if good else coloured("FAIL", "bad")
-
-
-def make_folder(path: Path) -> Path:
-    """Make a folder for results, before the work that fills it.
-
-    Raises:
-        InputError: if it cannot be made.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot write to {path}: {error.strerror or error}") from None
-    if not os.access(path, os.W_OK):
-        raise InputError(f"cannot write to {path}: name a folder that can be written to")
-    return path

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check_mesh_options
-from dexgrasp.cli.output import make_folder, note
+from dexgrasp.cli.output import note
 from dexgrasp.cli.scan import Scan, as_json, chosen_line, list_lines, tilt_line
+from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, Share, check

@@ -4,8 +4,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, File, Scene
-from dexgrasp.cli.output import make_folder, note
+from dexgrasp.cli.output import note
 from dexgrasp.cli.plan import plan_target
+from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.valid import Count
 

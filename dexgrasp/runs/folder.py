@@ -1,6 +1,7 @@
 """The folder of long work: one writer at a time, and a file that says what its finished pieces are of."""
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,13 +66,7 @@ class RunFolder:
         Raises:
             InputError: as `check`; where another process holds the folder, or it cannot be written to.
         """
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            file = (self.path / ".lock").open("ab")
-        except FileExistsError:
-            raise InputError(f"{self.path} is a file: --out must be a folder") from None
-        except OSError as error:
-            raise InputError(f"cannot write to {self.path}: {error.strerror or error}") from None
+        file = (make_folder(self.path) / ".lock").open("ab")
         try:
             lock(file, f"another process is writing to {self.path}: wait for it, or choose another --out")
             self.check(identity)
@@ -95,3 +90,20 @@ def _differences(old: Any, new: Any, name: str = "") -> Iterator[str]:
 def _short(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value)
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+
+
+def make_folder(path: Path) -> Path:
+    """Make a folder for results, before the work that fills it.
+
+    Raises:
+        InputError: if it cannot be made, or written to.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"{path} is a file: --out must be a folder") from None
+    except OSError as error:
+        raise InputError(f"cannot write to {path}: {error.strerror or error}") from None
+    if not os.access(path, os.W_OK):
+        raise InputError(f"cannot write to {path}: name a folder that can be written to")
+    return path
