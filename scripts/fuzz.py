@@ -259,10 +259,10 @@ class Worker:
 
 def begin() -> None:
     """Leave out of answers what is the same every time, and slow, and what native code prints."""
-    from dexgrasp.cli import checks
+    from dexgrasp.cli import doctor
 
     for name in ("check_versions", "check_rendering", "check_machine"):
-        setattr(checks, name, list)
+        setattr(doctor, name, list)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 

@@ -12,7 +12,7 @@ import textwrap
 import pytest
 from processes import typed
 
-from dexgrasp.cli import checks
+from dexgrasp.cli import doctor
 from dexgrasp.cli.codes import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
 from dexgrasp.cli.command import Answer
 from dexgrasp.cli.commands import COMMANDS, make_parser
@@ -118,7 +118,7 @@ def one_line_after_notes(capsys):
 )
 def test_bad_meshes_are_one_line_and_2(content, suffix, capsys, tmp_path, monkeypatch):
     for slow in ("check_rendering", "check_machine"):
-        monkeypatch.setattr(checks, slow, list)
+        monkeypatch.setattr(doctor, slow, list)
     path = tmp_path / f"thing{suffix}"
     path.write_bytes(content)
     arguments = ["evaluate", "--agents", "random", "--objects", str(path), "--out", str(tmp_path / "out")]
@@ -309,16 +309,16 @@ def test_json_output_keeps_the_stream_clean(capfd):
 
 
 def test_doctor_survives_broken_backends(monkeypatch):
-    monkeypatch.setattr(checks, "_RENDER", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
-    findings = checks.check_rendering()
+    monkeypatch.setattr(doctor, "_RENDER", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+    findings = doctor.check_rendering()
     assert "crashes (signal 11)" in findings[0].problem
     assert findings[-1].level == "warning"
     assert "libosmesa6" in findings[-1].remedy
 
 
 def test_doctor_knows_the_wrong_mujoco(monkeypatch):
-    monkeypatch.setattr(checks, "package_version", lambda package: "4.0.0")
-    wrong = [finding for finding in checks.check_versions() if finding.level == "error"]
+    monkeypatch.setattr(doctor, "package_version", lambda package: "4.0.0")
+    wrong = [finding for finding in doctor.check_versions() if finding.level == "error"]
     assert ["mujoco" in finding.problem for finding in wrong] == [True]
 
 
@@ -373,8 +373,8 @@ def test_libraries_with_their_own_check_at_exit_print_nothing(tmp_path):
 
 
 def test_doctor_says_when_the_wished_backend_draws_nothing(monkeypatch):
-    monkeypatch.setattr(checks, "_renders", lambda backend: "" if backend == "egl" else "does not work")
+    monkeypatch.setattr(doctor, "_renders", lambda backend: "" if backend == "egl" else "does not work")
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     for wish, level in (("foo", "error"), ("osmesa", "error"), ("EGL", "info"), ("on", "info"), ("", "info")):
         monkeypatch.setenv("DEXGRASP_GL", wish)  # as the command line has put MUJOCO_GL aside
-        assert checks.check_rendering()[-1].level == level, wish
+        assert doctor.check_rendering()[-1].level == level, wish

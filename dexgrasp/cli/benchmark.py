@@ -6,7 +6,6 @@ from dexgrasp.benchmarks.registry import BENCHMARKS, run_benchmark
 from dexgrasp.cli.command import Answer, Argument, Command
 from dexgrasp.cli.figures import tables
 from dexgrasp.cli.output import note
-from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import one_of
 
@@ -33,17 +32,17 @@ class Benchmark(Command):
     def run(self) -> Answer:
         """Measure."""
         note(f"benchmark {self.name}: this takes a while; close what else is busy")
-        figures = self._accuracy() if self.accuracy else run_benchmark(self.name, quick=self.quick)
+        if self.accuracy:
+            from dexgrasp.benchmarks.perception import accuracy
+
+            if self.name != "perception":
+                raise InputError(f"--accuracy goes with the benchmark perception, not with {self.name}")
+            found = accuracy(poses=1 if self.quick else 5)
+            figures = {**found["by_object"], "all": found["all"]}
+        else:
+            figures = run_benchmark(self.name, quick=self.quick)
         content = {"benchmark": self.name, "quick": self.quick, "figures": figures}
         return Answer(content, tables(figures))
-
-    def _accuracy(self) -> Fields:
-        from dexgrasp.benchmarks.perception import accuracy
-
-        if self.name != "perception":
-            raise InputError(f"--accuracy goes with the benchmark perception, not with {self.name}")
-        figures = accuracy(poses=1 if self.quick else 5)
-        return {**figures["by_object"], "all": figures["all"]}
 
 
 _LINES = (f"  {name:<12} {line}" for name, line in BENCHMARKS.items())

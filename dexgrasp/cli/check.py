@@ -2,15 +2,11 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, InCell
 from dexgrasp.cli.output import check_lines, coloured
 from dexgrasp_env.valid import Natural
-
-if TYPE_CHECKING:
-    from dexgrasp.export.read import Recording
-    from dexgrasp.verify.check import Check as Judged
 
 
 class Check(Command, InCell):
@@ -36,13 +32,26 @@ class Check(Command, InCell):
 
     def run(self) -> Answer:
         """Check, and replay if asked for."""
+        import numpy as np
+        from tqdm import tqdm
+
         from dexgrasp.export.check import check_trajectory
         from dexgrasp.export.read import read_trajectory
+        from dexgrasp.export.replay import replay
+        from dexgrasp.grasp.file import read_grasp
+        from dexgrasp.verify.verify import verify
 
+        folder = self.trajectory if self.trajectory.is_dir() else self.trajectory.parent
         recording = read_trajectory(self.trajectory, self.cell)
-        checks = [*check_trajectory(recording, self.cell), *self._grasp()]
+        checks, grasp = check_trajectory(recording, self.cell), folder / "grasp.json"
+        if grasp.is_file():
+            rejected = [check for check in verify(read_grasp(grasp, self.cell)) if not check.holds]
+            checks += [replace(check, name=f"grasp.json: {check.name}") for check in rejected]
         good = all(check.holds for check in checks)
-        held = self._replays(recording) if self.replay else []
+        held = [
+            replay(recording, folder / "scene.xml", np.random.default_rng([self.seed, k])).success
+            for k in tqdm(range(self.replay), unit="replay", leave=False, delay=0.5)
+        ]
         words = coloured("every check holds", "good") if good else coloured("NOT fit to run", "bad")
         lines = [*check_lines(checks), words]
         if held:
@@ -50,32 +59,7 @@ class Check(Command, InCell):
                 f"held in {sum(held)} of {len(held)} open-loop replays, the object 3 mm and 1 deg off"
             )
         content = {"holds": good, "checks": checks, "replays": len(held), "held": sum(held)}
-        return Answer(content, "\n".join(lines), int(not good))
-
-    def _grasp(self) -> "list[Judged]":
-        """What the judge rejects of the grasp beside the trajectory, where there is one."""
-        from dexgrasp.grasp.file import read_grasp
-        from dexgrasp.verify.verify import verify
-
-        folder = self.trajectory if self.trajectory.is_dir() else self.trajectory.parent
-        file = folder / "grasp.json"
-        if not file.is_file():
-            return []
-        checks = verify(read_grasp(file, self.cell))
-        return [replace(check, name=f"grasp.json: {check.name}") for check in checks if not check.holds]
-
-    def _replays(self, recording: "Recording") -> list[bool]:
-        """Whether the object was held, for each replay."""
-        import numpy as np
-        from tqdm import tqdm
-
-        from dexgrasp.export.replay import replay
-
-        folder = self.trajectory if self.trajectory.is_dir() else self.trajectory.parent
-        return [
-            replay(recording, folder / "scene.xml", np.random.default_rng([self.seed, k])).success
-            for k in tqdm(range(self.replay), unit="replay", leave=False, delay=0.5)
-        ]
+        return Answer(content, lines, not good)
 
 
 COMMAND = Check

@@ -4,15 +4,15 @@ A field's annotation says what is valid, its default what holds where nothing is
 the help; nothing of an option is said a second time. `Annotated` may add, as text, what the option (`"--from"`) or its
 value (`"DIR"`) is called, as a mapping what argparse is to know besides (`instead_of`: the path of an option that this
 one excludes; `variable`: of the surroundings, whose value holds where the command line gives none). A field that is a
-dataclass itself, such as the settings that a function of the library takes, brings its own fields: all, or those that
-a tuple names.
+dataclass itself, such as the settings that a function of the library takes, brings its own fields: all, those that a
+tuple names, or all but those of a set.
 """
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform
 
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -36,13 +36,13 @@ class Answer:
 
     Attributes:
         content: as JSON; its schema is 1 unless it says another.
-        text: for people; empty for nothing.
-        code: exit code.
+        text: for people, or lines of it; empty for nothing.
+        code: exit code; the truth of "the answer is no" is one.
         failure: what went wrong afterwards, raised when the answer has been printed.
     """
 
     content: Fields
-    text: str
+    text: str | Sequence[str]
     code: int = 0
     failure: OSError | None = None
 
@@ -51,10 +51,10 @@ class Answer:
         if as_json:
             print(json.dumps(jsonable({"schema": 1, **self.content}), indent=2, allow_nan=False))
         elif self.text:
-            print(self.text)
+            print(self.text if isinstance(self.text, str) else "\n".join(self.text))
         if self.failure is not None:
             raise self.failure
-        return self.code
+        return int(self.code)
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
@@ -83,15 +83,15 @@ class Command(Script):
     json: bool = False
 
 
-def check_mesh_options(targets: Sequence[str], scale: float, mass: float | None) -> None:
-    """Refuse options of meshes where there is none.
+def check_mesh_options(targets: Sequence[str], settings: Any) -> None:
+    """Refuse `mesh_scale` and `mesh_mass` of settings where there is no mesh.
 
     Raises:
         InputError: naming the options.
     """
     from dexgrasp_env.objects.load import has_own_size
 
-    if (scale, mass) != (1.0, None) and all(map(has_own_size, targets)):
+    if (settings.mesh_scale, settings.mesh_mass) != (1.0, None) and all(map(has_own_size, targets)):
         raise InputError(
             f"--mesh-scale and --mesh-mass are of mesh files alone: {targets[0]!r} has a size and a mass of its own"
         )

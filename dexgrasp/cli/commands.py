@@ -91,7 +91,7 @@ def run_script(
     kinds = list(command.values()) if isinstance(command, dict) else [command]
     module = sys.modules[kinds[0].__module__]
     parser = Parser(prog=Path(str(module.__file__)).name, description=module.__doc__)
-    _add_options(parser, command, module)
+    _add_options(parser, command)
     return _run(parser.prog, partial(parser.parse_args, arguments))
 
 
@@ -142,19 +142,18 @@ def make_parser(*named: str) -> Parser:
     return parser
 
 
-def _add_command(place: Any, name: str, line: str, command: Any, module: Any) -> None:
+def _add_command(place: Any, name: str, line: str, command: Any, module: Any = None) -> None:
     """Add a command, or several by name as commands of one that the module's docstring describes."""
     description, below, _ = texts(module if isinstance(command, dict) else command)
-    parser = place.add_parser(name, help=line, description=description, epilog=below)
-    _add_options(parser, command, module)
+    _add_options(place.add_parser(name, help=line, description=description, epilog=below), command)
 
 
-def _add_options(parser: Parser, command: Any, module: Any) -> None:
+def _add_options(parser: Parser, command: Any) -> None:
     """Add the options of a command, or several commands by name."""
     if isinstance(command, dict):
         within = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
         for own, kind in command.items():
-            _add_command(within, own, texts(kind)[0], kind, module)
+            _add_command(within, own, texts(kind)[0], kind)
     else:
         add_options(parser, command)
         parser.set_defaults(kind=command)

@@ -48,14 +48,20 @@ def completion_script(shell: str) -> str:
     require_extra("planner", "completion")
     import shtab
 
-    parser = make_parser(*COMMANDS)
-    own = {kind: dict.fromkeys(("bash", "zsh"), f"_dexgrasp_{kind}") for kind in _names()}
-    known = own | {"folder": shtab.DIRECTORY, "file": shtab.FILE}
+    parser, functions = make_parser(*COMMANDS), list[str]()
+    known = {"folder": shtab.DIRECTORY, "file": shtab.FILE}
+    for own, names in _names().items():
+        known[own] = dict.fromkeys(("bash", "zsh"), f"_dexgrasp_{own}")
+        words, only = " ".join(names), own not in ("object", "agent")
+        if shell == "bash":
+            functions.append(f'_dexgrasp_{own}() {{ compgen{"" if only else " -f"} -W "{words}" -- "$1"; }}')
+        else:
+            functions.append(f"_dexgrasp_{own}() {{ compadd {words}{'' if only else '; _files'} }}")
     for action in _actions(parser):
         shown = str(action.metavar).partition("|")[0]
         if kind := _KINDS.get(shown):
             action.complete = known[kind]
-    return str(shtab.complete(parser, shell=shell, preamble=_functions(shell)))
+    return str(shtab.complete(parser, shell=shell, preamble="\n".join(functions)))
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[Any]:
@@ -69,6 +75,7 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[Any]:
 
 
 def _names() -> dict[str, list[str]]:
+    """Our names by kind; where a mesh, a set or a checkpoint does as well, files are offered besides."""
     from dexgrasp.evaluation.protocol import protocol_names
     from dexgrasp.registry import AGENTS
     from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
@@ -79,18 +86,6 @@ def _names() -> dict[str, list[str]]:
         "object": [*OBJECT_SETS, *CATALOGUE], "agent": list(AGENTS), "protocol": protocol_names(),
         "mount": list(cell.mounts), "camera": ["grasp", "front", *cell.camera_names],
     }  # fmt: skip
-
-
-def _functions(shell: str) -> str:
-    """Functions that offer our names, and files besides: a mesh, a set or a checkpoint does as well."""
-    lines = []
-    for kind, names in _names().items():
-        words, only = " ".join(names), kind not in ("object", "agent")
-        if shell == "bash":
-            lines.append(f'_dexgrasp_{kind}() {{ compgen{"" if only else " -f"} -W "{words}" -- "$1"; }}')
-        else:
-            lines.append(f"_dexgrasp_{kind}() {{ compadd {words}{'' if only else '; _files'} }}")
-    return "\n".join(lines)
 
 
 COMMAND = Completion

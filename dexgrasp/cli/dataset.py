@@ -17,8 +17,6 @@ from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.valid import Count
 
-_OPTIONS = ("objects", "grasps_per_pose", "seed", "chunk", "tries", "mesh_scale", "mesh_mass", "robot")
-
 
 class Generate(Command):
     """Make a dataset, rest pose by rest pose; what is there already is kept.
@@ -33,7 +31,7 @@ class Generate(Command):
         out: folder of the dataset.
     """
 
-    settings: Annotated[DatasetSettings, _OPTIONS]
+    settings: Annotated[DatasetSettings, {"least_load", "planner"}]
     out: Folder
     backend: Backend = Backend()
 
@@ -43,7 +41,7 @@ class Generate(Command):
         from dexgrasp.dataset.info import summary
 
         settings = self.settings
-        check_mesh_options(settings.objects, settings.mesh_scale, settings.mesh_mass)
+        check_mesh_options(settings.objects, settings)
         with resumable(f"finished files are kept in {self.out}"), progress_bar("file", "dataset") as bar:
             generate(settings, self.out, self.backend, bar)
         figures = summary(self.out)
@@ -71,11 +69,11 @@ class Info(Command, InCell):
         path = self.picture or self.folder / "dataset.png"
         picture(self.folder, path)
         figures["picture"] = str(path)
-        code = 0
+        no = False
         if self.verify:
             figures["verify"] = check_sample(self.folder, self.verify, self.robot)
-            code = int(figures["verify"]["passed"] < figures["verify"]["checked"])
-        return Answer(figures, describe(figures), code)
+            no = figures["verify"]["passed"] < figures["verify"]["checked"]
+        return Answer(figures, describe(figures), no)
 
 
 def describe(figures: Fields) -> str:
@@ -90,8 +88,7 @@ def describe(figures: Fields) -> str:
         },
     }
     named = {"margin": "closure margin", "approach_degrees": "approach from straight down, deg"}
-    rest = {named.get(name, name): value for name, value in (figures | readable).items()}
-    return tables(rest)
+    return tables({named.get(name, name): value for name, value in (figures | readable).items()})
 
 
 COMMAND = {"generate": Generate, "info": Info}

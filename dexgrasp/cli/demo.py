@@ -61,7 +61,7 @@ class Demo(Command, Scene):
         began, agent = time.perf_counter(), agent_for(self.agent, self.friction)
         seen = look_at(self.object, agent, self.seed, **self.env_settings, **drawn)
         agent.reset(seen.observation, seen.info)
-        found, name = _result(agent), seen.subject.identity.name
+        found = _result(agent)
         result = found.as_json(seen.subject.identity, self.agent, seen.subject.pose)
         _cloud_picture(self.out / "cloud.png", seen, found)
         if found.success:
@@ -76,8 +76,8 @@ class Demo(Command, Scene):
         good = bool(outcome["is_success"])
         whole = result | {"outcome": outcome, "success": good, "out": self.out}
         files = ", ".join(sorted(file.name for file in self.out.iterdir()))
-        text = f"{name}: {_sentence(outcome)}; {outcome['seconds']:.1f} s in all\n{self.out}: {files}"
-        return Answer(whole, text, int(not good))
+        text = f"{result['object']}: {_sentence(outcome)}; {outcome['seconds']:.1f} s in all\n{self.out}: {files}"
+        return Answer(whole, text, not good)
 
 
 def _result(agent: "Agent") -> "PlanResult":
@@ -107,10 +107,10 @@ def _execute(agent: "Agent", seen: "Look", folder: Path) -> Fields:
             over = terminated or truncated or info["is_success"]
             steps += 1
             bar(steps, env.get_wrapper_attr("spec").max_episode_steps)
-            if video is not None:
-                frames.append(video.add(env))
-    if pictures := [frame for frame in frames if frame is not None]:
-        _contact_sheet(folder / "demo.png", pictures)
+            if video is not None and (picture := video.add(env)) is not None:
+                frames.append(picture)
+    if frames:
+        _contact_sheet(folder / "demo.png", frames)
     outcome = {key: info[key] for key in _OUTCOME} | {"failure": info["failure"] or None}
     return outcome | {"simulated_seconds": round(0.05 * steps, 2)}
 

@@ -16,11 +16,6 @@ from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.valid import Count, one_of
 
-_OPTIONS = (
-    "objects", "agent", "episodes", "seed", "obs_mode", "control_mode", "observe", "noise", "friction", "randomise",
-    "robot", "mount",
-)  # fmt: skip
-
 
 class Generate(Command):
     """Have an agent act, and keep what succeeds.
@@ -44,7 +39,7 @@ class Generate(Command):
         formats: of the data sets.
     """
 
-    settings: Annotated[DemoSettings, _OPTIONS]
+    settings: Annotated[DemoSettings, {"chunk"}]
     out: Folder
     formats: tuple[Annotated[str, one_of(("minari", "lerobot"))], ...] = ("minari",)
     backend: Backend = Backend()
@@ -97,7 +92,7 @@ class Replay(Command, InCell):
             f"episode {row['episode']}: {row['object']}, scene seed {row['scene_seed']}"
             for row in figures["failed"]
         ]
-        return Answer(figures, "\n".join(lines), int(figures["successes"] < figures["replayed"]))
+        return Answer(figures, lines, figures["successes"] < figures["replayed"])
 
 
 COMMAND = {"generate": Generate, "info": Info, "replay": Replay}

@@ -1,14 +1,35 @@
 """`dexgrasp doctor`: what works on this machine, and whether a mesh is fit to use."""
 
+import os
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from dexgrasp.cli.command import Answer, Argument, Command
 from dexgrasp.cli.output import coloured, note
+from dexgrasp.runs.versions import package_version
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.valid import Positive
 
+_NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "gymnasium", "numba", "trimesh", "manifold3d")
+_OPTIONAL = {
+    "torch": "the learned agents and training need it: pip install 'dexgrasp[learning]'",
+    "stable-baselines3": "reinforcement learning needs it: pip install 'dexgrasp[learning]'",
+}
+_BACKENDS = ("egl", "osmesa", "glfw")
+_RENDER = """
+import mujoco
+model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><light pos='0 0 3'/><geom size='1'/></worldbody></mujoco>")
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+with mujoco.Renderer(model, 32, 32) as renderer:
+    renderer.update_scene(data)
+    assert renderer.render().max() > 0, "the picture is black"
+"""
 _MARKS = {"info": ("ok   ", "good"), "warning": ("look ", "look"), "error": ("WRONG", "bad")}
 
 
@@ -32,7 +53,6 @@ class Doctor(Command):
 
     def run(self) -> Answer:
         """Look; 1 if one of the findings is an error."""
-        from dexgrasp.cli import checks
         from dexgrasp_env.objects.user_mesh import describe_mesh
 
         for mesh in self.meshes:
@@ -40,21 +60,128 @@ class Doctor(Command):
                 raise InputError(f"mesh file {str(mesh)!r} does not exist")
         note("checking this machine")
         found = {
-            "versions": checks.check_versions(), "rendering": checks.check_rendering(),
-            "machine": checks.check_machine(),
+            "versions": check_versions(), "rendering": check_rendering(),
+            "machine": check_machine(),
         }  # fmt: skip
         for mesh in self.meshes:
             note(f"checking {mesh} (a first look can take a minute)")
             found[str(mesh)] = describe_mesh(mesh, scale=self.mesh_scale)
         wrong = any(finding.level == "error" for part in found.values() for finding in part)
-        text = "\n".join("\n".join([part, *map(finding_line, findings)]) for part, findings in found.items())
-        return Answer({"ok": not wrong, "findings": found}, text, int(wrong))
+        lines = [line for part, findings in found.items() for line in (part, *map(finding_line, findings))]
+        return Answer({"ok": not wrong, "findings": found}, lines, wrong)
 
 
 def finding_line(finding: Finding) -> str:
     """Return what is printed of a finding: its mark, what is the matter, and what to do about it."""
     remedy = f" -> {finding.remedy}" if finding.remedy not in ("", "nothing to do") else ""
     return f"  {coloured(*_MARKS[finding.level])} {finding.problem}{remedy}"
+
+
+def check_versions() -> list[Finding]:
+    """Look at Python and the packages."""
+    return [
+        Finding("info", f"python {'.'.join(map(str, sys.version_info[:3]))}"),
+        *map(_judged, (*_NEEDED, *_OPTIONAL)),
+    ]
+
+
+def _judged(package: str) -> Finding:
+    found = package_version(package)
+    if found is None and package in _OPTIONAL:
+        return Finding("info", f"no {package}", _OPTIONAL[package])
+    if found is None:
+        return Finding("error", f"{package} is not installed", f"pip install {package}")
+    if package == "mujoco" and int(found.split(".")[0]) >= 4:
+        problem = f"mujoco {found}: 4.0 breaks dm-control 1.0.50 and solves sparse systems wrongly"
+        return Finding("error", problem, "pip install 'mujoco>=3.17,<4'")
+    return Finding("info", f"{package} {found}")
+
+
+def check_rendering() -> list[Finding]:
+    """Render a picture with every backend, each in a process of its own: a bad driver may crash it."""
+    faults = {backend: _renders(backend) for backend in _BACKENDS}
+    working = [backend for backend, why in faults.items() if not why]
+    unneeded = "cannot be used here, and need not" if working else ""
+    findings = [
+        Finding("info", f"{backend}: {(unneeded or why) if why else 'works'}")
+        for backend, why in faults.items()
+    ]
+    if not working:
+        remedy = (
+            "for pictures and videos install libosmesa6, or libegl1 with libgl1; everything else runs without"
+        )
+        return [*findings, Finding("warning", "no off-screen rendering", remedy)]
+    from dexgrasp_env.rendering import wished_gl  # imports mujoco, which may be what is missing
+
+    if (wish := wished_gl()) and wish not in working:
+        remedy = f"unset it, or set it to {working[0]}"
+        findings.append(Finding("error", f"MUJOCO_GL={wish} draws nothing", remedy))
+    return findings
+
+
+def _renders(backend: str) -> str:
+    """Return an empty text if a backend works, else why it does not."""
+    with tempfile.TemporaryDirectory() as folder:  # MuJoCo logs into the current folder
+        done = _python(
+            _RENDER, 60, cwd=folder, env={**os.environ, "MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend}
+        )
+    if done is None:
+        return "does not answer"
+    if done.returncode == 0:
+        return ""
+    last = (done.stderr.strip().splitlines() or [""])[-1][:100]
+    return f"crashes (signal {-done.returncode})" if done.returncode < 0 else f"does not work ({last})"
+
+
+def _python(code: str, timeout: float, **where: Any) -> "subprocess.CompletedProcess[str] | None":
+    """Run code in a process of its own; None if it takes longer than the timeout, s."""
+    command = [sys.executable, "-c", code]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, timeout=timeout, **where)
+    except subprocess.TimeoutExpired:
+        return None
+
+
+def check_machine() -> list[Finding]:
+    """Look at processors, thread settings and the cache."""
+    usable = usable_cores()
+    limits = [
+        f"{key}={os.environ[key]}" for key in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if os.environ.get(key)
+    ]
+    return [
+        Finding("info", f"{usable} processors" + (f" ({', '.join(limits)})" if limits else "")),
+        _check_cache(),
+        *_check_torch(),
+    ]
+
+
+def _check_cache() -> Finding:
+    from dexgrasp_env.files import cache_dir, write_atomically
+
+    folder = cache_dir()
+    try:
+        write_atomically(folder / "doctor", b"")
+        (folder / "doctor").unlink()
+    except OSError as error:
+        problem = f"the cache {str(folder)!r} cannot be written: {error.strerror}"
+        return Finding(
+            "warning", problem, "set DEXGRASP_CACHE to a writable folder; all works without, slower"
+        )
+    return Finding("info", f"cache {folder} can be written")
+
+
+def _check_torch() -> list[Finding]:
+    if package_version("torch") is None:
+        return []
+    device = "torch.cuda.get_device_name() if torch.cuda.is_available() else 'no GPU'"
+    done = _python(f"import torch; print({device}, torch.get_num_threads())", 120)
+    if done is None:
+        return [Finding("warning", "torch does not import within two minutes")]
+    if done.returncode:
+        remedy = "reinstall it: pip install --force-reinstall torch"
+        return [Finding("error", "torch does not import", remedy)]
+    device, _, threads = done.stdout.strip().rpartition(" ")
+    return [Finding("info", f"torch works: {device}, {threads} threads")]
 
 
 COMMAND = Doctor

@@ -5,11 +5,11 @@ from typing import Annotated, Literal
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, INTERRUPTED, OK
 from dexgrasp.cli.command import Answer, Command, Folder, Options, check_mesh_options
-from dexgrasp.cli.output import note
+from dexgrasp.cli.output import note, resumable
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.video import Film
 from dexgrasp.runs import interrupt
-from dexgrasp.runs.pool import Backend, WorkerDiedError
+from dexgrasp.runs.pool import Backend
 from dexgrasp_env.valid import NATURAL, Rule, Share, check, one_of
 
 _VIDEOS = Rule(
@@ -67,45 +67,41 @@ class Evaluate(Command, Statistics):
     def run(self) -> Answer | int:
         """Evaluate; 3 if it was interrupted or a worker died, with what was finished kept, 1 if trials were lost."""
         from dexgrasp.evaluation.evaluate import LostTrialsError, evaluate
+        from dexgrasp.evaluation.power import power_figures, power_sentences
         from dexgrasp.evaluation.report.tables import render_summary
         from dexgrasp.registry import check_name
         from dexgrasp_env.rendering import SHOW_CAMERAS
         from dexgrasp_env.robot.cell import make_cell
 
         settings = self.settings
-        check_mesh_options(settings.objects, settings.mesh_scale, settings.mesh_mass)
+        check_mesh_options(settings.objects, settings)
         check("camera", self.film.camera, one_of((*SHOW_CAMERAS, *make_cell(settings.robot).camera_names)))
         if self.power is not None:
-            return self._power(self.power)
+            figures = power_figures(self.power, self.expect, len(settings.agents), len(settings.objects))
+            return Answer({"power": figures}, power_sentences(figures))
         for agent in settings.agents:
             check_name(agent)
         folder = self.out or settings.default_folder()
         note(f"results go to {folder}")
-        code, said = OK, ""
+        code = OK
         try:
-            evaluate(
-                settings, folder, backend=self.backend, videos=self.video, film=self.film, stop_level=self.stop_early
-            )  # fmt: skip
-        except (KeyboardInterrupt, WorkerDiedError) as stop:
+            with resumable(f"finished trials are kept in {folder}"):
+                evaluate(
+                    settings, folder, backend=self.backend, videos=self.video, film=self.film,
+                    stop_level=self.stop_early,
+                )  # fmt: skip
+        except KeyboardInterrupt as stop:
             interrupt.acknowledge()
-            kept = f"finished trials are kept in {folder}: the same command goes on from there"
-            code, said = INTERRUPTED, f"{str(stop) or 'interrupted'}; {kept}"
+            note(f"dexgrasp evaluate: interrupted; {stop}")
+            code = INTERRUPTED
         except LostTrialsError as lost:
-            code, said = ANSWER_IS_NO, f"{lost}; the others are in {folder}"
-        if said:
-            note(f"dexgrasp evaluate: {said}")
+            note(f"dexgrasp evaluate: {lost}; the others are in {folder}")
+            code = ANSWER_IS_NO
         path = folder / "summary.json"
         if not path.is_file():
             return code
         summary = json.loads(path.read_text())
         return Answer(summary, render_summary(summary), code)
-
-    def _power(self, difference: float) -> Answer:
-        from dexgrasp.evaluation.power import power_figures, power_sentences
-
-        settings = self.settings
-        figures = power_figures(difference, self.expect, len(settings.agents), len(settings.objects))
-        return Answer({"power": figures}, "\n".join(power_sentences(figures)))
 
 
 COMMAND = Evaluate

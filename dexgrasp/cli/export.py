@@ -58,7 +58,7 @@ class Export(Command, InCell):
         lines.append(f"check it before anything moves: dexgrasp check {self.out}{cell}")
         if rejected:
             lines.insert(0, f"verify rejects this grasp, and the files say so: {', '.join(rejected)}")
-        return Answer({"object": record.object.name, "files": files, "rejected": rejected}, "\n".join(lines))
+        return Answer({"object": record.object.name, "files": files, "rejected": rejected}, lines)
 
 
 COMMAND = Export

@@ -1,14 +1,12 @@
 """`dexgrasp list`: objects, environments, agents, protocols."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+from pkgutil import resolve_name
+from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, InCell
 from dexgrasp.cli.figures import columns, record_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.valid import one_of
-
-if TYPE_CHECKING:
-    from dexgrasp_env.robot.robot import Robot
 
 Rows = list[Fields]
 
@@ -34,7 +32,6 @@ def list_objects() -> Rows:
 def list_envs() -> Rows:
     """Return the registered environments with the choices of their arguments."""
     import gymnasium as gym
-    from gymnasium.envs.registration import load_env_creator
 
     from dexgrasp_env.robot.cell import default_cell
     from dexgrasp_env.tasks.control import CONTROL_MODES
@@ -42,26 +39,13 @@ def list_envs() -> Rows:
 
     choices = {"control_mode": CONTROL_MODES, "reward_mode": REWARD_MODES, "mount": default_cell().mounts}
     specs = [spec for id, spec in sorted(gym.registry.items()) if id.startswith("DexGrasp/")]
-    kinds: list[Any] = [load_env_creator(str(spec.entry_point)) for spec in specs]
     return [
         {
             "id": spec.id, "max_episode_steps": spec.max_episode_steps, "preset": spec.kwargs,
-            "obs_mode": kind.obs_modes, **choices,
+            "obs_mode": resolve_name(str(spec.entry_point)).obs_modes, **choices,
         }
-        for spec, kind in zip(specs, kinds, strict=True)
+        for spec in specs
     ]  # fmt: skip
-
-
-def robot_of_envs(robot: "Robot") -> Fields:
-    """Return what a robot makes of actions and observations: joints in their order, and how many numbers each has."""
-    from dexgrasp_env.tasks.control import CONTROL_MODES, action_size
-    from dexgrasp_env.tasks.observations import key_sizes
-
-    return {
-        "robot": robot.name, "joints": robot.joints, "fingers": [finger.name for finger in robot.hand.fingers],
-        "control_mode": {mode: action_size(mode, robot) for mode in CONTROL_MODES},
-        "observations": key_sizes("state", robot),
-    }  # fmt: skip
 
 
 def list_agents() -> Rows:
@@ -87,14 +71,12 @@ def list_protocols() -> Rows:
 
 
 def _describe(spec: str) -> Fields:
-    from pkgutil import resolve_name
-
     try:
         agent = resolve_name(spec)
-    except (ImportError, AttributeError) as error:
+    except ImportError as error:
         return {"obs_mode": None, "control_mode": None, "summary": f"not available here: {error}"}
     modes = {key: agent.env_settings.get(key) for key in ("obs_mode", "control_mode")}
-    return {**modes, "summary": (agent.__doc__ or "").strip().partition("\n")[0]}
+    return modes | {"summary": (agent.__doc__ or "").strip().partition("\n")[0]}
 
 
 _LISTS = {"objects": list_objects, "envs": list_envs, "agents": list_agents, "protocols": list_protocols}
@@ -122,7 +104,15 @@ class List(Command, InCell):
 
         rows = _LISTS[self.what]()
         if self.what == "envs":
-            own = robot_of_envs(self.cell.robot)
+            from dexgrasp_env.tasks.control import CONTROL_MODES, action_size
+            from dexgrasp_env.tasks.observations import key_sizes
+
+            robot = self.cell.robot
+            own = {
+                "robot": robot.name, "joints": robot.joints, "fingers": [finger.name for finger in robot.hand.fingers],
+                "control_mode": {mode: action_size(mode, robot) for mode in CONTROL_MODES},
+                "observations": key_sizes("state", robot),
+            }  # fmt: skip
             parts = ["\n".join(columns(row)) for row in [*rows, own]]
             return Answer({"envs": rows, "robot": own}, "\n\n".join(parts))
         if self.what != "objects":

@@ -40,7 +40,7 @@ def resumable(kept: str) -> Iterator[None]:
     try:
         yield
     except (KeyboardInterrupt, WorkerDiedError) as stop:
-        said = f"{stop}; {kept}" if isinstance(stop, WorkerDiedError) else kept
+        said = f"{stop}; {kept}" if str(stop) else kept
         raise KeyboardInterrupt(f"{said}: the same command goes on from there") from None
 
 

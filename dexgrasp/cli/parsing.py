@@ -4,7 +4,7 @@ import argparse
 import inspect
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import MISSING, Field, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
@@ -50,7 +50,7 @@ def build(kind: type[C], args: argparse.Namespace) -> C:
 
 
 def add_options(
-    parser: argparse.ArgumentParser, kind: Any, path: str = "", chosen: tuple[str, ...] | None = None
+    parser: argparse.ArgumentParser, kind: Any, path: str = "", chosen: Collection[str] = frozenset()
 ) -> None:
     """Add an option for every field of a dataclass; those of other classes and of dataclasses within are groups.
 
@@ -58,9 +58,10 @@ def add_options(
         parser: of the command.
         kind: the dataclass.
         path: names of the fields that lead to it, each with a dot behind.
-        chosen: the fields that are options; None for all.
+        chosen: the fields that are options, a tuple; or those that are none, a set.
     """
-    seen = set[str]()
+    listed = isinstance(chosen, tuple)
+    seen = set() if listed else set(chosen)
     for owner in kind.__mro__:
         title, _, lines = texts(owner)
         apart = path or owner not in (kind, Command)
@@ -69,28 +70,32 @@ def add_options(
             seen.add(name)
             hint = hints(kind)[name]
             if is_dataclass(hint.kind):
-                named = next((mark for mark in hint.marks if isinstance(mark, tuple)), chosen)
+                named = next((mark for mark in hint.marks if isinstance(mark, tuple | set)), chosen)
                 add_options(parser, hint.kind, f"{path}{name}.", named)
-            elif chosen is None or name in chosen:
+            elif name in chosen or not listed:
                 _add(place, path + name, kind.__dataclass_fields__[name], hint, lines.get(name, ""))
 
 
 def _add(place: Any, path: str, field: "Field[Any]", hint: Hint, line: str) -> None:
     default = field.default if field.default_factory is MISSING else field.default_factory()
-    settings = {"help": _help(line, default), "default": argparse.SUPPRESS} | _value(field.name, hint)
+    settings = {"help": _help(line, default)} | _value(field.name, hint)
     for mark in hint.marks:
         settings |= mark if isinstance(mark, dict) else {}
+    settings["default"] = os.environ.get(settings.pop("variable", ""), argparse.SUPPRESS)
     if POSITIONAL in hint.marks:
         if default is not MISSING:
             settings["nargs"] = "*" if "nargs" in settings else "?"
         place.add_argument(path, **settings)
     else:
         flags = [mark for mark in hint.marks if str(mark).startswith("--")]
-        flags = flags or [f"--{field.name.replace('_', '-')}"]
-        other = settings.pop("instead_of", path)
-        settings["default"] = os.environ.get(settings.pop("variable", ""), argparse.SUPPRESS)
-        place.add_argument(*flags, dest=path, required=default is MISSING, **settings)
-        if other != path:
+        other = settings.pop("instead_of", None)
+        place.add_argument(
+            *flags or [f"--{field.name.replace('_', '-')}"],
+            dest=path,
+            required=default is MISSING,
+            **settings,
+        )
+        if other:
             both = [action for action in place._actions if action.dest in (path, other)]
             place.add_mutually_exclusive_group()._group_actions += both
 

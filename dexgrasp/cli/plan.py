@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check_mesh_options
 from dexgrasp.cli.output import note
-from dexgrasp.cli.scan import Scan, as_json, chosen_line, list_lines, tilt_line
+from dexgrasp.cli.scan import Scan, chosen_line, list_lines, tilt_line
 from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, Share, check
 
 if TYPE_CHECKING:
-    from dexgrasp.planning.look import Look, Subject
+    from dexgrasp.planning.look import Look
     from dexgrasp.planning.result import PlanResult, Progress
     from dexgrasp_env.perception.cloud import Cloud
     from dexgrasp_env.perception.scene import Scene as PerceivedScene
@@ -73,7 +73,7 @@ class Plan(Command, Scan, Scene):
         with progress_bar("step", "grasps", shown=several, delay=3, leave=False) as progress:
             found, content = self._plan(progress) if scan is None else self._plan_scan(scan, progress)
         good = found.success and all(grasp.certificate.holds for grasp in found.grasps)
-        answer = Answer(content, describe(content, found.sentence), int(not good))
+        answer = Answer(content, describe(content, found.sentence), not good)
         if self.out is not None and (found.success or several):
             try:
                 note(write_results(self.out, found, content))
@@ -114,31 +114,26 @@ class Plan(Command, Scan, Scene):
     def _plan(self, progress: "Progress") -> "tuple[PlanResult, Fields]":
         """Plan for the named object; return what came of it, and the same as JSON."""
         if self.floating:
-            subject, found = self._plan_floating(progress)
+            from dexgrasp.planning.floating import plan_floating
+            from dexgrasp.planning.seen import default_planner
+            from dexgrasp.planning.settings import PlannerSettings
+
+            planner = default_planner(self.cell, PlannerSettings.of(self.friction), "surface")
+            subject, found = plan_floating(
+                planner,
+                str(self.target),
+                self.seed,
+                scale=self.mesh_scale,
+                mass=self.mesh_mass,
+                count=self.count,
+                progress=progress,
+            )
         else:
             look, found = plan_target(
                 str(self.target), self.agent, self, progress, count=self.count, at_least=self.at_least
             )
             subject = look.subject
         return found, found.as_json(subject.identity, self.agent, subject.pose)
-
-    def _plan_floating(self, progress: "Progress") -> "tuple[Subject, PlanResult]":
-        from dexgrasp.planning.floating import plan_floating
-        from dexgrasp.planning.seen import default_planner
-        from dexgrasp.planning.settings import PlannerSettings
-        from dexgrasp_env.robot.cell import make_cell
-
-        cell = make_cell(self.robot, self.mount)
-        planner = default_planner(cell, PlannerSettings.of(self.friction, None), "surface")
-        return plan_floating(
-            planner,
-            str(self.target),
-            self.seed,
-            scale=self.mesh_scale,
-            mass=self.mesh_mass,
-            count=self.count,
-            progress=progress,
-        )
 
     def _plan_scan(self, scan: "Cloud", progress: "Progress") -> "tuple[PlanResult, Fields]":
         """Plan on a cloud; return what came of it, and the same as JSON."""
@@ -166,7 +161,7 @@ class Plan(Command, Scan, Scene):
             count=self.count,
             progress=progress,
         )
-        return found, found.as_json(scan_name(Path(str(self.cloud)))) | {"seen": as_json(seen)}
+        return found, found.as_json(scan_name(Path(str(self.cloud)))) | {"seen": seen}
 
     def _look(self, scan: "Cloud") -> "tuple[PerceivedScene, list[Seen]]":
         """Return the scene of a cloud, and the objects that are seen there."""
@@ -188,7 +183,7 @@ class Plan(Command, Scan, Scene):
             lines.append(tilt_line(scene.tilt))
         if seen and self.out is not None:
             lines.append(f"wrote {objects_picture(self.out / 'objects.png', scene, seen)}")
-        return Answer({"objects": as_json(seen)}, "\n".join(lines), int(not seen))
+        return Answer({"objects": seen}, lines, not seen)
 
 
 def check_target(target: str, agent: str, scene: Scene) -> None:
@@ -205,7 +200,7 @@ def check_target(target: str, agent: str, scene: Scene) -> None:
     found = resolve_targets([target])
     if len(found) > 1:
         raise InputError(f"{target!r} is a set: name one of its objects ({', '.join(found)})")
-    check_mesh_options(found, scene.mesh_scale, scene.mesh_mass)
+    check_mesh_options(found, scene)
     check_name(agent)
 
 

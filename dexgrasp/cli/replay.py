@@ -1,14 +1,11 @@
 """`dexgrasp replay`: one trial of an evaluation again, exactly."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell
 from dexgrasp.cli.output import note
 from dexgrasp.evaluation.video import Film
 from dexgrasp_env.valid import Natural
-
-if TYPE_CHECKING:
-    from dexgrasp.evaluation.replay import Replay as Replayed
 
 
 class Replay(Command, InCell):
@@ -58,17 +55,16 @@ class Replay(Command, InCell):
             "same": not found.changed, "changed": found.changed, "stale": found.stale, "trial": found.again,
             "recorded": found.row, "grasp": found.grasp, "video": found.video,
         }  # fmt: skip
-        return Answer(content, self._sentences(found), int(bool(found.changed)))
-
-    def _sentences(self, found: "Replayed") -> str:
-        again, row, changed, video = found.again, found.row, found.changed, found.video
+        again = found.again
         outcome = "lifted and held" if again["success"] else f"failed: {again['reason']}"
         lines = [
-            f"{self.agent} on {self.object}, trial {self.trial}: {outcome}, after {again['steps']} steps"
+            f"{self.agent} on {self.object}, trial {self.trial}: {outcome}, after {again['steps']} steps",
+            *(f"  {key}: {found.row[key]} there, {again[key]} now" for key in found.changed),
+            "not as recorded" if found.changed else "as recorded, to the last bit",
         ]
-        lines += [f"  {key}: {row[key]} there, {again[key]} now" for key in changed]
-        lines.append("not as recorded" if changed else "as recorded, to the last bit")
-        return "\n".join([*lines, *([] if video is None else [f"video: {video}"])])
+        if found.video is not None:
+            lines.append(f"video: {found.video}")
+        return Answer(content, lines, bool(found.changed))
 
 
 COMMAND = Replay

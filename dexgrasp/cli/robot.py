@@ -30,15 +30,15 @@ class ListRobots(Command):
         """List them."""
         from dexgrasp_env.robot.cell import make_cell, robot_files
 
-        rows = [self._row(name, make_cell(name).robot) for name in robot_files()]
+        robots = {name: make_cell(name).robot for name in robot_files()}
+        rows = [
+            {
+                "name": name, "arm": robot.arm.name, "hand": robot.hand.name, "joints": robot.dof,
+                "fingers": len(robot.hand.fingers), "mount": robot.mount.name,
+            }
+            for name, robot in robots.items()
+        ]  # fmt: skip
         return Answer({"robots": rows}, record_table(rows))
-
-    @staticmethod
-    def _row(name: str, robot: Any) -> Fields:
-        return {
-            "name": name, "arm": robot.arm.name, "hand": robot.hand.name, "joints": robot.dof,
-            "fingers": len(robot.hand.fingers), "mount": robot.mount.name,
-        }  # fmt: skip
 
 
 class Make(Command):
@@ -72,7 +72,7 @@ class Make(Command):
         assumed = make_robot(self.hand, self.arm, self.out)
         lines = [f"{self.out} is written; test it with: dexgrasp robot check {self.out}"]
         lines += ["assumed:"] * bool(assumed) + [f"  {line}" for line in assumed]
-        return Answer({"robot": str(self.out), "assumed": assumed}, "\n".join(lines))
+        return Answer({"robot": str(self.out), "assumed": assumed}, lines)
 
 
 class CheckRobot(Command):
@@ -103,9 +103,7 @@ class CheckRobot(Command):
         if self.picture is not None and not wrong:
             missed = _draw(cell, self.picture)
             findings += [Finding("warning", f"no grasp of {name} was found", _SEARCH) for name in missed]
-        return Answer(
-            {"ok": not wrong, "findings": findings}, "\n".join(map(finding_line, findings)), int(wrong)
-        )
+        return Answer({"ok": not wrong, "findings": findings}, list(map(finding_line, findings)), wrong)
 
 
 def _draw(cell: Any, path: Path) -> list[str]:

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from dexgrasp.cli.command import File, Options
-from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Positive
 
@@ -101,14 +100,3 @@ def chosen_line(seen: "list[Seen]") -> str:
     )
     line = f"object: {first}; within {100 * _BESIDE:.0f} cm: {said or 'nothing'}"
     return line + f"\nwarning: object 1 {_DOUBT}: a --mask tells for certain" * first.doubtful
-
-
-def as_json(seen: "list[Seen]") -> list[Fields]:
-    """Return the objects as JSON has them, m, frame of the robot's base."""
-    return [
-        {
-            "number": one.number, "place": one.place, "extents": one.extents,
-            "next": None if one.next > 1e3 else one.next, "doubtful": one.doubtful,
-        }
-        for one in seen
-    ]  # fmt: skip

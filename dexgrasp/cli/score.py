@@ -57,13 +57,13 @@ class Score(Command, InCell):
             write_json(self.out / "scores.json", content)
             note(f"results are in {self.out / 'scores.json'}")
         held = any(cell["successes"] for cell in content["protocols"].values())
-        return Answer(content, render_scores(content), int(not held))
+        return Answer(content, render_scores(content), not held)
 
 
 def render_scores(content: Fields) -> str:
     """Return the scores as tables for a terminal."""
     rows, grasps = content["rows"], dict[str, Fields]()
-    labels = short_names(list(dict.fromkeys(row["grasp"] for row in rows)))
+    labels = short_names([row["grasp"] for row in rows])
     for row in rows:
         verdict = grasps.setdefault(row["grasp"], {"grasp": labels[row["grasp"]], "object": row["object"]})
         verdict[row["protocol"]] = "held" if row["success"] else row["score"] or None

@@ -11,26 +11,136 @@ A run that was interrupted goes on when the same command is given again, on a CP
 policy is an agent by its path (JSON and safetensors); with several seeds it has a folder seed-S for each.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
-from dexgrasp.cli.command import Answer, Folder
-from dexgrasp.cli.training import Device, PolicyCommand, TrainingCommand
+from dexgrasp.cli.command import Answer, Command, Folder, Options
+from dexgrasp.cli.figures import shown
+from dexgrasp.cli.output import resumable
 from dexgrasp.cvae.settings import TrainingSettings
 from dexgrasp.imitation.settings import BcSettings
 from dexgrasp.reinforcement.settings import GripSettings, RlSettings
+from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.arrays import Fields
-from dexgrasp_env.valid import Count, Positive, one_of
+from dexgrasp_env.valid import Count, Natural, Positive, one_of
+
+if TYPE_CHECKING:
+    from dexgrasp.runs.training import Progress, Training
 
 _CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")
 _BC = ("epochs", "threads", "hidden", "chunk", "execute")
 _GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "rate", "threads")
-_SAC = (
-    "objects", "env_id", "control_mode", "hold", "chunk", "episode_steps", "backend", "randomise", "resets", "share",
-    "steps", "num_envs", "hidden", "rate", "discount", "reward_scale", "threads",
-)  # fmt: skip
+_OF_PPO = ("spread", "settle", "noise", "rollout", "passes", "divergence", "adaptive")
+_OF_SAC = ("buffer", "warm_up", "updates")
+Device = Annotated[str, one_of(("auto", "cpu", "cuda"))]
 Minutes = Annotated[Positive | None, "M", {"instead_of": "settings.epochs"}]
+
+
+class TrainingCommand(Command):
+    """The training.
+
+    Attributes:
+        out: folder of the training; that of a policy is an agent by its path.
+        device: where it is computed.
+    """
+
+    out: Folder
+    device: Device = "cpu"
+
+    def train(
+        self,
+        make: "Callable[..., Training]",
+        unit: str,
+        *,
+        of: str = "",
+        out: Path | None = None,
+        **course: Any,
+    ) -> "Training":
+        """Train behind a bar that shows the figures of the last epoch; draw the curves.
+
+        Args:
+            make: given a folder and a course, makes the training.
+            unit: of the bar.
+            of: what the bar says besides the command's name.
+            out: folder, where it is not that of the command.
+            **course: what the course has beside the device.
+        """
+        from dexgrasp.runs.curves import draw_curves
+        from dexgrasp.runs.training import Course
+
+        folder, name = out or self.out, type(self).__name__.lower()
+        with resumable(f"the last checkpoint is kept in {folder}"), progress_bar(unit, name + of) as bar:
+
+            def show(state: "Progress") -> None:
+                """Move the bar to the present epoch."""
+                bar(
+                    state.epoch,
+                    state.epochs,
+                    **{key: shown(value) for key, value in self.figures(state.curve[-1]).items()},
+                )
+
+            training = make(out=folder, course=Course(self.device, **course))
+            training.run(show)
+        draw_curves(training.state.curve, folder / "curves.png", training.best)
+        return training
+
+    def figures(self, row: Fields) -> Fields:
+        """Return what the bar shows of the line of an epoch."""
+        return {key: value for key, value in row.items() if key != "epoch" and value is not None}
+
+
+class Tried(Options):
+    """Trials while it learns (seeds of their own: 0 to 99 are for tuning).
+
+    Attributes:
+        try_on: objects or sets (default: no trials).
+        trials: on each.
+        every: epochs, of reinforcement rounds, between trials.
+    """
+
+    try_on: Annotated[tuple[str, ...], "OBJECT"] = ()
+    trials: Count = 1
+    every: Count = 20
+
+
+class PolicyCommand(TrainingCommand, Tried):
+    """The policy.
+
+    Attributes:
+        seeds: one or several, each a policy of its own in a folder seed-S.
+    """
+
+    seeds: Annotated[tuple[Natural, ...], "--seed", "S"] = (0,)
+
+    def train_each(self, make: "Callable[..., Training]", unit: str, settings: Any, **course: Any) -> Answer:
+        """Train a policy for each seed, return the figures of its last epoch.
+
+        Args:
+            make: given a folder, settings and a course, makes the training.
+            unit: of the bar.
+            settings: of the training, the seed apart.
+            **course: what the course has beside device and trials.
+        """
+        tester = None
+        if self.try_on:
+            from dexgrasp.imitation.trials import Trials
+            from dexgrasp_env.objects.load import resolve_targets
+
+            tester = Trials(tuple(resolve_targets(self.try_on)), self.trials, every=self.every)
+        policies, seeds = list[Fields](), dict.fromkeys(self.seeds)
+        for seed in seeds:
+            out = self.out if len(seeds) == 1 else self.out / f"seed-{seed}"
+            seeded = partial(make, settings=replace(settings, seed=seed))
+            state = self.train(seeded, unit, of=f", seed {seed}", out=out, tester=tester, **course).state
+            policies.append({"policy": str(out), **state.curve[-1], "seconds": state.seconds})
+        lines = [
+            "; ".join(f"{key.replace('_', ' ')} {shown(value)}" for key, value in row.items())
+            for row in policies
+        ]
+        return Answer({"policies": policies}, lines)
 
 
 class Cvae(TrainingCommand):
@@ -55,7 +165,7 @@ class Cvae(TrainingCommand):
     minutes: Minutes = None
     device: Device = "auto"
 
-    def learn(self) -> Answer:
+    def run(self) -> Answer:
         """Train, return the losses."""
         from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeTraining
 
@@ -72,7 +182,7 @@ class Cvae(TrainingCommand):
             if isinstance(values, dict) and values
         ]
         epoch = f"epoch {training.best} of {state.epochs}, {state.seconds:.0f} s"
-        return Answer(figures, "\n".join([*lines, f"{epoch}; weights in {figures['weights']}"]))
+        return Answer(figures, [*lines, f"{epoch}; weights in {figures['weights']}"])
 
     def figures(self, row: Fields) -> Fields:
         """Return the losses."""
@@ -107,7 +217,7 @@ class Bc(PolicyCommand):
     minutes: Minutes = None
     every: Count = 5
 
-    def learn(self) -> Answer:
+    def run(self) -> Answer:
         """Train a policy for each seed, return losses and successes."""
         from dexgrasp.demos.generate import read_about
         from dexgrasp.imitation.cloning import VIEWS
@@ -140,7 +250,7 @@ class Grip(PolicyCommand):
     clone: Annotated[Folder, "--from"]
     every: Count = 10
 
-    def learn(self) -> Answer:
+    def run(self) -> Answer:
         """Train a policy for each seed, return returns and successes."""
         from dexgrasp.reinforcement.policy_training import GripTraining
 
@@ -158,7 +268,7 @@ class _Rl(PolicyCommand):
     settings: RlSettings
     clone: Annotated[Folder | None, "--from"] = None
 
-    def learn(self) -> Answer:
+    def run(self) -> Answer:
         """Train a policy for each seed, return returns and successes."""
         from dexgrasp.reinforcement.policy_training import PolicyTraining
 
@@ -184,9 +294,7 @@ class Ppo(_Rl):
     that on a CPU it goes on to the same bits.
     """
 
-    settings: Annotated[
-        RlSettings, (*_SAC, "spread", "settle", "noise", "rollout", "passes", "divergence", "adaptive")
-    ]
+    settings: Annotated[RlSettings, {"algorithm", "seed", *_OF_SAC}]
 
 
 class Sac(_Rl):
@@ -198,7 +306,7 @@ class Sac(_Rl):
     All else is as of `dexgrasp train ppo`, whose help says more.
     """
 
-    settings: Annotated[RlSettings, (*_SAC, "buffer", "warm_up", "updates")]
+    settings: Annotated[RlSettings, {"algorithm", "seed", *_OF_PPO}]
 
 
 COMMAND = {"cvae": Cvae, "bc": Bc, "grip": Grip, "ppo": Ppo, "sac": Sac}

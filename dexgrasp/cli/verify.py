@@ -1,14 +1,11 @@
 """`dexgrasp verify`: every constraint of a grasp checked again, independently of the planner."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, InCell
 from dexgrasp.cli.output import check_lines, mark
 from dexgrasp_env.arrays import Fields
-
-if TYPE_CHECKING:
-    from dexgrasp.verify.check import Check
 
 
 class Verify(Command, InCell):
@@ -35,22 +32,23 @@ class Verify(Command, InCell):
 
         cell = self.cell
         records = [read_grasp(path, cell) for path in self.grasps]
-        found = [
-            {"file": str(path), "object": record.object.name, **_verdict(verify(record))}
-            for path, record in zip(self.grasps, records, strict=True)
+        found: list[Fields] = [
+            {
+                "file": str(path),
+                "object": record.object.name,
+                "holds": all(check.holds for check in checks),
+                "checks": checks,
+            }
+            for path, record, checks in zip(self.grasps, records, map(verify, records), strict=True)
         ]
         held = sum(one["holds"] for one in found)
-        code = int(held < len(found))
+        no = held < len(found)
         if len(found) == 1:
             lines = [*check_lines(found[0]["checks"]), f"{found[0]['object']}: {_sentence(found[0])}"]
-            return Answer(found[0], "\n".join(lines), code)
+            return Answer(found[0], lines, no)
         lines = [f"{mark(one['holds'])}  {one['file']}: {_sentence(one)}" for one in found]
         lines.append(f"{held} of {len(found)} grasps hold every constraint")
-        return Answer({"holds": not code, "grasps": found}, "\n".join(lines), code)
-
-
-def _verdict(checks: "list[Check]") -> Fields:
-    return {"holds": all(check.holds for check in checks), "checks": checks}
+        return Answer({"holds": not no, "grasps": found}, lines, no)
 
 
 def _sentence(found: Fields) -> str:

@@ -1,7 +1,7 @@
 """`dexgrasp view`: a grasp in the browser, from approach to hold."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, File, Scene
 from dexgrasp.cli.output import note
@@ -9,9 +9,6 @@ from dexgrasp.cli.plan import plan_target
 from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.valid import Count
-
-if TYPE_CHECKING:
-    from dexgrasp.viewer.film import Film
 
 _MOST = 6  # trials of a run that are shown side by side
 
@@ -39,11 +36,25 @@ class View(Command, Scene):
 
     def run(self) -> Answer | int:
         """Plan or read, then serve or write."""
+        from dexgrasp.evaluation.store import kept_grasps
+        from dexgrasp.grasp.file import read_grasp, record_of
+        from dexgrasp.viewer.film import film_of
         from dexgrasp.viewer.page import page, serve
+        from dexgrasp_env.perception.scene import Scene as Perceived
 
         if self.html is not None:
             make_folder(self.html.parent)
-        films = _films(self)
+        path, cell = Path(self.target), self.cell
+        if path.is_dir() or (path.suffix.lower() == ".json" and path.is_file()):
+            files = kept_grasps(path)[:_MOST] if path.is_dir() else [path]
+            films = [film_of(read_grasp(file, cell)) for file in files]
+        else:
+            look, found = plan_target(self.target, "bilevel", self)
+            (identity, pose), seen = look.subject, Perceived.of_observation(look.observation).target.points
+            if not found.success:
+                note(f"{identity.name}: no grasp ({found.reason}), so there is nothing to show")
+            contents = found.contents(identity, "bilevel", pose)
+            films = [film_of(record_of(content, cell=cell), seen) for content in contents]
         if not films:
             return 1
         if self.html is None:
@@ -53,25 +64,6 @@ class View(Command, Scene):
         write_atomically(self.html, page(films).encode())
         note(f"wrote {self.html}")
         return Answer({"file": self.html, "films": [film.title for film in films]}, "")
-
-
-def _films(view: View) -> "list[Film]":
-    from dexgrasp.evaluation.store import kept_grasps
-    from dexgrasp.grasp.file import read_grasp, record_of
-    from dexgrasp.viewer.film import film_of
-    from dexgrasp_env.perception.scene import Scene
-
-    path, cell = Path(view.target), view.cell
-    if path.is_dir():
-        return [film_of(read_grasp(file, cell)) for file in kept_grasps(path)[:_MOST]]
-    if path.suffix.lower() == ".json" and path.is_file():
-        return [film_of(read_grasp(path, cell))]
-    look, found = plan_target(view.target, "bilevel", view)
-    (identity, pose), seen = look.subject, Scene.of_observation(look.observation).target.points
-    if not found.success:
-        note(f"{identity.name}: no grasp ({found.reason}), so there is nothing to show")
-    contents = found.contents(identity, "bilevel", pose)
-    return [film_of(record_of(content, cell=cell), seen) for content in contents]
 
 
 COMMAND = View
