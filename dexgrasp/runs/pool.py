@@ -184,22 +184,17 @@ def _connect(address: str | None, workers: int) -> bool:
     if address is None and ray.is_initialized():
         return False
     if address not in (None, "auto"):
-        _check_reachable(str(address))
+        host, _, port = str(address).removeprefix("ray://").rpartition(":")
+        try:  # Ray itself waits for minutes where nobody listens
+            socket.create_connection((host, int(port)), timeout=5.0).close()
+        except (OSError, ValueError) as error:
+            raise _no_cluster(address, getattr(error, "strerror", None) or str(error)) from None
     local: Fields = {} if address else {"num_cpus": workers, "include_dashboard": False}
     try:
         ray.init(address=address or "local", log_to_driver=False, logging_level=logging.ERROR, **local)
     except (ConnectionError, ValueError, RuntimeError) as error:
         raise _no_cluster(address, str(error).partition("\n")[0]) from None
     return True
-
-
-def _check_reachable(address: str) -> None:
-    """Knock first: Ray itself waits for minutes where nobody listens."""
-    host, _, port = address.removeprefix("ray://").rpartition(":")
-    try:
-        socket.create_connection((host, int(port)), timeout=5.0).close()
-    except (OSError, ValueError) as error:
-        raise _no_cluster(address, getattr(error, "strerror", None) or str(error)) from None
 
 
 def _no_cluster(address: str | None, reason: str) -> InputError:

@@ -61,18 +61,6 @@ class Course:
     tester: Tester | None = None
 
 
-def _place(device: str) -> torch.device:
-    """Where torch computes.
-
-    Raises:
-        InputError: for another name, or a device that is not there.
-    """
-    there = torch.cuda.is_available()
-    if check("device", device, _DEVICES) == "cuda" and not there:
-        raise InputError("device 'cuda': there is none that torch can use; valid are auto, cpu")
-    return torch.device("cuda" if device != "cpu" and there else "cpu")
-
-
 class Training(ABC):
     """A training: who inherits says what is trained on what, and does an epoch of it.
 
@@ -96,7 +84,11 @@ class Training(ABC):
             InputError: for a device that is not there.
         """
         self.out, self.settings, self.course = out, settings, course
-        self.place = _place(course.device)
+        there = torch.cuda.is_available()
+        if check("device", course.device, _DEVICES) == "cuda" and not there:
+            raise InputError("device 'cuda': there is none that torch can use; valid are auto, cpu")
+        self.place = torch.device("cuda" if course.device != "cpu" and there else "cpu")
+        """Where torch computes."""
         self.state = Progress(epochs=epochs)
         self.open = ExitStack()
         """Closes what is open when the training ends."""

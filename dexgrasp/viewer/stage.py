@@ -6,7 +6,6 @@ import numpy as np
 
 from dexgrasp.physics.cones import cone_edges
 from dexgrasp.viewer.film import Film
-from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.model import compiled_robot
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
@@ -98,7 +97,7 @@ class Stage:
             self._scene.add_point_cloud(f"{self._root}/cloud", film.cloud, _CLOUD, point_size=0.002)
 
     def _add_contacts(self) -> None:
-        """Contacts, cones and forces; in the object's frame, so that they move with it."""
+        """Contacts, forces, rays and rim of cones that open outside; in the object's frame, to move with it."""
         record, T = self.film.record, np.linalg.inv(self.film.object_poses[0])
         path = f"{self._root}/object/contacts"
         self._scene.add_frame(path, show_axes=False, position=T[:3, 3], wxyz=matrix_to_quat(T[:3, :3]))
@@ -106,13 +105,8 @@ class Stage:
             own, point = f"{path}/{contact.finger}", contact.point
             force = np.stack([point - _FORCE_SCALE * contact.force, point])[None]
             self._scene.add_line_segments(f"{own}/force", force, colour, thickness=0.004)
-            rays = _cone_rays(point, contact.normal, record.thresholds.friction)
+            rim = point - _CONE * cone_edges(contact.normal[None], record.thresholds.friction, _RAYS)[0]
+            rays = np.stack([np.broadcast_to(point, rim.shape), rim], axis=1)[::3]
+            rays = np.concatenate([rays, np.stack([rim, np.roll(rim, -1, axis=0)], axis=1)])
             self._scene.add_line_segments(f"{own}/cone", rays, colour, thickness=0.001)
             self._scene.add_icosphere(f"{own}/point", radius=0.004, color=colour, position=point)
-
-
-def _cone_rays(contact: Array, normal: Array, friction: float) -> Array:
-    """Segments (K, 2, 3) of a friction cone drawn outside of the object: its rays and its rim."""
-    rim = contact - _CONE * cone_edges(normal[None], friction, _RAYS)[0]
-    rays = np.stack([np.broadcast_to(contact, rim.shape), rim], axis=1)
-    return np.concatenate([rays[::3], np.stack([rim, np.roll(rim, -1, axis=0)], axis=1)])
