@@ -13,6 +13,7 @@ from robots import HOME
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import DISTURB_SHIFT, GRASP_STEPS, HOLD_STEPS
+from dexgrasp_env.tasks.infos import first
 from dexgrasp_env.tasks.settings import WEIGHTS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
@@ -85,7 +86,7 @@ def test_success_stays_and_failure_takes_the_rest():
     assert terms["success"] == 1.0
     env.data.qpos[25], env.data.qpos[24] = 0.0, 2.0  # let fall, and lost
     env._conclude(0)
-    terms = env._episodes.info(0)["reward_terms"]
+    terms = first(env._episodes.infos())["reward_terms"]
     assert terms.pop("success") == 1.0
     assert set(terms.values()) == {0.0}
 
@@ -163,7 +164,7 @@ def held(env, steps, *, any_contacts=2, hand_contacts=2, forces=None):
     seen = []
     for _ in range(steps):
         env._conclude(0)
-        seen.append((env._episodes.info(0), float(episodes.rewards[0])))
+        seen.append((first(env._episodes.infos()), float(episodes.rewards[0])))
     return seen
 
 
@@ -220,7 +221,7 @@ def test_pushes_are_of_the_weight_in_six_directions_after_a_second():
     pushes = []
     for _ in range(env.disturbance_steps + 1):
         info, _ = held(env, 1)[0]
-        _, push = env._episodes.set_points(slice(None), np.zeros((1, 23)))
+        _, push = env._episodes.set_points(np.zeros((1, 23)))
         pushes.append(push[0].copy() if info["disturbance"] == "running" else None)
     assert pushes[-1] is None
     pushes = np.array(pushes[:80]) / weight
@@ -249,7 +250,7 @@ def test_shaking_moves_the_arm_and_not_the_agents_set_points():
     held(env, 20)
     offsets = []
     for _ in range(41):
-        rows, _ = env._episodes.set_points(slice(None), np.zeros((1, 23)))
+        rows, _ = env._episodes.set_points(np.zeros((1, 23)))
         offsets.append(rows[0, -1] - env.targets)
         held(env, 1)
     offsets, t = np.array(offsets), 0.05 * np.arange(1, 41)

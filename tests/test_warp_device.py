@@ -42,13 +42,13 @@ def somewhere(envs, rng):
     """Return positions, velocities and sensors of which some are of a held object, and some are no numbers."""
     robot, at = envs.settings.cell.robot, envs._episodes.rules.at
     qpos, qvel = (
-        rng.normal(0.0, 1.0, envs._physics.qpos.shape),
-        rng.normal(0.0, 1.0, envs._physics.qvel.shape),
+        rng.normal(0.0, 1.0, envs._physics.moment.qpos.shape),
+        rng.normal(0.0, 1.0, envs._physics.moment.qvel.shape),
     )
     qpos[:, robot.dof : robot.dof + 3] = rng.uniform([0.0, -0.7, 0.0], [1.1, 0.7, 0.3], (N, 3))
     qpos[:, robot.dof + 3 :] = quats(rng)
     qpos[0, 0] = np.nan
-    sensors = rng.normal(0.0, 1.0, envs._physics.sensors.shape)
+    sensors = rng.normal(0.0, 1.0, envs._physics.moment.sensors.shape)
     sensors[:, at[PALM] : at[PALM] + 3] = qpos[:, robot.dof : robot.dof + 3] + rng.normal(0.0, 0.02, (N, 3))
     sensors[:, at[PALM_QUAT] : at[PALM_QUAT] + 4] = quats(rng)
     sensors[:, at[TOUCHING_HAND]] = rng.integers(0, 3, N)

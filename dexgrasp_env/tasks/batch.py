@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.extras import usable_cores
-from dexgrasp_env.tasks.simulation import Arrays, Moment, Simulation
+from dexgrasp_env.tasks.simulation import Moment, Simulation
 
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
@@ -34,9 +34,7 @@ class BatchPhysics:
     """States of N environments, advanced together.
 
     Attributes:
-        qpos: (N, n + 7 k) positions after the last step, room for k objects.
-        qvel: (N, n + 6 k) velocities.
-        sensors: (N, n + k - 1) `sensordata`.
+        moment: where they are after the last step.
     """
 
     def __init__(
@@ -64,9 +62,8 @@ class BatchPhysics:
             if self._threads > 1 and groups > 1
             else None
         )
-        self.qpos = np.zeros((number, first.nq + 7 * neighbours))
-        self.qvel = np.zeros((number, first.nv + 6 * neighbours))
-        self.sensors = np.zeros((number, first.nsensordata + neighbours))
+        sizes = first.nq + 7 * neighbours, first.nv + 6 * neighbours, first.nsensordata + neighbours
+        self.moment = Moment(*(np.zeros((number, size)) for size in sizes))
 
     def load(self, i: int, simulation: Simulation) -> None:
         """Make environment `i` what a scene holds now: model, state and sensors."""
@@ -76,17 +73,11 @@ class BatchPhysics:
         group.models[row], group.changed = simulation.model, True
         group.batch.state[row] = simulation.get_state()
         self._scenes[i] = simulation
-        data = simulation.data
-        self._note(i, data.qpos, data.qvel, data.sensordata)
-
-    def moment(self, i: int) -> Moment:
-        """Return where environment `i` is."""
-        only = slice(i, i + 1)
-        return Arrays(self.qpos[only], self.qvel[only], self.sensors[only])
+        self._note(slice(i, i + 1), *simulation.moment)
 
     def _note(self, ids: Any, *values: Array) -> None:
         """Write positions, velocities and sensors of environments, zeros where there is room for more objects."""
-        for whole, part in zip((self.qpos, self.qvel, self.sensors), values, strict=True):
+        for whole, part in zip(self.moment, values, strict=True):
             whole[ids, : part.shape[-1]] = part
             whole[ids, part.shape[-1] :] = 0.0
 

@@ -24,11 +24,10 @@ from dexgrasp_env.tasks.constants import (
     TOPPLED,
 )
 from dexgrasp_env.tasks.episodes import Episodes
-from dexgrasp_env.tasks.infos import objects
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import Moment, Simulation
+from dexgrasp_env.tasks.simulation import Physics, Simulation
 from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import Rule, number, one_of, pair
 
@@ -140,12 +139,12 @@ class ClutterEpisodes(Episodes):
         for k, model in enumerate(simulation.neighbours):
             record["neighbour_size"][k] = model.extents
 
-    def _finish(self, part: slice, moment: Moment, judge: bool, state: Arrays) -> Arrays:
+    def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
         """Look what became of the neighbours, and observe them in `state`."""
-        records, (positions, sensors) = self.records[part], self._alone
-        poses = moment.qpos[:, positions:].reshape(len(records), -1, 7)
+        records, (qpos, _, sensors) = self.records[part], where.moment
+        poses = qpos[:, self._alone[0] :].reshape(len(records), -1, 7)
         if judge:
-            _judge(records, poses, moment.sensors[:, sensors:] > 0)
+            _judge(records, poses, sensors[:, self._alone[1] :] > 0)
         if self.settings.obs_mode.startswith("state"):
             seen = np.zeros((len(records), self.neighbours, 7), np.float32)
             there = np.arange(poses.shape[1]) < records["neighbours"][:, None]
@@ -156,7 +155,7 @@ class ClutterEpisodes(Episodes):
         return state
 
     def more_infos(self) -> Arrays:
-        """Return what `info` has more than that of `Episodes`, of all episodes."""
+        """Return what infos have more than those of `Episodes`."""
         moved, hit = self.records["neighbours_moved"], self.records["neighbour_hit"]
         return {
             "is_clean": (self.told[:, _SUCCESS] > 0) & (moved <= NEIGHBOUR_MOVED),
@@ -164,7 +163,7 @@ class ClutterEpisodes(Episodes):
             "neighbours_moved": moved.copy(),
             "neighbours_hit": hit.sum(axis=1),
             "neighbours_toppled": self.records["neighbour_toppled"].sum(axis=1),
-            "neighbours_hit_names": objects([self._hit_names(i) for i in range(len(self.slots))]),
+            "neighbours_hit_names": np.array([self._hit_names(i) for i in range(len(self.slots))], object),
         }
 
     def _hit_names(self, i: int) -> str:

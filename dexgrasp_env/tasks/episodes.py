@@ -25,7 +25,7 @@ from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES, TOLD
 from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import NO_PHYSICS, Moment, Simulation, arm_chain, warning_names
+from dexgrasp_env.tasks.simulation import NO_PHYSICS, Physics, Simulation, arm_chain, warning_names
 from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
 from dexgrasp_env.tasks.views import Views
 
@@ -57,8 +57,7 @@ class Episodes:
         self.told = np.zeros((number, len(TOLD) + len(settings.weights)))
         self.rewards = np.zeros(number)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
-        rows, push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
-        self._whole = (self.records, self.commands, self.told, self.rewards, rows, push)
+        self._rows, self._push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
         hulls = [simulation.hull for simulation in self.simulations.values()]
         ends = np.cumsum([len(hull) for hull in hulls]).tolist()
         self._hull_spans = {
@@ -70,7 +69,7 @@ class Episodes:
         self.rules = rules_of(settings, first.columns, np.concatenate(hulls), NO_PHYSICS)
         self.layout = layout(settings.obs_mode, robot)
         self.width = max(part.stop for part in self.layout.values())
-        self._no_noise = np.zeros((1, robot.dof))
+        self._no_noise = np.zeros((number, robot.dof))
         self.truncating = np.zeros(len(FAILURES), bool)
         """Which of `FAILURES` truncate an episode; the others terminate it."""
         self.starts: Starts | None = None
@@ -97,7 +96,7 @@ class Episodes:
         if not options and self.starts is not None:
             self.fetch()
             options = self.starts(i, rng, self.records[i])
-        return self._begin(i, rng, self._check_options(options, list(self.simulations)))
+        return self._begin(i, rng, self._check_options(options))
 
     def _begin(self, i: int, rng: Generator, options: Mapping[str, Any]) -> Simulation:
         """Start episode `i` by options that are known."""
@@ -136,13 +135,13 @@ class Episodes:
             self.settle(simulation)
         return simulation
 
-    def _check_options(self, options: Mapping[str, Any] | None, objects: list[str]) -> Fields:
+    def _check_options(self, options: Mapping[str, Any] | None) -> Fields:
         options = dict(options or {})
         for key in options:
             if key not in self.options:
                 raise unknown_name("reset option", key, self.options)
-        if "object" in options and options["object"] not in objects:
-            raise unknown_name("object", options["object"], objects)
+        if "object" in options and options["object"] not in self.simulations:
+            raise unknown_name("object", options["object"], self.simulations)
         if "state" in options and (beside := sorted({"object", "object_pose"} & options.keys())):
             raise InputError(
                 f"reset options {', '.join(beside)} beside state: valid is either, as it has its own"
@@ -161,8 +160,8 @@ class Episodes:
         """Mount the model of episode `i` in its scene, which it may share with others."""
         slot = self.slots[i]
         simulation = slot.simulation
-        assert simulation is not None and slot.model is not None
-        if self.one_model:
+        assert simulation is not None
+        if slot.model is None:
             simulation.vary(slot.variation)
         else:
             simulation.model, simulation.variation = slot.model, slot.variation
@@ -178,8 +177,7 @@ class Episodes:
             models = self.settings.load_objects(neighbours)
             simulation = simulation.among([models[name] for name in neighbours], self.walled)
         if self.one_model:  # for good: people hold on to `unwrapped.model`
-            simulation.vary(variation)
-            slot.model = simulation.model
+            slot.model = None
         elif variation == Variation():
             slot.model = simulation.base  # shared, never written to
         else:
@@ -207,12 +205,11 @@ class Episodes:
 
     # -- stepping ------------------------------------------------------------------------------------------------
 
-    def set_points(self, part: slice, actions: Array) -> tuple[Array, Array]:
-        """Move the set-points of a part of the episodes by one control step.
+    def set_points(self, actions: Array) -> tuple[Array, Array]:
+        """Move the set-points by one control step.
 
         Args:
-            part: which.
-            actions: (n, m), a copy that may be written to.
+            actions: (N, m), a copy that may be written to.
 
         Returns:
             Rows (N, frame_skip, n) rad for the physics steps, and pushes (N, 3) N on the object.
@@ -220,26 +217,25 @@ class Episodes:
         Raises:
             InputError: for an action that is not finite.
         """
-        records, commands, _, _, rows, push = self._part(part)
-        if self.device and part == slice(None):
+        if self.device:
             self.device.set_points(actions)
-        elif not set_points(records, commands, actions, self.control, rows, push):
+        elif not set_points(self.records, self.commands, actions, self.control, self._rows, self._push):
             check_finite(actions)
-        return rows, push
+        return self._rows, self._push
 
     def conclude(
         self,
         part: slice,
-        moment: Moment,
+        where: Physics,
         warnings: Index,
         rngs: Sequence[Generator | None],
         judge: bool = True,
     ) -> Arrays:
-        """Advance progress, terms and rewards of a part of the episodes to the moment, and observe it.
+        """Advance progress, terms and rewards of a part of the episodes to the present, and observe it.
 
         Args:
             part: which.
-            moment: theirs.
+            where: they are.
             warnings: (n,) bits of MuJoCo's that came up.
             rngs: theirs; None for one whose sensors are not read.
             judge: False to observe alone.
@@ -247,32 +243,25 @@ class Episodes:
         Returns:
             The observation without cameras: arrays (n, ...) by key.
         """
-        records, commands, told, rewards = self._part(part)[:4]
+        records = self.records[part]
         noise = self._joint_noise(records, rngs)
         if self.device and part == slice(None):
             noisy = self.settings.randomisation.joint_noise is not None
             rows = self.device.conclude(noise if noisy else None)
         else:
             rows = np.empty((len(records), self.width), np.float32)
-            state, out = (moment.qpos, moment.qvel, moment.sensors, commands), (told, rewards, rows)
+            state, out = (*where.moment, self.commands[part]), (self.told[part], self.rewards[part], rows)
             kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
             if self.device:
                 self.device.load(part.start, rows)
-        return self._finish(part, moment, judge, cut(rows, self.layout))
+        return self._finish(part, where, judge, cut(rows, self.layout))
 
-    def _finish(self, part: slice, moment: Moment, judge: bool, state: Arrays) -> Arrays:
+    def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
         """Do what a task does more than `conclude`, and return the observation with that."""
         return state
 
-    def _part(self, part: slice) -> tuple[NDArray[Any], ...]:
-        """Return records, commands, told, rewards, rows, pushes of a part; slices cost, so the whole is not sliced."""
-        whole = self._whole
-        return whole if part == slice(None) else tuple(array[part] for array in whole)
-
     def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array:
         if self.settings.randomisation.joint_noise is None:
-            if len(self._no_noise) < len(records):
-                self._no_noise = np.zeros((len(records), self._no_noise.shape[1]))
             return self._no_noise[: len(records)]
         size, n = records["variation"][:, 5:], self._no_noise.shape[1]
         return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
@@ -285,30 +274,26 @@ class Episodes:
 
     # -- telling -------------------------------------------------------------------------------------------------
 
-    def info(self, i: int) -> Fields:
-        """Return the info of episode `i`, without cameras: the same keys and types at reset and at every step."""
-        numbers = self.told[i].tolist()
-        told = {
-            key: kind[int(number)] if isinstance(kind, tuple) else kind(number)
-            for (key, kind), number in zip(TOLD_AS.items(), numbers, strict=False)
-        }
-        return {
-            **told,
-            "object": self.object_name(i),
-            "mujoco_warnings": warning_names(told["mujoco_warnings"]),
-            "variation": dict(vars(self.slots[i].variation)),
-            "reward_terms": dict(zip(self.settings.weights, numbers[len(told) :], strict=True)),
-            **{key: values[i : i + 1].tolist()[0] for key, values in self.more_infos().items()},
+    def infos(self) -> Fields:
+        """Return the infos without cameras, arrays (N,) by key: the same at reset and at every step."""
+        told, targets = self.told.T.copy(), [slot.target for slot in self.slots]
+        infos: Fields = {}
+        for (key, kind), numbers in zip(TOLD_AS.items(), told, strict=False):
+            named = isinstance(kind, tuple)
+            infos[key] = np.array(kind, object)[numbers.astype(int)] if named else numbers.astype(kind)
+        names = [self.simulations[target].object.name if target else "" for target in targets]
+        warnings = [*map(warning_names, infos["mujoco_warnings"].tolist())]
+        return infos | {
+            "object": np.array(names, object),
+            "mujoco_warnings": np.array(warnings, object),
+            "variation": dict(zip(vars(Variation()), self.records["variation"].T.copy(), strict=True)),
+            "reward_terms": dict(zip(self.settings.weights, told[len(infos) :], strict=True)),
+            **self.more_infos(),
         }
 
     def more_infos(self) -> Arrays:
-        """Return what a task tells beside `TOLD`, arrays (N,) by key; `info` has the same."""
+        """Return what a task tells beside `TOLD`, arrays (N,) by key."""
         return {}
-
-    def object_name(self, i: int) -> str:
-        """Return the name of the object of episode `i`, empty before the first."""
-        target = self.slots[i].target
-        return self.simulations[target].object.name if target else ""
 
     # -- states --------------------------------------------------------------------------------------------------
 

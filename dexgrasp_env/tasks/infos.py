@@ -1,24 +1,22 @@
 """Infos of many environments: arrays by key, with Gymnasium's masks."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Fields, Mask
 
 
-def objects(values: list[Any]) -> NDArray[Any]:
-    """Return an array of objects, (N,)."""
-    array = np.empty(len(values), dtype=object)
-    array[:] = values
-    return array
+def first(infos: Fields) -> Fields:
+    """Return the infos of the first environment, as plain values."""
+    return {
+        key: first(value) if isinstance(value, dict) else value[:1].tolist()[0]
+        for key, value in infos.items()
+    }
 
 
-def with_masks(infos: Fields) -> Fields:
-    """Add Gymnasium's masks: every environment has every key."""
-    number = len(next(value for value in infos.values() if not isinstance(value, dict)))
-    return {**infos, **{f"_{key}": np.ones(number, bool) for key in infos}}
+def with_masks(infos: Fields, number: int) -> Fields:
+    """Add Gymnasium's masks: every environment of so many has every key."""
+    values = {k: with_masks(v, number) if isinstance(v, dict) else v for k, v in infos.items()}
+    return values | {f"_{key}": np.ones(number, bool) for key in infos}
 
 
 def masked(infos: Fields, mask: Mask) -> Fields:

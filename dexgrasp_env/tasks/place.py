@@ -29,7 +29,7 @@ from dexgrasp_env.tasks.observations import key_sizes
 from dexgrasp_env.tasks.records import FAILURES, TOLD
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
-from dexgrasp_env.tasks.simulation import Moment, Simulation
+from dexgrasp_env.tasks.simulation import Physics, Simulation
 from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import Rule, check, one_of
 
@@ -127,9 +127,10 @@ class PlaceEpisodes(Episodes):
         given: Array = check("goal", goal, Rule(words, admit))
         return given
 
-    def _finish(self, part: slice, moment: Moment, judge: bool, state: Arrays) -> Arrays:
+    def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
         """Make rewards, success and the observation those of the goal."""
-        records, centres = self.records[part], moment.qpos[:, -7:-4]
+        records, (qpos, _, sensors) = self.records[part], where.moment
+        centres = qpos[:, -7:-4]
         known = np.logical_and.reduce(np.isfinite(centres), axis=-1)
         centres = np.where(known[:, None], centres, 0.0)  # where nothing is known no goal is reached
         goals = records["goal"][:, : self._size].astype(np.float32)
@@ -138,7 +139,7 @@ class PlaceEpisodes(Episodes):
         if self._size == 4:
             if judge:
                 records["moved"] |= np.linalg.norm(centres - records["start"], axis=-1) > GOAL_RADIUS
-            touching = moment.sensors[:, self.rules.at[TOUCHING_HAND]] > 0
+            touching = sensors[:, self.rules.at[TOUCHING_HAND]] > 0
             hand = np.where(records["moved"] & known, touching, -1.0)
             achieved = np.clip(np.column_stack([centres, hand]), _LOWEST, _HIGHEST).astype(np.float32)
         self.rewards[part] = goal_rewards(achieved, goals, self.settings.reward_mode)
@@ -154,7 +155,7 @@ class PlaceEpisodes(Episodes):
         return state
 
     def more_infos(self) -> Arrays:
-        """Return what `info` has more than that of `Episodes`, of all episodes."""
+        """Return what infos have more than those of `Episodes`."""
         return {"goal_distance": self._distances.copy()}
 
 

@@ -44,28 +44,26 @@ def compiled_scene(model: ObjectModel, cell: Cell) -> mujoco.MjModel:
     return build_scene(model, cell, cameras=cell.make_cameras())
 
 
-class Moment(Protocol):
-    """Where N environments are, with robots of n joints, and room for k objects, zeros where there are fewer."""
+class Moment(NamedTuple):
+    """Where N environments are, with robots of n joints, and room for k objects, zeros where there are fewer.
 
-    @property
-    def qpos(self) -> Array:
-        """(N, n + 7 k) positions, the target's after the robot's."""
-
-    @property
-    def qvel(self) -> Array:
-        """(N, n + 6 k) velocities."""
-
-    @property
-    def sensors(self) -> Array:
-        """(N, m) `sensordata`."""
-
-
-class Arrays(NamedTuple):
-    """A `Moment` of arrays."""
+    Attributes:
+        qpos: (N, n + 7 k) positions, the target's after the robot's.
+        qvel: (N, n + 6 k) velocities.
+        sensors: (N, m) `sensordata`.
+    """
 
     qpos: Array
     qvel: Array
     sensors: Array
+
+
+class Physics(Protocol):
+    """What holds environments: a simulation one, `BatchPhysics` and `WarpPhysics` many."""
+
+    @property
+    def moment(self) -> Moment:
+        """Where they are now."""
 
 
 class Simulation:
@@ -95,7 +93,7 @@ class Simulation:
         self.touches = slice(self.base.nsensordata - len(self.neighbours), self.base.nsensordata)
         # Views into `data`, which stays where it is.
         data = self.data
-        self.moment = Arrays(data.qpos[None], data.qvel[None], data.sensordata[None])
+        self.moment = Moment(data.qpos[None], data.qvel[None], data.sensordata[None])
         self._forces = (data.qfrc_applied, data.xfrc_applied)
         self._warmstart = data.qacc_warmstart
         self._warnings = data.warning.number

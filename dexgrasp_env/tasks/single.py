@@ -14,6 +14,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import Episodes
+from dexgrasp_env.tasks.infos import first
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.physics import give_physics
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -21,7 +22,6 @@ from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
 from dexgrasp_env.tasks.views import Views
 
-_ONLY = slice(None)
 NO_WARNINGS = np.zeros(1, np.int64)
 
 
@@ -125,7 +125,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         observation = self._conclude(0, copy.deepcopy(self.np_random), judge=False)
         seen = self._episodes.slots[0].view
         observation = dict(sorted((observation | copy.deepcopy(seen.seen)).items()))
-        return observation, self._episodes.info(0) | copy.deepcopy(seen.info)
+        return observation, first(self._episodes.infos()) | copy.deepcopy(seen.info)
 
     def step(self, action: Single) -> tuple[Arrays, float, bool, bool, Fields]:
         """Advance 50 ms.
@@ -158,7 +158,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         """
         if self._over:
             raise InputError("step() called without a running episode: call reset() first")
-        rows, push = self._episodes.set_points(_ONLY, check_actions(action, self.action_space.shape)[None])
+        rows, push = self._episodes.set_points(check_actions(action, self.action_space.shape)[None])
         if self.settings.disturbance.kind == "pushed":
             self._simulation.data.xfrc_applied[self._simulation.body, :3] = push[0]
         return rows
@@ -180,17 +180,16 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
 
     def _conclude(self, bits: int, rng: Generator | None = None, judge: bool = True) -> Arrays:
         warnings = np.array([bits]) if bits else NO_WARNINGS
-        seen = self._episodes.conclude(
-            _ONLY, self._simulation.moment, warnings, [rng or self.np_random], judge
-        )
+        rngs = [rng or self.np_random]
+        seen = self._episodes.conclude(slice(None), self._simulation, warnings, rngs, judge)
         return {key: values[0] for key, values in seen.items()}
 
     def _look(self, observation: Arrays, at_reset: bool) -> tuple[Arrays, Fields]:
         episodes, simulation = self._episodes, self._simulation
-        info = episodes.info(0)
+        info = first(episodes.infos())
         if self.settings.obs_mode != "state":
-            looks = simulation if at_reset or self._views.due(simulation.data.qpos) else None
-            views, seen = self._views.observe(episodes.slots[0].view, looks, self.np_random, at_reset)
+            view, qpos, rng = episodes.slots[0].view, simulation.data.qpos, self.np_random
+            views, seen = self._views.observe(view, qpos, lambda: simulation, rng, at_reset)
             observation = dict(sorted((observation | views).items()))
             info |= seen
         if self.render_mode == "human":

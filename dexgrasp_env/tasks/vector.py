@@ -1,7 +1,8 @@
 """The native vector environments: many simulations, one kernel, all cores."""
 
 import copy
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -9,7 +10,6 @@ import numpy as np
 from gymnasium.utils import EzPickle, seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays, Fields, Mask
@@ -17,14 +17,12 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.cluttered import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions, check_tensor
-from dexgrasp_env.tasks.infos import masked, objects, with_masks
+from dexgrasp_env.tasks.infos import masked, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import cut
 from dexgrasp_env.tasks.physics import make_physics, use_device
 from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
-from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import TOLD_AS
-from dexgrasp_env.tasks.simulation import Simulation, warning_names
+from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.single import NO_WARNINGS
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
 from dexgrasp_env.tasks.views import Views
@@ -112,7 +110,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         self.single_observation_space = self._episodes.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._rngs: list[Generator | None] = [None] * num_envs
+        self._rngs = [seeding.np_random()[0] for _ in range(num_envs)]
         self._observation: Arrays = {
             key: np.zeros((num_envs, *(part.shape or ())), part.dtype)
             for key, part in self.single_observation_space.items()
@@ -216,7 +214,9 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         """
         if not self._started[i]:
             raise InputError(f"get_state({i}) called without an episode: call reset() first")
-        return self._episodes.get_state(i, self._physics.state(i), self._physics.sensors[i], self._rng(i))
+        return self._episodes.get_state(
+            i, self._physics.state(i), self._physics.moment.sensors[i], self._rngs[i]
+        )
 
     def set_state(self, state: EpisodeState, which: Iterable[int] | None = None) -> None:
         """Go on from a state, its count of steps included.
@@ -226,7 +226,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
             which: the environments that go on from it; None for all.
         """
         for i in range(self.num_envs) if which is None else which:
-            self._physics.load(i, self._episodes.set_state(i, state, self._rng(i)))
+            self._physics.load(i, self._episodes.set_state(i, state, self._rngs[i]))
             timed_out = self._limit is not None and state.record["elapsed"] >= self._limit
             self._started[i], self._ended[i] = True, bool(state.record["failure"]) or timed_out
 
@@ -261,62 +261,50 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
 
     # -- inside --------------------------------------------------------------------------------------------------
 
-    def _rng(self, i: int) -> Generator:
-        rng = self._rngs[i]
-        if rng is None:
-            rng, _ = seeding.np_random()
-            self._rngs[i] = rng
-        return rng
-
     def _reset_one(self, i: int, options: Fields | None = None) -> None:
         self._started[i], self._ended[i] = False, True  # options may be refused
-        simulation = self._episodes.begin(i, self._rng(i), options)
+        simulation = self._episodes.begin(i, self._rngs[i], options)
         self._physics.load(i, simulation)
-        only, moment = slice(i, i + 1), self._physics.moment(i)
-        slot, rngs = self._episodes.slots[i], [self._rng(i)]
-        self._note(only, self._episodes.conclude(only, moment, NO_WARNINGS, rngs, judge=not slot.resumed))
-        fresh = not (slot.resumed and slot.view.seen)
-        due = fresh or self._views.due(self._physics.qpos[i])
-        self._look(i, simulation if due else None, at_reset=fresh)
+        only, slot = slice(i, i + 1), self._episodes.slots[i]
+        judge, rngs = not slot.resumed, self._rngs[only]
+        self._note(only, self._episodes.conclude(only, simulation, NO_WARNINGS, rngs, judge))
+        if self.settings.obs_mode != "state":
+            fresh = not (slot.resumed and slot.view.seen)
+            self._look(i, simulation.data.qpos, lambda: simulation, at_reset=fresh)
         self._started[i], self._ended[i] = True, False
 
     def _advance(self, actions: Array, running: NDArray[np.intp]) -> None:
         """Step those that run; the kernel passes over all rows, and what it makes of the others is overwritten."""
         episodes, physics = self._episodes, self._physics
         everything = slice(None)
-        rows, push = episodes.set_points(everything, actions)
+        rows, push = episodes.set_points(actions)
         warnings = physics.step(rows, push if self.settings.disturbance.kind == "pushed" else None, running)
-        rngs = [self._rng(i) if not self._ended[i] else None for i in range(self.num_envs)]
+        rngs = [None if over else rng for rng, over in zip(self._rngs, self._ended, strict=True)]
         self._note(everything, episodes.conclude(everything, physics, warnings, rngs))
         if self.settings.obs_mode != "state":
-            for i in map(int, running):
-                due = self._views.due(physics.qpos[i])
-                self._look(i, self.simulation(i) if due else None, at_reset=False)
+            for i in running.tolist():
+                self._look(i, physics.moment.qpos[i], partial(self.simulation, i))
 
     def _finish(self) -> Fields:
         """Return the last observations and infos of those that ended, and reset them."""
-        final: Fields = {}
-        now = self._observations() if self._tensors else self._observation
-        for i in np.flatnonzero(self._ended).tolist():
-            last = {
-                key: values[i].clone() if self._tensors else values[i].copy() for key, values in now.items()
-            }
-            info = self._episodes.info(i) | copy.deepcopy(self._episodes.slots[i].view.info)
-            final = self._add_info(final, {"final_obs": last, "final_info": info}, i)
-        for i in np.flatnonzero(self._ended).tolist():
+        ended, infos, now = self._ended.copy(), self._infos(), self._observations()
+        rows = [
+            {key: values[i] for key, values in now.items()} if over else None for i, over in enumerate(ended)
+        ]
+        last = np.array(copy.deepcopy(rows), object)
+        for i in np.flatnonzero(ended).tolist():
             self._reset_one(i)
-        return final
+        final = {"final_obs": last, "final_info": masked(infos, ended)}
+        return final | dict.fromkeys(("_final_obs", "_final_info"), ended)
 
-    def _look(self, i: int, simulation: Simulation | None, at_reset: bool) -> None:
-        if self.settings.obs_mode == "state":
-            return
-        seen, _ = self._views.observe(self._episodes.slots[i].view, simulation, self._rng(i), at_reset)
-        self._note(i, seen)
+    def _look(self, i: int, qpos: Array, scene: Callable[[], Simulation], at_reset: bool = False) -> None:
+        view = self._episodes.slots[i].view
+        self._note(i, self._views.observe(view, qpos, scene, self._rngs[i], at_reset)[0])
 
     def simulation(self, i: int) -> Simulation:
         """Return the scene of environment `i` with its model and present positions in it, until the next call."""
         simulation = self._episodes.enter(i)
-        simulation.data.qpos[:] = self._physics.qpos[i, : simulation.base.nq]
+        simulation.data.qpos[:] = self._physics.moment.qpos[i, : simulation.base.nq]
         return simulation
 
     def _note(self, part: slice | int, seen: Arrays) -> None:
@@ -331,34 +319,14 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         return cut(self._episodes.device.rows(), self._episodes.layout) | copies
 
     def _infos(self) -> Fields:
-        """Return what `Episodes.info` says of every environment, as arrays by key with their masks."""
-        episodes = self._episodes
-        drawn = [slot.variation for slot in episodes.slots]
-        infos: Fields = {}
-        for (key, kind), numbers in zip(TOLD_AS.items(), episodes.told.T, strict=False):
-            named = isinstance(kind, tuple)
-            infos[key] = np.array(kind, object)[numbers.astype(int)] if named else numbers.astype(kind)
-        infos |= {
-            "object": objects([episodes.object_name(i) for i in range(self.num_envs)]),
-            "mujoco_warnings": objects([*map(warning_names, infos["mujoco_warnings"].tolist())]),
-            "variation": with_masks(
-                {name: np.array([getattr(v, name) for v in drawn]) for name in vars(Variation())}
-            ),
-            "reward_terms": with_masks(
-                {
-                    name: episodes.told[:, len(TOLD_AS) + k].copy()
-                    for k, name in enumerate(self.settings.weights)
-                }
-            ),
-        }
-        infos |= episodes.more_infos()
-        seen = [slot.view.info for slot in episodes.slots]
+        """Return the infos of the episodes, those of cameras too, with their masks."""
+        infos, seen = self._episodes.infos(), [slot.view.info for slot in self._episodes.slots]
         if self.settings.obs_mode != "state":
             infos |= {
                 key: np.array([info[key] for info in seen], object if key.endswith("failure") else None)
                 for key in seen[0]
             }
-        return with_masks(infos)
+        return with_masks(infos, self.num_envs)
 
 
 class ClutterVectorEnv(LiftVectorEnv):

@@ -57,7 +57,7 @@ class Views:
         self.image_shape = (number, intrinsics.height, intrinsics.width)
 
     def observe(
-        self, view: View, simulation: Simulation | None, rng: Generator, at_reset: bool
+        self, view: View, qpos: Array, scene: Callable[[], Simulation], rng: Generator, at_reset: bool
     ) -> tuple[Arrays, Fields]:
         """Return the camera part of an observation and of the info.
 
@@ -65,15 +65,15 @@ class Views:
 
         Args:
             view: of the episode; kept up to date.
-            simulation: its scene, with the present positions in `data`; None where no look is `due`.
+            qpos: present positions (n + 7,).
+            scene: returns the scene with these in `data`; asked where cameras look.
             rng: of the episode.
             at_reset: whether cameras are drawn and calibrated anew.
         """
-        if self._settings.obs_mode == "state":
-            return {}, {}
         if at_reset:
             view.cameras = self._choose(rng)
-        if simulation is not None:
+        if at_reset or self._due(qpos):
+            simulation = scene()
             mujoco.mj_kinematics(simulation.model, simulation.data)
             perception = self._perception(simulation, view.cameras)
             if at_reset:
@@ -84,8 +84,8 @@ class Views:
         # Copies: callers keep what they are given, and may write to it.
         return {key: value.copy() for key, value in view.seen.items()}, copy.deepcopy(view.info)
 
-    def due(self, qpos: Array) -> bool:
-        """Whether cameras look after a step that ends at these positions (n + 7,): `observe` says when.
+    def _due(self, qpos: Array) -> bool:
+        """Whether cameras look after a step that ends at these positions (n + 7,): the setting `observe` says when.
 
         `step`: always. `reset`: never. `clear`: while the arm stands at home, where no camera's view is in its way.
         """
@@ -118,9 +118,11 @@ class Views:
         views: Arrays = {"depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)}
         if self._settings.obs_mode.endswith("rgbd"):
             names = self._settings.cell.camera_names
-            views["rgb"] = self._colour(simulation).render_rgb(simulation.data)[
-                [names.index(camera.name) for camera in perception.cameras]
-            ]
+            colour: ColourCameras = self._context(
+                "rgb", simulation, lambda: ColourCameras(simulation.model, self._cameras)
+            )
+            which = [names.index(camera.name) for camera in perception.cameras]
+            views["rgb"] = colour.render_rgb(simulation.data)[which]
         return views, info
 
     def _perception(self, simulation: Simulation, names: tuple[str, ...]) -> Perception:
@@ -144,12 +146,6 @@ class Views:
                 self._contexts.pop(kind)[1].close()
             self._contexts[kind] = key, make()
         return self._contexts[kind][1]
-
-    def _colour(self, simulation: Simulation) -> ColourCameras:
-        cameras: ColourCameras = self._context(
-            "rgb", simulation, lambda: ColourCameras(simulation.model, self._cameras)
-        )
-        return cameras
 
     def render(self, mode: str | None, simulation: Simulation) -> Any:
         """Render the scene in a mode of `LiftEnv.metadata`."""

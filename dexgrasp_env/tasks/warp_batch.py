@@ -144,31 +144,18 @@ class WarpPhysics:
         self._touched = columns(self.data.sensordata, model.nsensordata - neighbours, neighbours, float)
         self._absent = {name: np.zeros(getattr(self.data, name).shape[1]) for name in _LOADED}
         self._absent["qpos"] = model.qpos0
-        self._host = {name: np.zeros(getattr(self.data, name).shape) for name in _READ}
+        self._host = Moment(*(np.zeros(getattr(self.data, name).shape) for name in _READ))
         self._known = True
 
     @property
-    def qpos(self) -> Array:
-        """(N, n + 7 k) positions of now, those of neighbours that a scene has not too."""
-        return self._read("qpos")
-
-    @property
-    def qvel(self) -> Array:
-        """(N, n + 6 k) velocities."""
-        return self._read("qvel")
-
-    @property
-    def sensors(self) -> Array:
-        """(N, n) `sensordata`."""
-        return self._read("sensordata")
-
-    def _read(self, name: str) -> Array:
+    def moment(self) -> Moment:
+        """Where they are now, neighbours that a scene has not too."""
         self._letters.send()
         if not self._known:
-            for key, values in self._host.items():
-                values[:] = getattr(self.data, key).numpy()
+            for name, values in zip(_READ, self._host, strict=True):
+                values[:] = getattr(self.data, name).numpy()
             self._known = True
-        return self._host[name]
+        return self._host
 
     def load(self, i: int, simulation: Simulation) -> None:
         """Make environment `i` what a scene holds now: model, state and sensors; the device hears of it at a step.
@@ -185,12 +172,8 @@ class WarpPhysics:
         state = {name: filled(self._absent[name], getattr(simulation.data, name)) for name in _LOADED}
         self._letters.put(i, *fields.values(), *state.values())
         self._scenes[i] = simulation
-        for name, values in self._host.items():
+        for name, values in zip(_READ, self._host, strict=True):
             values[i] = state[name]
-
-    def moment(self, i: int) -> Moment:
-        """Return where environment `i` is, as it was loaded."""
-        return self._scenes[i].moment
 
     def state(self, i: int) -> Array:
         """Return the full integration state of environment `i`."""
@@ -223,7 +206,7 @@ class WarpPhysics:
         self.push.assign(data.xfrc_applied[None, simulation.body, :3])
         bits = self.step(rows, None, np.arange(1))
         self._fetch(0, simulation)
-        data.sensordata[:] = self.sensors[0, : len(data.sensordata)]
+        data.sensordata[:] = self.moment.sensors[0, : len(data.sensordata)]
         return int(bits[0])
 
     def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> Index:
