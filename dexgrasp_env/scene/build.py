@@ -23,7 +23,7 @@ from dexgrasp_env.scene.constants import (
     TIP_SOLREFFRICTION,
     TORSIONAL_FRICTION,
 )
-from dexgrasp_env.scene.sensors import add_neighbour_sensors, add_sensors
+from dexgrasp_env.scene.sensors import add_sensors
 
 _GL_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # MuJoCo's cameras look along -z with y up
 
@@ -75,8 +75,7 @@ def scene_spec(
             geom.friction = [friction, TORSIONAL_FRICTION, 0.0001]
     for names in parts:
         _add_pairs(spec, names, cell.robot, friction)
-    add_sensors(spec, cell.robot)
-    add_neighbour_sensors(spec, cell.robot, len(neighbours))
+    add_sensors(spec, cell.robot, len(neighbours))
     add_cameras(spec, cameras)
     return spec
 

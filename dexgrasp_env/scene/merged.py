@@ -5,7 +5,7 @@ world fills those that its objects need, and their meshes are chosen by number.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,19 +19,15 @@ from dexgrasp_env.scene.build import pair_friction, scene_spec
 
 _ABSENT = -1  # for a mesh
 _SPECK, _AWAY = 1e-5, 1000.0  # m: a geom that is not used is so small, and so far from its body
-_GEOM_FIELDS = ("geom_dataid", "geom_size", "geom_pos", "geom_quat", "geom_aabb", "geom_rbound")
+_UNUSED = {
+    "geom_dataid": _ABSENT, "geom_size": _SPECK, "geom_pos": [0.0, 0.0, _AWAY], "geom_quat": [1.0, 0.0, 0.0, 0.0],
+    "geom_aabb": [0.0, 0.0, 0.0, _SPECK, _SPECK, _SPECK], "geom_rbound": _SPECK,
+}  # fmt: skip
+"""What is written of the geoms of objects, and what of those that are not used."""
 _SHARED_FIELDS = (
     "body_mass", "body_inertia", "body_iquat", "body_invweight0", "body_subtreemass", "dof_invweight0",
     "actuator_gainprm", "actuator_biasprm",
 )  # fmt: skip
-
-
-class _Places(NamedTuple):
-    """Of an object's parts: names in a scene of its own after that of its body, slots of a body, and meshes."""
-
-    parts: list[str]
-    slots: Index
-    meshes: Index
 
 
 class MergedScene:
@@ -96,42 +92,34 @@ class MergedScene:
 
     def first_column(self, field: str) -> int:
         """Return where in a row of a field, flattened, the values of `fields` begin."""
-        if field not in _GEOM_FIELDS:
+        if field not in _UNUSED:
             return 0
         values = getattr(self.model, field)
         return self.first_slot * (values.size // len(values))
 
     def _fill(self, objects: Sequence[ObjectModel], scene: mujoco.MjModel) -> Arrays:
-        written = {name: self._unused(name) for name in _GEOM_FIELDS}
+        written = {
+            name: np.full_like(getattr(self.model, name)[self.first_slot :], value)
+            for name, value in _UNUSED.items()
+        }
         for k, model in enumerate(objects):
             body = f"neighbour_{k - 1}" if k else "object"
-            parts, slots, meshes = self._places[model.contact_hash]
-            geoms = [scene.geom(body + part).id for part in parts]
+            slots, meshes = self._places[model.contact_hash]
+            geoms = [scene.geom(f"{body}_{part}").id for part in range(len(slots))]
             for name, values in written.items():
                 values[slots + k * self._each] = getattr(scene, name)[geoms]
             written["geom_dataid"][slots + k * self._each] = meshes
         return written
 
-    def _find(self, number: int, model: ObjectModel) -> "_Places":
+    def _find(self, number: int, model: ObjectModel) -> tuple[Index, Index]:
+        """Return the slots of a body that an object's parts take, and their meshes."""
         firsts, slots, meshes = dict(self._firsts), [], []
         for k, part in enumerate(model.parts):
             slots.append(firsts[part.kind])
             firsts[part.kind] += 1
             mesh = part.kind == "mesh"
             meshes.append(self.model.mesh(_mesh_name(number, k)).id if mesh else _ABSENT)
-        return _Places([f"_{k}" for k in range(len(slots))], np.array(slots), np.array(meshes))
-
-    def _unused(self, name: str) -> NDArray[Any]:
-        values: NDArray[Any] = getattr(self.model, name)[self.first_slot :].copy()
-        if name == "geom_dataid":
-            values[:] = _ABSENT
-        elif name == "geom_pos":
-            values[:] = [0.0, 0.0, _AWAY]
-        elif name == "geom_aabb":
-            values[:] = [0.0, 0.0, 0.0, _SPECK, _SPECK, _SPECK]
-        elif name != "geom_quat":
-            values[:] = _SPECK
-        return values
+        return np.array(slots), np.array(meshes)
 
 
 def filled(whole: NDArray[Any], part: NDArray[Any]) -> NDArray[Any]:

@@ -15,8 +15,11 @@ _FOUND, _FORCE = (1 << int(getattr(mujoco.mjtConDataField, f"mjCONDATA_{f}")) fo
 _NETFORCE = 3
 
 
-def add_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Add tip positions, palm pose, the object's contacts and their forces by tip and by finger."""
+def add_sensors(spec: mujoco.MjSpec, robot: Robot, neighbours: int) -> None:
+    """Add tip positions, palm pose, the object's contacts and their forces by tip and by finger.
+
+    After them come the contacts of each neighbour with the robot, one number each.
+    """
     palm, fingers = robot.hand.palm, robot.hand.fingers
     for tip in robot.tips:
         spec.add_sensor(
@@ -30,12 +33,8 @@ def add_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
     _contact(spec, "touching_hand", _FOUND, (_OBJ.mjOBJ_XBODY, palm))
     for finger in fingers:
         _contact(spec, f"{finger.name}_press", _FORCE, (_OBJ.mjOBJ_XBODY, finger.bodies[0]))
-
-
-def add_neighbour_sensors(spec: mujoco.MjSpec, robot: Robot, count: int) -> None:
-    """Add the contacts of each neighbour with the robot, one number each, after all other sensors."""
-    whole = (_OBJ.mjOBJ_XBODY, robot.bodies[0])
-    for k in range(count):
+    for k in range(neighbours):
+        whole = (_OBJ.mjOBJ_XBODY, robot.bodies[0])
         _contact(spec, f"neighbour_{k}_touched", _FOUND, whole, f"neighbour_{k}")
 
 

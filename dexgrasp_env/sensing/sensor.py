@@ -86,15 +86,10 @@ class SensorModel:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not np.isfinite(value) or value < 0:
-                raise InputError(
-                    f"sensor setting {name} = {value} is out of range: valid are finite values >= 0"
-                )
-        for name in ("correlated", "edge_dropout", "edge_flying", "dropout"):
-            if getattr(self, name) > 1:
-                raise InputError(
-                    f"sensor setting {name} = {getattr(self, name)} is out of range: valid are 0 to 1"
-                )
+            share = name in ("correlated", "edge_dropout", "edge_flying", "dropout")
+            if not 0.0 <= value < np.inf or (share and value > 1.0):
+                valid = "0 to 1" if share else "finite values >= 0"
+                raise InputError(f"sensor setting {name} = {value} is out of range: valid are {valid}")
         if self.focal_px == 0 or self.baseline == 0:
             raise InputError("sensor settings focal_px and baseline must be positive")
 
@@ -235,7 +230,4 @@ def _extremes(depth: Single) -> tuple[Single, Single]:
     """Return the nearest and farthest depth among each pixel and its four neighbours."""
     padded = np.pad(depth, ((0, 0), (1, 1), (1, 1)), mode="edge")
     around = (padded[:, :-2, 1:-1], padded[:, 2:, 1:-1], padded[:, 1:-1, :-2], padded[:, 1:-1, 2:])
-    near, far = depth, depth
-    for other in around:
-        near, far = np.minimum(near, other), np.maximum(far, other)
-    return near, far
+    return np.minimum.reduce([depth, *around]), np.maximum.reduce([depth, *around])
