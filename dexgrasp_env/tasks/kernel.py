@@ -30,10 +30,10 @@ from dexgrasp_env.tasks.rules import (
     TOUCHING_HAND,
     Rules,
 )
-from dexgrasp_env.tasks.terms import level_terms, progress_terms
+from dexgrasp_env.tasks.terms import length, level_terms, progress_terms
 
-_product = njit(product_components)
-_rotated = njit(rotated_components)
+product = njit(product_components)
+rotated = njit(rotated_components)
 _rotation = njit(rotation_components)
 
 _UNTOUCHED, _TOUCHED, _LIFTED, _DROPPED, _HELD = range(len(STAGES))
@@ -81,8 +81,8 @@ def judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules, 
     e.lifted = e.lifted or at_height
     inverse = (s[at[PALM_QUAT]], -s[at[PALM_QUAT] + 1], -s[at[PALM_QUAT] + 2], -s[at[PALM_QUAT] + 3])
     palm = at[PALM]
-    position = _rotated(inverse, (pose[0] - s[palm], pose[1] - s[palm + 1], pose[2] - s[palm + 2]))
-    quat = _product(inverse, (pose[3], pose[4], pose[5], pose[6]))
+    position = rotated(inverse, (pose[0] - s[palm], pose[1] - s[palm + 1], pose[2] - s[palm + 2]))
+    quat = product(inverse, (pose[3], pose[4], pose[5], pose[6]))
     _follow_grip(e, position, quat, touching and alone)
     _disturb(e, position, rules)
     _conclude(e, rules)
@@ -157,13 +157,13 @@ def _opposed(s: Array, first: int, rules: Rules) -> bool:
     """Whether the thumb and another finger press with 0.5 N each, at more than 90 deg to each other."""
     thumb = first + 3 * rules.grasp[0]
     tx, ty, tz = s[thumb], s[thumb + 1], s[thumb + 2]
-    if math.sqrt(tx * tx + ty * ty + tz * tz) < GRASP_FORCE:
+    if length(tx, ty, tz) < GRASP_FORCE:
         return False
     for finger in range(rules.fingers):
         if finger == rules.grasp[0]:
             continue
         x, y, z = s[first + 3 * finger], s[first + 3 * finger + 1], s[first + 3 * finger + 2]
-        if math.sqrt(x * x + y * y + z * z) >= GRASP_FORCE and x * tx + y * ty + z * tz < 0.0:
+        if length(x, y, z) >= GRASP_FORCE and x * tx + y * ty + z * tz < 0.0:
             return True
     return False
 
@@ -184,15 +184,14 @@ def _follow_grip(
         e.slip = e.tilt = 0.0
         return
     g = e.grip_quat
-    w, x, y, z = _product((g[0], -g[1], -g[2], -g[3]), quat)
+    w, x, y, z = product((g[0], -g[1], -g[2], -g[3]), quat)
     e.slip = max(e.slip, _distance(position, e.grip_position))
-    e.tilt = max(e.tilt, 2.0 * math.atan2(math.sqrt(x * x + y * y + z * z), abs(w)))
+    e.tilt = max(e.tilt, 2.0 * math.atan2(length(x, y, z), abs(w)))
 
 
 @njit
 def _distance(a: tuple[float, ...], b: Array) -> float:
-    x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
-    return math.sqrt(x * x + y * y + z * z)
+    return length(a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 @njit

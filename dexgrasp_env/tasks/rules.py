@@ -52,11 +52,11 @@ def rules_of(settings: LiftSettings, at: Index, hulls: Array, bad_numbers: int) 
     """Return the rules of an environment; arguments as of `Rules`."""
     hand, pace = settings.cell.robot.hand, settings.frame_skip
     fingers = [finger.name for finger in hand.fingers]
-    hold, grasped, wait = (at_pace(steps, pace) for steps in (HOLD_STEPS, GRASP_STEPS, DISTURB_AFTER))
     return Rules(
         at=at, joints=settings.cell.robot.dof, fingers=len(fingers),
         grasp=np.array([fingers.index(name) for name in hand.grasp]), hulls=hulls, period=settings.period,
-        hold=hold, grasped=grasped, wait=wait, length=settings.disturbance_steps, bad_numbers=bad_numbers,
+        hold=at_pace(HOLD_STEPS, pace), grasped=at_pace(GRASP_STEPS, pace), wait=at_pace(DISTURB_AFTER, pace),
+        length=settings.disturbance_steps, bad_numbers=bad_numbers,
         weights=np.array(list(settings.weights.values())), version=settings.version,
         dense=settings.reward_mode == "dense",
     )  # fmt: skip

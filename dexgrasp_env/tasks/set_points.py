@@ -11,18 +11,15 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.poses import product_components, rotated_components
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN, at_pace
 from dexgrasp_env.tasks.control import CONTROL_MODES, max_step
 from dexgrasp_env.tasks.disturbance import KINDS, PAUSE_STEPS, PUSH_STEPS
+from dexgrasp_env.tasks.kernel import product, rotated
 from dexgrasp_env.tasks.records import COMMANDS, PHASES, Record, Records
 from dexgrasp_env.tasks.settings import LiftSettings
 
-_product = njit(product_components)
-_rotated = njit(rotated_components)
-
-_POSITION, _DELTA = CONTROL_MODES.index("joint_position"), CONTROL_MODES.index("joint_delta")
+_DELTA, _PALM = CONTROL_MODES.index("joint_delta"), CONTROL_MODES.index("ee_delta")
 _PUSHED, _SHAKEN = KINDS.index("pushed"), KINDS.index("shaken")
 _RUNNING = PHASES.index("running")
 
@@ -121,17 +118,16 @@ def _advance_targets(targets: Array, action: Array, control: Control) -> None:
     mode, joints, scale = control.mode, control.joints, control.scale
     lower, upper, most = joints[_LOWER], joints[_UPPER], joints[_STEP]
     n, arm_dof = joints.shape[1], control.chain.shape[0] - 1
-    if mode == _POSITION:
-        for j in range(n):
-            _move(targets, j, lower[j] + 0.5 * (action[j] + 1.0) * (upper[j] - lower[j]), joints)
-    elif mode == _DELTA:
+    if mode == _DELTA:
         for j in range(n):
             _move(targets, j, targets[j] + scale * action[j] * most[j], joints)
-    else:
+        return
+    if mode == _PALM:
         _palm_step(action, targets, control)
-        for j in range(arm_dof, n):
-            desired = lower[j] + 0.5 * (action[6 + j - arm_dof] + 1.0) * (upper[j] - lower[j])
-            _move(targets, j, desired, joints)
+    first = arm_dof if mode == _PALM else 0  # of the joints that an action says the places of
+    for j in range(first, n):
+        share = 0.5 * (action[len(action) - n + j] + 1.0)
+        _move(targets, j, lower[j] + share * (upper[j] - lower[j]), joints)
 
 
 @njit
@@ -175,20 +171,20 @@ def palm_jacobian(targets: Array, chain: Array, J: Array) -> None:
     x, y, z = 0.0, 0.0, 0.0
     for j in range(n + 1):
         link = chain[j]
-        dx, dy, dz = _rotated((qw, qx, qy, qz), (link[0], link[1], link[2]))
+        dx, dy, dz = rotated((qw, qx, qy, qz), (link[0], link[1], link[2]))
         x, y, z = x + dx, y + dy, z + dz
         anchors[j, 0] = x
         anchors[j, 1] = y
         anchors[j, 2] = z
-        qw, qx, qy, qz = _product((qw, qx, qy, qz), (link[3], link[4], link[5], link[6]))
+        qw, qx, qy, qz = product((qw, qx, qy, qz), (link[3], link[4], link[5], link[6]))
         if j < n:
-            ax, ay, az = _rotated((qw, qx, qy, qz), (0.0, 0.0, 1.0))
+            ax, ay, az = rotated((qw, qx, qy, qz), (0.0, 0.0, 1.0))
             axes[j, 0] = ax
             axes[j, 1] = ay
             axes[j, 2] = az
             half = 0.5 * targets[j]
             turn = (math.cos(half), 0.0, 0.0, math.sin(half))
-            qw, qx, qy, qz = _product((qw, qx, qy, qz), turn)
+            qw, qx, qy, qz = product((qw, qx, qy, qz), turn)
     for j in range(n):
         a, b, c = axes[j, 0], axes[j, 1], axes[j, 2]
         dx, dy, dz = x - anchors[j, 0], y - anchors[j, 1], z - anchors[j, 2]

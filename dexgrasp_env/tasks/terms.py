@@ -21,6 +21,12 @@ _NO_PHASE, _OVER = PHASES.index("none"), PHASES.index("over")
 
 
 @njit
+def length(x: float, y: float, z: float) -> float:
+    """Return the length of a vector."""
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@njit
 def level_terms(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> None:
     """Write the terms of version 1: (4,), of `settings.WEIGHTS_V1`.
 
@@ -34,7 +40,8 @@ def level_terms(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: R
     """
     tips, forces, near, thumb, fingers = rules.at[TIPS], rules.at[TIP_FORCES], 0.0, 0.0, 0.0
     for k in range(len(rules.grasp)):
-        near += _nearness(_box_distance(e, pose, R, s, tips + 3 * rules.grasp[k]), _NEAR, _FAR)
+        tip = tips + 3 * rules.grasp[k]
+        near += _nearness(_distance_to_box(e, pose, R, s[tip], s[tip + 1], s[tip + 2]), _NEAR, _FAR)
         pressure = _pressure(s, forces + 3 * rules.grasp[k])
         if k == 0:
             thumb = pressure
@@ -61,8 +68,9 @@ def progress_terms(
     for k in range(fingers + 1):
         share = 0.5 if k == 0 else 0.5 / fingers
         tip = rules.at[TIPS] + 3 * rules.grasp[k]
-        x, y, z = x + share * s[tip], y + share * s[tip + 1], z + share * s[tip + 2]
-        distance = _box_distance(e, pose, R, s, tip)
+        a, b, c = s[tip], s[tip + 1], s[tip + 2]
+        x, y, z = x + share * a, y + share * b, z + share * c
+        distance = _distance_to_box(e, pose, R, a, b, c)
         far += share * max(1.0 - max(distance - _NEAR, 0.0) / _AWAY, 0.0)
         near += share * _nearness(distance, _TIP, _CLOSE)
     terms[0] = far
@@ -86,16 +94,10 @@ def _opposed_force(s: Array, rules: Rules) -> float:
         if finger != rules.grasp[0]:
             first = rules.at[PRESSES] + 3 * finger
             x, y, z = x + s[first], y + s[first + 1], z + s[first + 2]
-    one, other = math.sqrt(a * a + b * b + c * c), math.sqrt(x * x + y * y + z * z)
+    one, other = length(a, b, c), length(x, y, z)
     if one == 0.0 or other == 0.0:
         return 0.0
     return min(one, other) * max(-(a * x + b * y + c * z) / (one * other), 0.0)
-
-
-@njit
-def _box_distance(e: Record, pose: Array, R: tuple[float, ...], s: Array, tip: int) -> float:
-    """Distance of a tip's centre to the object's box, m."""
-    return _distance_to_box(e, pose, R, s[tip], s[tip + 1], s[tip + 2])
 
 
 @njit
@@ -106,7 +108,7 @@ def _distance_to_box(e: Record, pose: Array, R: tuple[float, ...], px: float, py
     x = max(abs(a * R[0] + b * R[3] + c * R[6]) - h[0], 0.0)
     y = max(abs(a * R[1] + b * R[4] + c * R[7]) - h[1], 0.0)
     z = max(abs(a * R[2] + b * R[5] + c * R[8]) - h[2], 0.0)
-    return math.sqrt(x * x + y * y + z * z)
+    return length(x, y, z)
 
 
 @njit
@@ -122,5 +124,4 @@ def _nearness(distance: float, near: float, far: float) -> float:
 @njit
 def _pressure(s: Array, first: int) -> float:
     """A contact force over what counts as firm, at most 1."""
-    x, y, z = s[first], s[first + 1], s[first + 2]
-    return min(math.sqrt(x * x + y * y + z * z) / _FIRM, 1.0)
+    return min(length(s[first], s[first + 1], s[first + 2]) / _FIRM, 1.0)

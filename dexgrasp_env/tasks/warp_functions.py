@@ -54,7 +54,8 @@ class _Translation(ast.NodeTransformer):
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         """A record is given as a struct and a row; decorators and types are numba's."""
-        self._records = {given.arg for given in node.args.args if _is_record(given.annotation)}
+        given_as = {given.arg: given.annotation for given in node.args.args}
+        self._records = {name for name, kind in given_as.items() if kind and ast.unparse(kind) == "Record"}
         node.args.args = [ast.arg(name) for given in node.args.args for name in self._both(given.arg)]
         node.decorator_list, node.returns = [], None
         return self.generic_visit(node)
@@ -63,12 +64,7 @@ class _Translation(ast.NodeTransformer):
         """Room is made by warp; records are handed on as a struct and a row."""
         if ast.unparse(node.func) == "np.empty":
             return _parsed(f"wp.zeros(shape={ast.unparse(node.args[0])}, dtype=float)")
-        names = [self._both(given.id) if isinstance(given, ast.Name) else [] for given in node.args]
-        node.args = [
-            part
-            for given, both in zip(node.args, names, strict=True)
-            for part in ([ast.Name(name) for name in both] if len(both) > 1 else [given])
-        ]
+        node.args = [_parsed(part) for given in node.args for part in self._both(ast.unparse(given))]
         return self.generic_visit(node)
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
@@ -120,10 +116,6 @@ class _Translation(ast.NodeTransformer):
         if isinstance(target, ast.Attribute) and EPISODE[target.attr].base.kind != "f":
             return "int"
         return "float"
-
-
-def _is_record(annotation: ast.expr | None) -> bool:
-    return isinstance(annotation, ast.Name) and annotation.id == "Record"
 
 
 def _of_constant(value: ast.expr) -> str:
