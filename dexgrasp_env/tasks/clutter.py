@@ -9,36 +9,25 @@ from numpy.random import Generator
 from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS, TIMESTEP
-from dexgrasp_env.tasks.constants import (
-    CLUTTER_X,
-    CLUTTER_Y,
-    CREEP,
-    DEEPEST_CONTACT,
-    DEEPEST_SINK,
-    HEAP_CALM,
-    HEAP_CALM_STEPS,
-    HEAP_EDGE,
-    HEAP_FALL,
-    HEAP_LAYER,
-    HEAP_PULL,
-    HEAP_REST_STEPS,
-    HEAP_SPANS,
-    HEAP_SPREAD,
-    HEAP_STEPS,
-    HEAP_TIMESTEP,
-    HEAP_TURNS,
-    HEAP_WIDTH,
-    MAX_EPISODE_STEPS,
-    NEIGHBOUR_MOVED,
-    REST_SPAN,
-    REST_SPANS,
-    STILL,
-)
+from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS, NEIGHBOUR_MOVED, STILL
 from dexgrasp_env.tasks.placement import Placement
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.simulation import Simulation
 
-_LOW, _HIGH = np.array([CLUTTER_X, CLUTTER_Y]).T
+_LOW, _HIGH = np.array([[0.30, 0.76], [-0.38, 0.38]]).T  # m, where what stands around the object may be
+REST_SPAN, REST_SPANS = 250, 12  # physics steps between two looks at whether all is still, and how many looks
+CREEP = 7e-4  # the same in a heap, whose contacts give a little for long
+DEEPEST_SINK, DEEPEST_CONTACT = 0.003, 0.002  # m: what sinks, floats or pierces so much is no scene
+HEAP_FALL = 0.01  # m above the heap from which the next falls
+HEAP_LAYER = 3  # objects at a time
+HEAP_SPREAD = 0.025  # m off the middle at most of the first; times the root of how many lie
+HEAP_EDGE = 0.08  # m that is left between where they are laid and where they may be
+HEAP_TIMESTEP = 0.004  # s, of a physics step while they are laid: laid rather than thrown
+HEAP_CALM_STEPS, HEAP_CALM = 5, 0.8  # of them each time, and what is then left of all speeds
+HEAP_STEPS, HEAP_REST_STEPS = 40, 60  # such times that they fall on, and that all then come to lie
+HEAP_PULL, HEAP_WIDTH = 0.3, 0.1  # of the weight, towards the middle, in full from so many m off it
+HEAP_TURNS = 40  # times that what does not stay is laid again
+HEAP_SPANS = 4  # spans of rest that it has each time
 _HEADINGS, _TURNS = 30, 4  # ways outwards that are tried for a neighbour, and how often
 _NEAR = 1e-4  # m that a gap may be short of what was drawn
 _SKY = 1000.0  # m: what waits to be dropped falls freely from here, and meets nothing
@@ -69,8 +58,9 @@ def set_out(
         return None
     drawn = np.vstack([pose, *around])
     simulation.place(drawn)
-    rests, poses = _rests(simulation), simulation.poses()
-    return poses if rests and (np.abs(poses - drawn)[:, :3] <= DEEPEST_SINK).all() else None
+    astray, poses = _settle(simulation, REST_SPANS, STILL), simulation.poses()
+    stays = not astray.any() and (np.abs(poses - drawn)[:, :3] <= DEEPEST_SINK).all()
+    return poses if stays else None
 
 
 # -- on the open table ------------------------------------------------------------------------------------------
@@ -101,10 +91,10 @@ def _slide_out(shape: Array, standing: Sequence[Array], gap: float, rng: Generat
 
     Ways begin at the object; where none of these ends on the table, at whatever stands there.
     """
-    angles, begin = rng.uniform(-np.pi, np.pi, _HEADINGS), np.zeros((_HEADINGS, 2))
+    begin = np.zeros((_HEADINGS, 2))
     for turn in range(_TURNS):
+        angles = rng.uniform(-np.pi, np.pi, _HEADINGS)
         if turn:
-            angles = rng.uniform(-np.pi, np.pi, _HEADINGS)
             middles = np.array([other.mean(axis=0) for other in standing])
             begin = (middles - middles[0])[rng.integers(len(standing), size=_HEADINGS)]
         for angle, slid in zip(angles, begin, strict=True):
@@ -139,8 +129,8 @@ def outline(corners: Array, pose: Array) -> Array:
 
 def nearest_gap(shape: Array, others: Sequence[Array]) -> float:
     """Return the least of the gaps, m, between an outline and others; only those are measured that may be the least."""
-    (x, y), reach = _circle(shape)
-    bounds = [np.hypot(x - cx, y - cy) - reach - r for (cx, cy), r in map(_circle, others)]
+    centre, reach = _circle(shape)
+    bounds = [np.hypot(*(centre - other)) - reach - r for other, r in map(_circle, others)]
     least = np.inf
     for k in np.argsort(bounds):
         if bounds[k] >= least:
@@ -239,13 +229,7 @@ def _strays(simulation: Simulation) -> tuple[Mask, Array]:
 
     That is as an episode ends in which the robot stays home, where all rest; the heap is then left as it begins.
     """
-    for _ in range(HEAP_SPANS):
-        before = simulation.poses()
-        simulation.settle(REST_SPAN)
-        moving = np.abs(simulation.poses() - before).max(axis=1) > CREEP
-        if not moving.any():
-            break
-    astray, begin = moving | _misplaced(simulation), simulation.poses()
+    astray, begin = _settle(simulation, HEAP_SPANS, CREEP), simulation.poses()
     state, poses = simulation.get_state(), begin
     for _ in range(0 if astray.any() else MAX_EPISODE_STEPS * CONTROL_STEPS // REST_SPAN):
         simulation.settle(REST_SPAN)
@@ -265,14 +249,15 @@ def highest(corners: Array, pose: Array) -> float:
 # -- at rest -----------------------------------------------------------------------------------------------------
 
 
-def _rests(simulation: Simulation) -> bool:
-    """Let everything come to rest; whether it does, and nothing is where it may not be."""
-    for _ in range(REST_SPANS):
+def _settle(simulation: Simulation, spans: int, still: float) -> Mask:
+    """Let everything come to rest; return which objects (k,) move on by more than `still`, or are where none may be."""
+    for _ in range(spans):
         before = simulation.poses()
         simulation.settle(REST_SPAN)
-        if np.abs(simulation.poses() - before).max() <= STILL:
-            return not _misplaced(simulation).any()
-    return False
+        moving = np.abs(simulation.poses() - before).max(axis=1) > still
+        if not moving.any():
+            break
+    return moving | _misplaced(simulation)
 
 
 def _misplaced(simulation: Simulation) -> Mask:

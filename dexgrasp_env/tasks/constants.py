@@ -40,22 +40,8 @@ GOAL_RADIUS = 0.03  # m: so near the goal is reached
 SHORTEST_SKIP, LONGEST_SKIP = 5, 125  # physics steps of a control step: 100 to 4 Hz
 
 MOST_NEIGHBOURS = 25
-CLUTTER_X, CLUTTER_Y = (0.30, 0.76), (-0.38, 0.38)  # m, where what stands around the object may be
 SCENE_DRAWS = 60  # scenes drawn, at most, until one comes to rest
-REST_SPAN, REST_SPANS = 250, 12  # physics steps between two looks at whether all is still, and how many looks
 STILL = 1e-4  # of poses, m and parts of a quaternion, by which nothing moves in a span of rest
-CREEP = 7e-4  # the same in a heap, whose contacts give a little for long
-DEEPEST_SINK, DEEPEST_CONTACT = 0.003, 0.002  # m: what sinks, floats or pierces so much is no scene
-HEAP_FALL = 0.01  # m above the heap from which the next falls
-HEAP_LAYER = 3  # objects at a time
-HEAP_SPREAD = 0.025  # m off the middle at most of the first; times the root of how many lie
-HEAP_EDGE = 0.08  # m that is left between where they are laid and where they may be
-HEAP_TIMESTEP = 0.004  # s, of a physics step while they are laid: laid rather than thrown
-HEAP_CALM_STEPS, HEAP_CALM = 5, 0.8  # of them each time, and what is then left of all speeds
-HEAP_STEPS, HEAP_REST_STEPS = 40, 60  # such times that they fall on, and that all then come to lie
-HEAP_PULL, HEAP_WIDTH = 0.3, 0.1  # of the weight, towards the middle, in full from so many m off it
-HEAP_TURNS = 40  # times that what does not stay is laid again
-HEAP_SPANS = 4  # spans of rest that it has each time
 NEIGHBOUR_MOVED = 0.02  # m: a lift that moved nothing farther is clean
 TOPPLED = math.radians(30.0)  # a neighbour whose vertical has turned so far has toppled
 
