@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.random import Generator
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import MERGE_ANGLE, rest_poses
@@ -15,7 +15,7 @@ from dexgrasp_env.poses import quat_conjugate, quat_multiply, rotate, yaw_quat
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_HIGH
-from dexgrasp_env.valid import NATURAL, Rule, number, pair
+from dexgrasp_env.valid import NATURAL, Rule, check, number, pair
 
 PRESENTATIONS = ("rest", "upright")
 _STANDING: WeakKeyDictionary[ObjectModel, tuple[Array, float] | None] = WeakKeyDictionary()
@@ -26,11 +26,6 @@ _FRONT, _BACK = (
 _SIDE = 0.5 * TABLE_SIZE[1] + 0.05  # m
 _CLEARANCE = 0.0005  # m above the table; the settle closes it
 _INTO_TABLE = 0.001  # m that a given pose may reach below the table's top
-
-
-_Range = Annotated[tuple[float, float], pair(number())]
-_Across = Annotated[tuple[float, float], pair(number(ge=_FRONT, le=_BACK))]
-_Along = Annotated[tuple[float, float], pair(number(ge=-_SIDE, le=_SIDE))]
 
 
 def _rest_pose(value: Any) -> str | int:
@@ -49,9 +44,9 @@ class Placement:
             one; objects of the catalogue with a fixed presentation ignore it.
     """
 
-    x: _Across = PLACE_X
-    y: _Along = PLACE_Y
-    yaw: _Range = PLACE_YAW
+    x: Annotated[tuple[float, float], pair(number(ge=_FRONT, le=_BACK))] = PLACE_X
+    y: Annotated[tuple[float, float], pair(number(ge=-_SIDE, le=_SIDE))] = PLACE_Y
+    yaw: Annotated[tuple[float, float], pair(number())] = PLACE_YAW
     rest_pose: Annotated[str | int, Rule("any, likely, or a whole number >= 0", _rest_pose)] = "any"
 
     def sample(self, model: ObjectModel, rng: Generator, presentation: str = "rest") -> Array:
@@ -114,6 +109,16 @@ def _stand(model: ObjectModel) -> tuple[Array, float] | None:
     return quat, support_height(model.parts, up)
 
 
+def _some_pose(value: Any) -> Array:
+    pose: Array = array(7).admit(value)
+    if np.linalg.norm(pose[3:]) < 1e-6:
+        raise ValueError
+    return pose
+
+
+_POSE = Rule("7 finite numbers, position in metres and a quaternion wxyz", _some_pose)
+
+
 def check_pose(value: Any, hull: Array, cell: Cell) -> Array:
     """Return a given pose of the object with its quaternion normalised, (7,).
 
@@ -125,12 +130,7 @@ def check_pose(value: Any, hull: Array, cell: Cell) -> Array:
     Raises:
         InputError: if it is malformed, inside the table, beside it, or out of the arm's reach.
     """
-    try:
-        pose = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        pose = np.zeros(0)
-    if pose.shape != (7,) or not (np.abs(pose) < 1e6).all() or np.linalg.norm(pose[3:]) < 1e-6:
-        raise InputError("object_pose must be 7 finite numbers: position in metres and a quaternion wxyz")
+    pose = check("object_pose", value, _POSE)
     x, y, z = pose[:3]
     quat = pose[3:] / np.linalg.norm(pose[3:])
     lowest = z + rotate(quat, hull)[:, 2].min()
