@@ -38,7 +38,7 @@ class BatchPhysics:
     """
 
     def __init__(
-        self, simulations: Iterable[Simulation], number: int, threads: int | None = None, neighbours: int = 0
+        self, simulations: Iterable[Simulation], number: int, threads: int | None, neighbours: int
     ) -> None:
         """Prepare, without any environment in it yet.
 
@@ -55,8 +55,7 @@ class BatchPhysics:
         self._scenes = np.full(number, None, dtype=object)
         # Groups run at the same time: two threads a core between them keep every core busy to the end.
         groups = number if neighbours else len(shared)
-        share = -(-2 * self._threads // groups)
-        self._share = 1 if self._threads == 1 else max(1, min(self._threads, share, number))
+        self._share = min(self._threads, -(-2 * self._threads // groups), number)
         self._pool = (
             ThreadPoolExecutor(min(groups, 2 * self._threads) if neighbours else groups)
             if self._threads > 1 and groups > 1

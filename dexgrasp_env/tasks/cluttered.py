@@ -28,11 +28,9 @@ from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Physics, Simulation
-from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import Rule, number, one_of, pair
 
 _SUCCESS = TOLD.index("is_success")
-_UP = np.array([0.0, 0.0, 1.0])
 
 
 MASKS = ("true", "perceived")
@@ -81,8 +79,8 @@ class ClutterEpisodes(Episodes):
 
     task = "clutter"
 
-    def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
-        super().__init__(settings, views, number)
+    def __init__(self, settings: LiftSettings, number: int) -> None:
+        super().__init__(settings, number)
         assert isinstance(settings, ClutterSettings)
         self._clutter, self.walled = settings, settings.bin
         self.neighbours, self.around = settings.neighbours[1], settings.neighbour_objects
@@ -120,7 +118,12 @@ class ClutterEpisodes(Episodes):
             simulation = self._mount(i, slot.target, names, slot.variation)
             undisturbed = set_out(simulation, pose, settings.gaps, rng)
             if undisturbed is not None:
-                self._record_neighbours(self.records[i], simulation, undisturbed)
+                poses, record = simulation.poses()[1:], self.records[i]
+                record["neighbours"] = count
+                record["neighbour_rest"][:count] = poses
+                record["neighbour_drift"][:count] = (undisturbed[1:] - poses)[:, :3]
+                for k, model in enumerate(simulation.neighbours):
+                    record["neighbour_size"][k] = model.extents
                 return simulation
             if not given:
                 pose = self._draw_pose(simulation.object, slot.variation, rng)
@@ -129,25 +132,15 @@ class ClutterEpisodes(Episodes):
             "neighbours, wider gaps or smaller objects"
         )
 
-    def _record_neighbours(
-        self, record: NDArray[np.void], simulation: Simulation, undisturbed: Array
-    ) -> None:
-        poses, count = simulation.poses()[1:], len(simulation.neighbours)
-        record["neighbours"] = count
-        record["neighbour_rest"][:count] = poses
-        record["neighbour_drift"][:count] = (undisturbed[1:] - poses)[:, :3]
-        for k, model in enumerate(simulation.neighbours):
-            record["neighbour_size"][k] = model.extents
-
     def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
         """Look what became of the neighbours, and observe them in `state`."""
         records, (qpos, _, sensors) = self.records[part], where.moment
         poses = qpos[:, self._alone[0] :].reshape(len(records), -1, 7)
+        there = np.arange(poses.shape[1]) < records["neighbours"][:, None]
         if judge:
-            _judge(records, poses, sensors[:, self._alone[1] :] > 0)
+            _judge(records, poses, there, sensors[:, self._alone[1] :] > 0)
         if self.settings.obs_mode.startswith("state"):
             seen = np.zeros((len(records), self.neighbours, 7), np.float32)
-            there = np.arange(poses.shape[1]) < records["neighbours"][:, None]
             seen[:, : poses.shape[1]] = np.where(there[..., None], np.nan_to_num(poses), 0.0)
             sizes = records["neighbour_size"][:, : self.neighbours].astype(np.float32)
             more = {"neighbour_poses": seen, "neighbour_sizes": sizes}
@@ -171,21 +164,17 @@ class ClutterEpisodes(Episodes):
         return " ".join(object_name(self.slots[i].neighbours[k]) for k in hit)
 
 
-def _judge(records: NDArray[np.void], poses: Array, touched: Mask) -> None:
-    """Note how far neighbours (N, k) have moved, which have toppled and which the robot touches."""
+def _judge(records: NDArray[np.void], poses: Array, there: Mask, touched: Mask) -> None:
+    """Note how far neighbours (N, k) that are there have moved, which have toppled and which the robot touches."""
     count = poses.shape[1]
-    there = np.arange(count) < records["neighbours"][:, None]
     rest, drift = records["neighbour_rest"][:, :count], records["neighbour_drift"][:, :count]
     moved = poses[..., :3] - rest[..., :3]
     along = (moved * drift).sum(-1) / np.maximum((drift * drift).sum(-1), 1e-12)
     moved -= np.clip(along, 0.0, 1.0)[..., None] * drift
     farthest = np.where(there, np.sqrt((moved * moved).sum(-1)), 0.0).max(axis=1, initial=0.0)
     records["neighbours_moved"] = np.fmax(records["neighbours_moved"], farthest)
-    ups = [
-        rotate(quat_conjugate(quats), np.broadcast_to(_UP, (*there.shape, 3)))
-        for quats in (poses[..., 3:], rest[..., 3:])
-    ]
-    records["neighbour_toppled"][:, :count] |= there & ((ups[0] * ups[1]).sum(-1) < np.cos(TOPPLED))
+    now, first = (rotate(quat_conjugate(at[..., 3:]), np.array([0.0, 0.0, 1.0])) for at in (poses, rest))
+    records["neighbour_toppled"][:, :count] |= there & ((now * first).sum(-1) < np.cos(TOPPLED))
     records["neighbour_hit"][:, :count] |= touched
 
 

@@ -5,6 +5,7 @@ The single environment has one, the vector environment many; only who advances t
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from dexgrasp_env.arrays import Array, Arrays, Fields, Index, Mask
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.tasks import kernel
 from dexgrasp_env.tasks.control import check_finite
 from dexgrasp_env.tasks.observations import cut, layout, observation_space
@@ -42,8 +44,8 @@ class Episodes:
     around: Objects = ()
     """What they are drawn from."""
 
-    def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
-        self.settings, self.views, robot = settings, views, settings.cell.robot
+    def __init__(self, settings: LiftSettings, number: int) -> None:
+        self.settings, self.views, robot = settings, Views(settings), settings.cell.robot
         self.simulations = {
             target: Simulation(model, settings.cell)
             for target, model in settings.load_objects(settings.objects).items()
@@ -82,7 +84,7 @@ class Episodes:
 
     # -- starting ------------------------------------------------------------------------------------------------
 
-    def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> Simulation:
+    def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> tuple[Simulation, Arrays]:
         """Start episode `i`: draw what it is of and let its object settle, or go on from a state.
 
         Args:
@@ -90,13 +92,18 @@ class Episodes:
             rng: of the episode.
             options: see `LiftEnv.reset`; where there are none, `starts` gives them, if set.
 
+        Returns:
+            Its scene, and the observation without cameras, arrays (1, ...) by key.
+
         Raises:
             InputError: for an unknown option, object or a pose that cannot be.
         """
         if not options and self.starts is not None:
             self.fetch()
             options = self.starts(i, rng, self.records[i])
-        return self._begin(i, rng, self._check_options(options))
+        simulation = self._begin(i, rng, self._check_options(options))
+        part, judge = slice(i, i + 1), not self.slots[i].resumed
+        return simulation, self.conclude(part, simulation, np.zeros(1, np.int64), [rng], judge)
 
     def _begin(self, i: int, rng: Generator, options: Mapping[str, Any]) -> Simulation:
         """Start episode `i` by options that are known."""
@@ -150,9 +157,7 @@ class Episodes:
 
     def _resume(self, i: int, rng: Generator, state: EpisodeState) -> Simulation:
         """Begin episode `i` where another was: with what that had achieved, and with time and chance of its own."""
-        own = copy.deepcopy(rng.bit_generator.state)
-        simulation = self.set_state(i, state, rng)
-        rng.bit_generator.state = own
+        simulation = self.set_state(i, state, copy.deepcopy(rng))
         self.records[i]["elapsed"] = 0
         return simulation
 
@@ -176,18 +181,15 @@ class Episodes:
         elif neighbours:
             models = self.settings.load_objects(neighbours)
             simulation = simulation.among([models[name] for name in neighbours], self.walled)
-        if self.one_model:  # for good: people hold on to `unwrapped.model`
-            slot.model = None
-        elif variation == Variation():
-            slot.model = simulation.base  # shared, never written to
-        else:
-            own = slot.simulation is simulation and slot.model is not simulation.base
-            simulation.model = slot.model if own and slot.model is not None else copy.copy(simulation.base)
-            simulation.variation = slot.variation if own else Variation()
-            simulation.vary(variation)
-            slot.model = simulation.model
-        slot.target, slot.neighbours, slot.variation = target, neighbours, variation
+        own = slot.simulation is simulation and slot.model is not simulation.base
         slot.simulation = simulation
+        if not self.one_model and variation == Variation():
+            slot.model = simulation.base  # shared, never written to
+        elif not self.one_model:  # the scene's own otherwise, for good: people hold on to `unwrapped.model`
+            if not own:
+                slot.model, slot.variation = copy.copy(simulation.base), Variation()
+            self.enter(i).vary(variation)
+        slot.target, slot.neighbours, slot.variation = target, neighbours, variation
         return self.enter(i)
 
     def _start_record(self, i: int, target: str, variation: Variation) -> None:
@@ -196,9 +198,9 @@ class Episodes:
         record["half_extents"] = 0.5 * model.extents * variation.size
         record["mass"] = model.mass * variation.mass * variation.size**3
         record["size"] = variation.size
-        record["variation"] = variation.as_tuple()
+        record["variation"] = astuple(variation)
         record["hull_first"], record["hull_count"] = self._hull_spans[target]
-        record["latency"] = variation.latency_steps
+        record["latency"] = round(variation.latency / TIMESTEP)
         self.commands[i] = self.settings.cell.robot.home
         record["grip_quat"][0] = 1.0
         record["phase"] = PHASES.index("none" if self.settings.disturbance.kind == "none" else "before")

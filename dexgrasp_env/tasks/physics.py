@@ -1,7 +1,7 @@
 """What advances many environments: MuJoCo on all cores, or mujoco_warp on a GPU."""
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -17,16 +17,7 @@ if TYPE_CHECKING:
     from dexgrasp_env.tasks.warp_batch import WarpPhysics
 
 
-_UP = np.array([0.0, 0.0, 1.0])
 _DIGITS = 6  # of a height in m and of a direction, within which two starts are one
-
-
-class _Rest(NamedTuple):
-    """The object's pose (7,) before, and positions and velocities of the scene after it has settled."""
-
-    start: Array
-    qpos: Array
-    qvel: Array
 
 
 class Rests:
@@ -37,7 +28,7 @@ class Rests:
     """
 
     def __init__(self) -> None:
-        self._kept: dict[tuple[Simulation, bytes], _Rest] = {}
+        self._kept: dict[tuple[Simulation, bytes], tuple[Array, ...]] = {}
 
     def settle(self, simulation: Simulation) -> None:
         """Do what `Simulation.settle` does with an object that has just been placed, the robot being home."""
@@ -45,15 +36,19 @@ class Rests:
             simulation.settle()
             return
         pose = simulation.object_pose()
-        up = rotate(quat_conjugate(pose[3:]), _UP)
+        up = rotate(quat_conjugate(pose[3:]), np.array([0.0, 0.0, 1.0]))
         key = simulation, np.round([*up, pose[2]], _DIGITS).tobytes()
         if key not in self._kept:
             self._kept[key] = _settled(simulation, up, pose[2])
-        _move(simulation, pose, self._kept[key])
+        _move(simulation, pose, *self._kept[key])
 
 
-def _settled(simulation: Simulation, up: Array, height: float) -> _Rest:
-    """Settle the object as it is built in the middle of the table, turned there from `up` by the shortest way."""
+def _settled(simulation: Simulation, up: Array, height: float) -> tuple[Array, ...]:
+    """Settle the object as it is built in the middle of the table, turned there from `up` by the shortest way.
+
+    Returns:
+        The object's pose (7,) before, and positions and velocities of the scene after.
+    """
     turn = np.array([1.0 + up[2], up[1], -up[0], 0.0])
     length = np.linalg.norm(turn)
     quat = turn / length if length > 1e-6 else np.array([0.0, 1.0, 0.0, 0.0])
@@ -62,42 +57,37 @@ def _settled(simulation: Simulation, up: Array, height: float) -> _Rest:
     simulation.place(start)
     simulation.settle()
     simulation.model = varied
-    return _Rest(start, simulation.data.qpos.copy(), simulation.data.qvel.copy())
+    return start, simulation.data.qpos.copy(), simulation.data.qvel.copy()
 
 
-def _move(simulation: Simulation, pose: Array, rest: _Rest) -> None:
+def _move(simulation: Simulation, pose: Array, start: Array, qpos: Array, qvel: Array) -> None:
     """Put the scene into a settled state that began at another place and turned otherwise about the vertical."""
     simulation.place(pose)
     data, n = simulation.data, simulation.cell.robot.dof
-    turn = quat_multiply(pose[3:], quat_conjugate(rest.start[3:]))
-    data.qpos[:n], data.qvel[:] = rest.qpos[:n], rest.qvel
-    data.qpos[n : n + 3] = pose[:3] + rotate(turn, rest.qpos[n : n + 3] - rest.start[:3])
-    data.qpos[n + 3 :] = quat_multiply(turn, rest.qpos[n + 3 :])
-    data.qvel[n : n + 3] = rotate(turn, rest.qvel[n : n + 3])  # the rotation's is in the object's frame
+    turn = quat_multiply(pose[3:], quat_conjugate(start[3:]))
+    data.qpos[:n], data.qvel[:] = qpos[:n], qvel
+    data.qpos[n : n + 3] = pose[:3] + rotate(turn, qpos[n : n + 3] - start[:3])
+    data.qpos[n + 3 :] = quat_multiply(turn, qpos[n + 3 :])
+    data.qvel[n : n + 3] = rotate(turn, qvel[n : n + 3])  # the rotation's is in the object's frame
     mujoco.mj_forward(simulation.model, data)
 
 
-def make_physics(
-    episodes: "Episodes", number: int, threads: int | None = None
-) -> "BatchPhysics | WarpPhysics":
+def make_physics(episodes: "Episodes", threads: int | None = None) -> "BatchPhysics | WarpPhysics":
     """Return the physics of environments, as their settings choose it.
 
     Args:
         episodes: theirs.
-        number: of environments.
         threads: of MuJoCo, at most so many at a time; None for one a core.
 
     Raises:
         InputError: for what warp does not do, a missing extra or device.
     """
-    settings, scenes = episodes.settings, episodes.simulations.values()
-    if settings.backend == "mujoco":
+    if episodes.settings.backend == "mujoco":
+        scenes, number = episodes.simulations.values(), len(episodes.slots)
         return BatchPhysics(scenes, number, threads, episodes.neighbours)
     from dexgrasp_env.tasks.warp_batch import WarpPhysics
 
-    around = list(settings.load_objects(episodes.around).values())
-    neighbours = around, episodes.neighbours, episodes.walled
-    return WarpPhysics(scenes, number, settings.device, settings.frame_skip, *neighbours)
+    return WarpPhysics(episodes)
 
 
 def use_device(episodes: "Episodes", physics: Any, tensors: bool) -> None:
@@ -114,6 +104,6 @@ def use_device(episodes: "Episodes", physics: Any, tensors: bool) -> None:
 def give_physics(episodes: "Episodes") -> None:
     """Have the scenes of a single environment advanced as its settings choose; raises as `make_physics`."""
     if episodes.settings.backend != "mujoco":
-        physics = make_physics(episodes, 1)
+        physics = make_physics(episodes)
         for simulation in episodes.simulations.values():
             simulation.physics = physics

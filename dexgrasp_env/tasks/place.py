@@ -30,7 +30,6 @@ from dexgrasp_env.tasks.records import FAILURES, TOLD
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
 from dexgrasp_env.tasks.simulation import Physics, Simulation
-from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import Rule, check, one_of
 
 _SUCCESS = TOLD.index("is_success")
@@ -67,27 +66,25 @@ class PlaceEpisodes(Episodes):
     task = "place"
     options = (*Episodes.options, "goal")
 
-    def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
-        super().__init__(settings, views, number)
+    def __init__(self, settings: LiftSettings, number: int) -> None:
+        super().__init__(settings, number)
         self._order = list(key_sizes("state", settings.cell.robot))
-        self._size = 3 if settings.version == 1 else 4  # numbers of a goal
+        first = settings.version == 1
+        self._size = 3 if first else 4  # numbers of a goal
+        low, high = (_GOAL_LOW, _GOAL_HIGH) if first else (_LOWEST, _HIGHEST)
+        self._goals = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+        self._achieved = spaces.Box(-np.inf, np.inf, (3,), np.float32) if first else self._goals
         self.truncating[FAILURES.index("object_lost")] = settings.version > 1
         self._distances = np.zeros(number)  # m, of the objects' centres to their goals
 
     def observation_space(self) -> spaces.Dict:
         """Return the space that goal-conditioned learners want."""
-        parts, n = dict(super().observation_space()), self._size
-        low, high = (_GOAL_LOW, _GOAL_HIGH) if n == 3 else (_LOWEST, _HIGHEST)
-        goal = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
-        if not self.settings.obs_mode.startswith("state"):
-            return spaces.Dict({**parts, "desired_goal": goal})
-        flat = [parts.pop(key) for key in self._order]
-        size = sum(int(np.prod(part.shape or ())) for part in flat)
-        observation = spaces.Box(-np.inf, np.inf, (size,), np.float32)
-        achieved = spaces.Box(-np.inf, np.inf, (n,), np.float32) if n == 3 else goal
-        return spaces.Dict(
-            {**parts, "observation": observation, "achieved_goal": achieved, "desired_goal": goal}
-        )
+        parts = dict(super().observation_space()) | {"desired_goal": self._goals}
+        if self.settings.obs_mode.startswith("state"):
+            size = sum(spaces.flatdim(parts.pop(key)) for key in self._order)
+            parts["observation"] = spaces.Box(-np.inf, np.inf, (size,), np.float32)
+            parts["achieved_goal"] = self._achieved
+        return spaces.Dict(parts)
 
     def _begin(self, i: int, rng: Generator, options: Mapping[str, Any]) -> Simulation:
         """Start episode `i`; the goal is drawn last. A goal that is given has not been reached for any time yet."""
@@ -113,7 +110,7 @@ class PlaceEpisodes(Episodes):
                 return np.array([*goal[:2], start[2], 0.0])
 
     def _check_goal(self, goal: Any) -> Array:
-        space: Any = self.observation_space()["desired_goal"]
+        space = self._goals
 
         def admit(value: Any) -> Array:
             """Return the goal that a value states."""
@@ -135,13 +132,12 @@ class PlaceEpisodes(Episodes):
         centres = np.where(known[:, None], centres, 0.0)  # where nothing is known no goal is reached
         goals = records["goal"][:, : self._size].astype(np.float32)
         self._distances[part] = np.linalg.norm(centres - records["goal"][:, :3], axis=-1)
-        achieved = centres.astype(np.float32)
-        if self._size == 4:
-            if judge:
-                records["moved"] |= np.linalg.norm(centres - records["start"], axis=-1) > GOAL_RADIUS
-            touching = sensors[:, self.rules.at[TOUCHING_HAND]] > 0
-            hand = np.where(records["moved"] & known, touching, -1.0)
-            achieved = np.clip(np.column_stack([centres, hand]), _LOWEST, _HIGHEST).astype(np.float32)
+        if judge:
+            records["moved"] |= np.linalg.norm(centres - records["start"], axis=-1) > GOAL_RADIUS
+        touching = sensors[:, self.rules.at[TOUCHING_HAND]] > 0
+        hand = np.where(records["moved"] & known, touching, -1.0)
+        achieved = np.column_stack([centres, hand])[:, : self._size].astype(np.float32)
+        achieved = np.clip(achieved, self._achieved.low, self._achieved.high)
         self.rewards[part] = goal_rewards(achieved, goals, self.settings.reward_mode)
         reached = (goal_rewards(achieved, goals, "sparse") == 0.0) & (records["failure"] == 0)
         if judge:
@@ -159,7 +155,17 @@ class PlaceEpisodes(Episodes):
         return {"goal_distance": self._distances.copy()}
 
 
-class PlaceEnv(LiftEnv):
+class GoalRewards:
+    """What an environment with goals has more, a single one and many."""
+
+    settings: LiftSettings
+
+    def compute_reward(self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any) -> Array:
+        """Return the rewards (...,) of goals (..., 4), or (..., 3) of version 1; `info` is not used."""
+        return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
+
+
+class PlaceEnv(GoalRewards, LiftEnv):
     """Bring an object to a place: hold it there in the air, or put it down and let go: a goal-conditioned task.
 
     ## Description
@@ -217,10 +223,6 @@ class PlaceEnv(LiftEnv):
 
     episodes_type = PlaceEpisodes
     settings_type = PlaceSettings
-
-    def compute_reward(self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any) -> Array:
-        """Return the rewards (...,) of goals (..., 4), or (..., 3) of version 1; `info` is not used."""
-        return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
 
 def goal_rewards(achieved: NDArray[Any], desired: NDArray[Any], reward_mode: str) -> Array:

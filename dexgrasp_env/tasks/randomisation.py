@@ -1,7 +1,7 @@
 """Domain randomisation: object, contact, servos and sensors, written into a compiled model."""
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import mujoco
@@ -35,15 +35,6 @@ class Variation:
     gain: float = 1.0
     latency: float = 0.0
     joint_noise: float = 0.0
-
-    @property
-    def latency_steps(self) -> int:
-        """Latency in physics steps."""
-        return round(self.latency / TIMESTEP)
-
-    def as_tuple(self) -> tuple[float, ...]:
-        """The numbers, in the order above."""
-        return astuple(self)
 
 
 Range = tuple[float, float] | None
@@ -126,7 +117,9 @@ def apply_variation(
 
     What `data` holds is lost: to make some takes longer than all else here.
     """
-    _set_friction(model, base, variation.friction)
+    contact = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
+    model.geom_friction[contact, 0] = variation.friction
+    model.pair_friction[:] = pair_friction(base, variation.friction)
     _set_size(model, base, variation.size)
     body = model.body("object").id
     factor = variation.mass * variation.size**3
@@ -135,12 +128,6 @@ def apply_variation(
     model.actuator_gainprm[:, 0] = base.actuator_gainprm[:, 0] * variation.gain
     model.actuator_biasprm[:, 1] = base.actuator_biasprm[:, 1] * variation.gain
     mujoco.mj_setConst(model, data)
-
-
-def _set_friction(model: mujoco.MjModel, base: mujoco.MjModel, friction: float) -> None:
-    contact = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
-    model.geom_friction[contact, 0] = friction
-    model.pair_friction[:] = pair_friction(base, friction)
 
 
 def _set_size(model: mujoco.MjModel, base: mujoco.MjModel, size: float) -> None:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, Protocol
 import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -95,8 +94,6 @@ class Simulation:
         data = self.data
         self.moment = Moment(data.qpos[None], data.qvel[None], data.sensordata[None])
         self._forces = (data.qfrc_applied, data.xfrc_applied)
-        self._warmstart = data.qacc_warmstart
-        self._warnings = data.warning.number
         self._rollout = Rollout(nthread=0)
         self._state = np.zeros((1, mujoco.mj_stateSize(self.base, _PHYSICS)))
 
@@ -163,21 +160,18 @@ class Simulation:
             return int(self.physics.advance(self, rows))
         model, data = self.model, self.data
         spec, control = _CONTROL, rows
-        if np.count_nonzero(self._forces[0]) or np.count_nonzero(self._forces[1]):  # quicker than any()
+        if any(map(np.count_nonzero, self._forces)):  # quicker than numpy's any()
             forces = np.concatenate([force.ravel() for force in self._forces])
-            spec, control = (
-                _CONTROL | _FORCES,
-                np.dstack([rows, np.broadcast_to(forces, (*rows.shape[:2], len(forces)))]),
-            )
-        readings = np.zeros((1, rows.shape[1], model.nsensordata)) if self.neighbours else None
+            spec |= _FORCES
+            control = np.dstack([rows, np.broadcast_to(forces, (*rows.shape[:2], len(forces)))])
+        readings = np.zeros((1, rows.shape[1], model.nsensordata))
         mujoco.mj_getState(model, data, self._state[0], _PHYSICS)
         self._rollout.rollout(
             [model], [data], self._state, control, control_spec=spec, skip_checks=True, nstep=rows.shape[1],
-            initial_warmstart=self._warmstart.copy()[None], sensordata=readings,
+            initial_warmstart=data.qacc_warmstart.copy()[None], sensordata=readings,
         )  # fmt: skip
-        if readings is not None:
-            data.sensordata[self.touches] = readings[0, :, self.touches].max(axis=0)
-        return warning_bits(self._warnings)
+        data.sensordata[self.touches] = readings[0, :, self.touches].max(axis=0)
+        return sum(1 << k for k, count in enumerate(data.warning.number.tolist()) if count)
 
     def get_state(self) -> Array:
         """Return the full integration state."""
@@ -191,12 +185,6 @@ class Simulation:
         mujoco.mj_setState(self.model, self.data, state, STATE)
         mujoco.mj_forward(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state, STATE)
-
-
-def warning_bits(numbers: NDArray[np.int32]) -> int:
-    """Return counts of MuJoCo's warnings as bits."""
-    counts = numbers.tolist()
-    return sum(1 << k for k, count in enumerate(counts) if count) if any(counts) else 0
 
 
 @cache

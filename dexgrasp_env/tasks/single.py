@@ -18,11 +18,7 @@ from dexgrasp_env.tasks.infos import first
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.physics import give_physics
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
-from dexgrasp_env.tasks.views import Views
-
-NO_WARNINGS = np.zeros(1, np.int64)
 
 
 class SingleEnv(gym.Env[Arrays, Single], EzPickle):
@@ -32,6 +28,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         episodes_type: of the task.
         settings_type: says which arguments it takes, and checks them.
         obs_modes: those that it takes.
+        simulation: of the episode, for pictures and evaluation; agents see observations only.
     """
 
     episodes_type = Episodes
@@ -45,21 +42,16 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
     def __init__(self, **given: Any) -> None:
         EzPickle.__init__(self, **given)
         self.settings = self.settings_type.of(**given)
-        self._views = Views(self.settings)
         self.render_mode = self.settings.render_mode
         self.metadata = {**self.metadata, "render_fps": round(1 / self.settings.period)}
-        self._episodes = self.episodes_type(self.settings, self._views, 1)
+        self._episodes = self.episodes_type(self.settings, 1)
+        self._views = self._episodes.views
         robot = self.settings.cell.robot
         self.action_space = ActionSpace(self.settings.control_mode, robot)  # type: ignore[assignment]
         self.observation_space = self._episodes.observation_space()  # type: ignore[assignment]
-        self._simulation = next(iter(self._episodes.simulations.values()))
+        self.simulation = next(iter(self._episodes.simulations.values()))
         give_physics(self._episodes)
         self._over = True
-
-    @property
-    def simulation(self) -> Simulation:
-        """The simulation of the episode, for pictures and evaluation; agents see observations only."""
-        return self._simulation
 
     @property
     def target(self) -> str:
@@ -69,12 +61,12 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
     @property
     def model(self) -> mujoco.MjModel:
         """MuJoCo's model of the episode, with its variation."""
-        return self._simulation.model
+        return self.simulation.model
 
     @property
     def data(self) -> mujoco.MjData:
         """MuJoCo's live data: the full integration state after every reset and step; `ctrl` the last set-points."""
-        return self._simulation.data
+        return self.simulation.data
 
     @property
     def dt(self) -> float:
@@ -107,11 +99,9 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         # The limit is a wrapper's: where the last episode ended shows it.
         self.settings.warn_of_limit(int(self._episodes.records["elapsed"][0]))
         self._over = True  # options may be refused
-        self._simulation = self._episodes.begin(0, self.np_random, options)
-        slot = self._episodes.slots[0]
-        observation = self._conclude(0, judge=not slot.resumed)
-        self._over = False
-        return self._look(observation, at_reset=not (slot.resumed and slot.view.seen))
+        self.simulation, seen = self._episodes.begin(0, self.np_random, options)
+        self._over, slot = False, self._episodes.slots[0]
+        return self._look(seen, at_reset=not (slot.resumed and slot.view.seen))
 
     def observe(self) -> tuple[Arrays, Fields]:
         """Return observation and info of the present: those of the last reset or step, or of the state that was set.
@@ -122,10 +112,8 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
             InputError: before the first reset.
         """
         self.get_state()
-        observation = self._conclude(0, copy.deepcopy(self.np_random), judge=False)
-        seen = self._episodes.slots[0].view
-        observation = dict(sorted((observation | copy.deepcopy(seen.seen)).items()))
-        return observation, first(self._episodes.infos()) | copy.deepcopy(seen.info)
+        seen = self._conclude(0, copy.deepcopy(self.np_random), judge=False)
+        return self._told(seen)
 
     def step(self, action: Single) -> tuple[Arrays, float, bool, bool, Fields]:
         """Advance 50 ms.
@@ -133,12 +121,11 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         Raises:
             InputError: if the action has the wrong shape or is not finite, or no episode is running.
         """
-        return self.finish_step(self._simulation.step(self.start_step(action)))
+        return self.finish_step(self.simulation.step(self.start_step(action)))
 
     def twin(self) -> Self:
         """Return another environment of the same settings, without an episode."""
-        kwargs: Fields = self._ezpickle_kwargs
-        return type(self)(**kwargs)
+        return type(self)(**self._ezpickle_kwargs)
 
     def start_from(self, starts: Starts | None) -> None:
         """Have resets that are given no options take those that `starts` gives."""
@@ -160,7 +147,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
             raise InputError("step() called without a running episode: call reset() first")
         rows, push = self._episodes.set_points(check_actions(action, self.action_space.shape)[None])
         if self.settings.disturbance.kind == "pushed":
-            self._simulation.data.xfrc_applied[self._simulation.body, :3] = push[0]
+            self.simulation.data.xfrc_applied[self.simulation.body, :3] = push[0]
         return rows
 
     def finish_step(self, bits: int) -> tuple[Arrays, float, bool, bool, Fields]:
@@ -172,29 +159,31 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         Returns:
             What `step` returns.
         """
-        observation, episodes = self._conclude(bits), self._episodes
+        seen, episodes = self._conclude(bits), self._episodes
         terminated, truncated = (bool(flags[0]) for flags in episodes.endings())
         self._over = terminated or truncated
-        observation, info = self._look(observation, at_reset=False)
+        observation, info = self._look(seen, at_reset=False)
         return observation, float(episodes.rewards[0]), terminated, truncated, info
 
     def _conclude(self, bits: int, rng: Generator | None = None, judge: bool = True) -> Arrays:
-        warnings = np.array([bits]) if bits else NO_WARNINGS
-        rngs = [rng or self.np_random]
-        seen = self._episodes.conclude(slice(None), self._simulation, warnings, rngs, judge)
-        return {key: values[0] for key, values in seen.items()}
+        warnings, rngs = np.array([bits]), [rng or self.np_random]
+        return self._episodes.conclude(slice(None), self.simulation, warnings, rngs, judge)
 
-    def _look(self, observation: Arrays, at_reset: bool) -> tuple[Arrays, Fields]:
-        episodes, simulation = self._episodes, self._simulation
-        info = first(episodes.infos())
+    def _look(self, observed: Arrays, at_reset: bool) -> tuple[Arrays, Fields]:
+        simulation = self.simulation
         if self.settings.obs_mode != "state":
-            view, qpos, rng = episodes.slots[0].view, simulation.data.qpos, self.np_random
-            views, seen = self._views.observe(view, qpos, lambda: simulation, rng, at_reset)
-            observation = dict(sorted((observation | views).items()))
-            info |= seen
+            view, qpos, rng = self._episodes.slots[0].view, simulation.data.qpos, self.np_random
+            self._views.observe(view, qpos, lambda: simulation, rng, at_reset)
         if self.render_mode == "human":
             self.render()
-        return observation, info
+        return self._told(observed)
+
+    def _told(self, observed: Arrays) -> tuple[Arrays, Fields]:
+        """Return the observation and the info, both with what cameras saw last: callers may write to that."""
+        view = self._episodes.slots[0].view
+        seen, info = copy.deepcopy((view.seen, view.info))
+        observation = {key: values[0] for key, values in observed.items()} | seen
+        return dict(sorted(observation.items())), first(self._episodes.infos()) | info
 
     def get_state(self) -> EpisodeState:
         """Return everything that the running episode's future depends on.
@@ -204,7 +193,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         """
         if not self._episodes.slots[0].target:
             raise InputError("get_state() called without an episode: call reset() first")
-        physics, sensors = self._simulation.get_state(), self._simulation.data.sensordata
+        physics, sensors = self.simulation.get_state(), self.simulation.data.sensordata
         return self._episodes.get_state(0, physics, sensors, self.np_random)
 
     def set_state(self, state: EpisodeState) -> None:
@@ -213,7 +202,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         Raises:
             InputError: if the state is of an object that is not among this environment's, or of other settings.
         """
-        self._simulation = self._episodes.set_state(0, state, self.np_random)
+        self.simulation = self._episodes.set_state(0, state, self.np_random)
         self._over = bool(state.record["failure"])
 
     def __getstate__(self) -> Fields:
@@ -237,7 +226,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
 
     def render(self) -> Any:
         """Return a picture (`rgb_array`: (H, W, 3) uint8; `depth_array`: (H, W) float32 m), or show it (`human`)."""
-        return self._views.render(self.render_mode, self._simulation)
+        return self._views.render(self.render_mode, self.simulation)
 
     def close(self) -> None:
         """Free what rendering holds."""

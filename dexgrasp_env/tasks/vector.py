@@ -21,11 +21,9 @@ from dexgrasp_env.tasks.infos import masked, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import cut
 from dexgrasp_env.tasks.physics import make_physics, use_device
-from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
+from dexgrasp_env.tasks.place import GoalRewards, PlaceEnv
 from dexgrasp_env.tasks.simulation import Simulation
-from dexgrasp_env.tasks.single import NO_WARNINGS
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
-from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import COUNT, Rule, check, instance
 
 _AUTORESET = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
@@ -98,12 +96,12 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         self._mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
         fps = round(1 / self.settings.period)
         self.metadata = {**LiftEnv.metadata, "render_fps": fps, "autoreset_mode": self._mode}
-        self._views = Views(self.settings)
         self.settings.warn_of_limit(max_episode_steps)
         self.render_mode = self.settings.render_mode
-        self._episodes = self._env_type.episodes_type(self.settings, self._views, num_envs)
+        self._episodes = self._env_type.episodes_type(self.settings, num_envs)
+        self._views = self._episodes.views
         threads = None if threads is None else check("threads", threads, COUNT)
-        self._physics = make_physics(self._episodes, num_envs, threads)
+        self._physics = make_physics(self._episodes, threads)
         if self.settings.backend == "warp":
             use_device(self._episodes, self._physics, tensors)
         self.single_action_space = ActionSpace(self.settings.control_mode, self.settings.cell.robot)
@@ -146,8 +144,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         mask = _check_mask(options.pop("reset_mask", np.ones(self.num_envs, bool)), self.num_envs)
         state = options.pop("state", None)
         states = state if isinstance(state, list) else [state] * self.num_envs
-        if len(states) != self.num_envs:
-            raise InputError(f"{len(states)} states given: valid is one, or one for each of {self.num_envs}")
+        states = _one_for_each("states", states, self.num_envs)
         left_out = np.flatnonzero(~mask & ~self._started).tolist()
         if left_out and self.settings.obs_mode != "state":
             raise InputError(
@@ -232,8 +229,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
 
     def twin(self) -> LiftEnv:
         """Return a single environment of the same settings, without an episode."""
-        kwargs: Fields = self._ezpickle_kwargs
-        return self._env_type(**kwargs)
+        return self._env_type(**self._ezpickle_kwargs)
 
     def start_from(self, starts: Starts | None) -> None:
         """Have resets that are given no options, those within `step` too, take those that `starts` gives."""
@@ -263,12 +259,11 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
 
     def _reset_one(self, i: int, options: Fields | None = None) -> None:
         self._started[i], self._ended[i] = False, True  # options may be refused
-        simulation = self._episodes.begin(i, self._rngs[i], options)
+        simulation, seen = self._episodes.begin(i, self._rngs[i], options)
         self._physics.load(i, simulation)
-        only, slot = slice(i, i + 1), self._episodes.slots[i]
-        judge, rngs = not slot.resumed, self._rngs[only]
-        self._note(only, self._episodes.conclude(only, simulation, NO_WARNINGS, rngs, judge))
+        self._note(slice(i, i + 1), seen)
         if self.settings.obs_mode != "state":
+            slot = self._episodes.slots[i]
             fresh = not (slot.resumed and slot.view.seen)
             self._look(i, simulation.data.qpos, lambda: simulation, at_reset=fresh)
         self._started[i], self._ended[i] = True, False
@@ -299,7 +294,8 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
 
     def _look(self, i: int, qpos: Array, scene: Callable[[], Simulation], at_reset: bool = False) -> None:
         view = self._episodes.slots[i].view
-        self._note(i, self._views.observe(view, qpos, scene, self._rngs[i], at_reset)[0])
+        self._views.observe(view, qpos, scene, self._rngs[i], at_reset)
+        self._note(i, view.seen)
 
     def simulation(self, i: int) -> Simulation:
         """Return the scene of environment `i` with its model and present positions in it, until the next call."""
@@ -335,24 +331,23 @@ class ClutterVectorEnv(LiftVectorEnv):
     _env_type = ClutterEnv
 
 
-class PlaceVectorEnv(LiftVectorEnv):
+class PlaceVectorEnv(GoalRewards, LiftVectorEnv):
     """N environments like `PlaceEnv`; see `LiftVectorEnv`."""
 
     _env_type = PlaceEnv
-
-    def compute_reward(self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any) -> Array:
-        """Return the rewards (...,) of goals as of `PlaceEnv`; `info` is not used."""
-        return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
 
 def _seeds(seed: Any, number: int) -> list[int | None]:
     """Return the seed of each environment."""
     if seed is None or isinstance(seed, int | np.integer):
         return [None if seed is None else int(seed) + i for i in range(number)]
-    seeds = list(seed)
-    if len(seeds) != number:
-        raise InputError(f"{len(seeds)} seeds given: valid is one, or one for each of {number}")
-    return seeds
+    return _one_for_each("seeds", list(seed), number)
+
+
+def _one_for_each(what: str, values: list[Any], number: int) -> list[Any]:
+    if len(values) != number:
+        raise InputError(f"{len(values)} {what} given: valid is one, or one for each of {number}")
+    return values
 
 
 def _check_mask(mask: Any, number: int) -> Mask:

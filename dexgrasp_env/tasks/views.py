@@ -1,6 +1,5 @@
 """What cameras add to observations, and pictures for people."""
 
-import copy
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -58,10 +57,8 @@ class Views:
 
     def observe(
         self, view: View, qpos: Array, scene: Callable[[], Simulation], rng: Generator, at_reset: bool
-    ) -> tuple[Arrays, Fields]:
-        """Return the camera part of an observation and of the info.
-
-        Between looks the last views are repeated.
+    ) -> None:
+        """Have cameras look where it is time to; between looks the last views stay.
 
         Args:
             view: of the episode; kept up to date.
@@ -81,8 +78,6 @@ class Views:
                 view.believed = self._settings.calibration.misplace(perception.believed, rng)
             perception.believed = view.believed
             view.seen, view.info = self._look(perception, simulation, rng)
-        # Copies: callers keep what they are given, and may write to it.
-        return {key: value.copy() for key, value in view.seen.items()}, copy.deepcopy(view.info)
 
     def _due(self, qpos: Array) -> bool:
         """Whether cameras look after a step that ends at these positions (n + 7,): the setting `observe` says when.

@@ -1,7 +1,6 @@
 """Physics of many environments by mujoco_warp, on a GPU or on the processor, as one graph."""
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -10,10 +9,12 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.scene.merged import MergedScene, filled
 from dexgrasp_env.tasks.simulation import Moment, Simulation, warning_mask
 from dexgrasp_env.tasks.warp_memory import Letters, columns, find_device
+
+if TYPE_CHECKING:
+    from dexgrasp_env.tasks.episodes import Episodes
 
 with from_extra():
     import mujoco_warp as mjw
@@ -89,34 +90,18 @@ class WarpPhysics:
         warnings: (N,) of the last step there.
     """
 
-    def __init__(
-        self,
-        simulations: Iterable[Simulation],
-        number: int,
-        device: str | None,
-        frame_skip: int,
-        around: Sequence[ObjectModel] = (),
-        neighbours: int = 0,
-        walled: bool = False,
-    ) -> None:
-        """Prepare, without any environment in it yet.
-
-        Args:
-            simulations: scenes of one object that environments share.
-            number: N.
-            device: as warp names it: `cuda:0`, `cpu`; None: a GPU where there is one.
-            frame_skip: physics steps of a control step.
-            around: what neighbours may be.
-            neighbours: most that scenes have.
-            walled: whether they are in a bin.
+    def __init__(self, episodes: "Episodes") -> None:
+        """Prepare for episodes, none of which has begun.
 
         Raises:
-            InputError: if there is no such device.
+            InputError: if there is no device of the name that the settings have.
         """
-        scenes = list(simulations)
-        self.device = find_device(device)
+        settings, scenes = episodes.settings, list(episodes.simulations.values())
+        number, neighbours = len(episodes.slots), episodes.neighbours
+        self.device = find_device(settings.device)
         objects = [scene.object for scene in scenes]
-        self._merged = MergedScene(objects, scenes[0].cell, around, neighbours, walled)
+        around = list(settings.load_objects(episodes.around).values())
+        self._merged = MergedScene(objects, settings.cell, around, neighbours, episodes.walled)
         self._scenes = [scenes[0]] * number
         self._graph: Any = None
         model = _accepted(self._merged.model)
@@ -132,7 +117,7 @@ class WarpPhysics:
                 njmax=_ROWS + neighbours * _MORE_ROWS,
             )
             self._touches = wp.zeros((number, neighbours), dtype=float)
-            self._controls = wp.zeros((frame_skip, number, model.nu), dtype=float)
+            self._controls = wp.zeros((settings.frame_skip, number, model.nu), dtype=float)
             self.warnings = wp.zeros(number, dtype=int)
         self.rows = self._controls.transpose((1, 0, 2))
         self.push = columns(self.data.xfrc_applied, 6 * scenes[0].body, 3, float)
