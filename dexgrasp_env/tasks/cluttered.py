@@ -150,18 +150,18 @@ class ClutterEpisodes(Episodes):
     def more_infos(self) -> Arrays:
         """Return what infos have more than those of `Episodes`."""
         moved, hit = self.records["neighbours_moved"], self.records["neighbour_hit"]
+        names = [
+            " ".join(object_name(slot.neighbours[k]) for k in np.flatnonzero(row))
+            for slot, row in zip(self.slots, hit, strict=True)
+        ]
         return {
             "is_clean": (self.told[:, _SUCCESS] > 0) & (moved <= NEIGHBOUR_MOVED),
             "neighbours": self.records["neighbours"].copy(),
             "neighbours_moved": moved.copy(),
             "neighbours_hit": hit.sum(axis=1),
             "neighbours_toppled": self.records["neighbour_toppled"].sum(axis=1),
-            "neighbours_hit_names": np.array([self._hit_names(i) for i in range(len(self.slots))], object),
+            "neighbours_hit_names": np.array(names, object),
         }
-
-    def _hit_names(self, i: int) -> str:
-        hit = np.flatnonzero(self.records[i]["neighbour_hit"])
-        return " ".join(object_name(self.slots[i].neighbours[k]) for k in hit)
 
 
 def _judge(records: NDArray[np.void], poses: Array, there: Mask, touched: Mask) -> None:

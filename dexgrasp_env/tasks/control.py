@@ -72,6 +72,6 @@ def check_tensor(actions: Any, shape: tuple[int, ...] | None) -> Any:
 
 def check_finite(actions: NDArray[Any]) -> None:
     """Raise an InputError for actions that are not finite."""
-    if not np.isfinite(actions).all():
-        bad = np.argwhere(~np.isfinite(actions)).tolist()
+    bad = np.argwhere(~np.isfinite(actions)).tolist()
+    if bad:
         raise InputError(f"action has NaN or infinite entries at {bad}")

@@ -71,7 +71,6 @@ class Episodes:
         self.rules = rules_of(settings, first.columns, np.concatenate(hulls), NO_PHYSICS)
         self.layout = layout(settings.obs_mode, robot)
         self.width = max(part.stop for part in self.layout.values())
-        self._no_noise = np.zeros((number, robot.dof))
         self.truncating = np.zeros(len(FAILURES), bool)
         """Which of `FAILURES` truncate an episode; the others terminate it."""
         self.starts: Starts | None = None
@@ -263,9 +262,10 @@ class Episodes:
         return state
 
     def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array:
+        n = self.settings.cell.robot.dof
         if self.settings.randomisation.joint_noise is None:
-            return self._no_noise[: len(records)]
-        size, n = records["variation"][:, 5:], self._no_noise.shape[1]
+            return np.zeros((len(records), n))
+        size = records["variation"][:, 5:]
         return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
 
     def endings(self) -> tuple[Mask, Mask]:

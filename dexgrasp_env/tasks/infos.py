@@ -5,12 +5,9 @@ import numpy as np
 from dexgrasp_env.arrays import Fields, Mask
 
 
-def first(infos: Fields) -> Fields:
-    """Return the infos of the first environment, as plain values."""
-    return {
-        key: first(value) if isinstance(value, dict) else value[:1].tolist()[0]
-        for key, value in infos.items()
-    }
+def only(infos: Fields) -> Fields:
+    """Return the infos of the only environment, as plain values."""
+    return {key: only(value) if isinstance(value, dict) else value.item() for key, value in infos.items()}
 
 
 def with_masks(infos: Fields, number: int) -> Fields:

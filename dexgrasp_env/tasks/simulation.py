@@ -138,11 +138,10 @@ class Simulation:
         """
         mujoco.mj_forward(self.model, self.data)
         for contact in self.data.contact:
-            if contact.dist > -_TOUCH:
-                continue
             bodies = [int(self.model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
             other = self.model.body(bodies[1] if bodies[0] == self.body else bodies[0]).name
-            if self.body in bodies and other in self.cell.robot.bodies:
+            touched = contact.dist <= -_TOUCH and self.body in bodies
+            if touched and other in self.cell.robot.bodies:
                 raise InputError(f"object_pose: the robot's {other} is in the way: give a place free of it")
 
     def step(self, rows: Array) -> int:

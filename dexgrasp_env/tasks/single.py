@@ -14,7 +14,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import Episodes
-from dexgrasp_env.tasks.infos import first
+from dexgrasp_env.tasks.infos import only
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.physics import give_physics
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -183,7 +183,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         view = self._episodes.slots[0].view
         seen, info = copy.deepcopy((view.seen, view.info))
         observation = {key: values[0] for key, values in observed.items()} | seen
-        return dict(sorted(observation.items())), first(self._episodes.infos()) | info
+        return dict(sorted(observation.items())), only(self._episodes.infos()) | info
 
     def get_state(self) -> EpisodeState:
         """Return everything that the running episode's future depends on.

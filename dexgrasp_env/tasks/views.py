@@ -45,8 +45,7 @@ class Views:
 
     def __init__(self, settings: LiftSettings) -> None:
         self._settings = settings
-        self._perceptions: WeakKeyDictionary[Simulation, tuple[float, tuple[str, ...], Perception]]
-        self._perceptions = WeakKeyDictionary()
+        self._perceptions = WeakKeyDictionary[Simulation, tuple[Any, Perception]]()
         self.rays: Callable[..., RayCameras] = RayCameras
         """Makes what casts the rays."""
         self._contexts: dict[str, tuple[tuple[Simulation, float], Any]] = {}
@@ -122,16 +121,15 @@ class Views:
 
     def _perception(self, simulation: Simulation, names: tuple[str, ...]) -> Perception:
         """The cell of this simulation; made anew when the object's size or the cameras have changed."""
-        known, size = self._perceptions.get(simulation), simulation.variation.size
-        if known is None or known[:2] != (size, names):
+        known, key = self._perceptions.get(simulation), (simulation.variation.size, names)
+        if known is None or known[0] != key:
             cameras = tuple(camera for camera in self._cameras if camera.name in names)
-            robot = None if known is None else known[2].robot
+            robot = None if known is None else known[1].robot
             perception = Perception(
                 simulation.model, cameras, sensor=self._settings.sensor, rays=self.rays, robot=robot
             )
-            known = (size, names, perception)
-            self._perceptions[simulation] = known
-        return known[2]
+            known = self._perceptions[simulation] = key, perception
+        return known[1]
 
     def _context(self, kind: str, simulation: Simulation, make: Callable[[], Any]) -> Any:
         """Return what draws, one of a kind; meshes are uploaded when it is made, in the size of the episode."""
