@@ -16,26 +16,17 @@ def mesh_of(model: Any, geom: int) -> tuple[Array, Any]:
 
 def hull_of(points: Array) -> tuple[Array, Any]:
     """Return corners (n, 3) m and triangles (m, 3) of the convex hull of points (k, 3) m, seen from outside."""
-    from scipy.spatial import ConvexHull
+    from trimesh.convex import convex_hull
 
-    hull = ConvexHull(np.asarray(points, dtype=float))
-    corners = points[hull.vertices]
-    number = np.full(len(points), -1)
-    number[hull.vertices] = np.arange(len(corners))
-    faces = number[hull.simplices]
-    a, b, c = (corners[faces[:, k]] for k in range(3))
-    inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(1) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return corners, faces
+    hull = convex_hull(points, qhull_options="Qt")
+    return np.asarray(hull.vertices), np.asarray(hull.faces)
 
 
 def cut(points: Array, height: float) -> tuple[Array, Array]:
     """Return corners (n, 3) m of what lies above, and of what lies below a height, of the hull of points (k, 3) m."""
     corners, faces = hull_of(points)
-    edges = np.unique(
-        np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0
-    )
-    a, b = corners[edges[:, 0]], corners[edges[:, 1]]
+    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    a, b = corners[edges.T]
     crossing = (a[:, 2] - height) * (b[:, 2] - height) < 0
     a, b = a[crossing], b[crossing]
     between = a + ((height - a[:, 2]) / (b[:, 2] - a[:, 2]))[:, None] * (b - a)
