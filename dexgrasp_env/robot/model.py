@@ -30,14 +30,17 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
     """
     robot = cell.robot
     arm, hand = described(robot.arm), described(robot.hand)
-    tips = [finger.tip for finger in robot.hand.fingers]
     _check_names(arm, robot.arm, body=robot.arm.bodies)
     boxes = [robot.hand.palm] if robot.hand.frame is None else []
     boxes += [robot.hand.beside_palm] if robot.hand.beside_palm else []
-    sites = [robot.hand.palm, *tips]
-    _check_names(hand, robot.hand, body=robot.hand.bodies, site=sites, geom=[*tips, *boxes])
+    sites = [robot.hand.palm, *robot.tips]
+    _check_names(hand, robot.hand, body=robot.hand.bodies, site=sites, geom=[*robot.tips, *boxes])
     arm.modelname, hand.option = robot.name, arm.option  # a hand may be of other options than an arm
-    _attach_hand(arm, hand, robot)
+    link = arm.body(robot.arm.bodies[-1])
+    if robot.arm.adapter:
+        _add_adapter(arm, link, robot.arm.adapter)
+    attach(arm, hand, link.add_frame(pos=robot.mount.position, quat=robot.mount.quat_wxyz))
+    arm.add_exclude(bodyname1=link.name, bodyname2=robot.hand.palm)
     arm.body(robot.arm.bodies[0]).pos = cell.base
     set_limits(arm, robot.arm.joints)
     set_drives(arm, robot.hand)
@@ -52,7 +55,7 @@ def set_drives(spec: mujoco.MjSpec, hand: Hand) -> None:
             name=own.joint, type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=own.joint,
             name2=own.follows, solref=_RIGID,
         )  # fmt: skip
-        equal.data[:5] = own.offset, own.ratio, 0.0, 0.0, 0.0
+        equal.data[:2] = own.offset, own.ratio
     for tendon in hand.tendons:
         _add_tendon(spec, tendon)
 
@@ -131,15 +134,6 @@ def _check_names(spec: mujoco.MjSpec, part: Arm | Hand, **named: Iterable[str]) 
             raise InputError(f"{part.mjcf}: actuator {servo.name!r} moves no joint of it")
 
 
-def _attach_hand(arm: mujoco.MjSpec, hand: mujoco.MjSpec, robot: Robot) -> None:
-    link = arm.body(robot.arm.bodies[-1])
-    if robot.arm.adapter:
-        _add_adapter(arm, link, robot.arm.adapter)
-    frame = link.add_frame(pos=robot.mount.position, quat=robot.mount.quat_wxyz)
-    attach(arm, hand, frame)
-    arm.add_exclude(bodyname1=link.name, bodyname2=robot.hand.palm)
-
-
 def set_limits(spec: mujoco.MjSpec, part: Joints) -> None:
     """Give joints and servos their ranges, torques and gains; dampings that none states stay critical."""
     for k, name in enumerate(part.names):
@@ -186,7 +180,7 @@ def _add_adapter(arm: mujoco.MjSpec, link: mujoco.MjsBody, adapter: Adapter) -> 
 
 def excluded_pairs(model: mujoco.MjModel) -> set[frozenset[int]]:
     """Return the pairs of bodies that a description excludes from colliding."""
-    return {frozenset((int(pair) >> 16, int(pair) & 0xFFFF)) for pair in model.exclude_signature}
+    return {frozenset(divmod(pair, 1 << 16)) for pair in model.exclude_signature.tolist()}
 
 
 def posed(model: mujoco.MjModel, q: Array) -> mujoco.MjData:
@@ -211,5 +205,4 @@ def bodies_apart(data: mujoco.MjData, a: int, b: int, most: float) -> float:
 
 
 def _colliding(model: mujoco.MjModel, body: int) -> list[int]:
-    first = int(model.body_geomadr[body])
-    return [g for g in range(first, first + int(model.body_geomnum[body])) if model.geom_contype[g]]
+    return [g for g in np.flatnonzero(model.geom_bodyid == body).tolist() if model.geom_contype[g]]
