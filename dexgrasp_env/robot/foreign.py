@@ -5,7 +5,7 @@ palm's body is the palm frame, and a fingertip's z points out of the tip and x o
 excluded pairs stay as they are; what collides of a mesh is its convex hull, as in the simulation.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -50,16 +50,10 @@ class Description:
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = 0.0
         mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
 
     def pose(self, body: int | str) -> Array:
         """Return the pose (4, 4) of a body."""
-        at = self.data.body(body)
-        return rigid(at.xmat.reshape(3, 3), at.xpos)
-
-    def geom_pose(self, geom: int) -> Array:
-        """Return the pose (4, 4) of a shape."""
-        return rigid(self.data.geom_xmat[geom].reshape(3, 3), self.data.geom_xpos[geom])
+        return pose_of(self.data.body(body))
 
     def corners(self, geom: int) -> Array:
         """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in its own frame."""
@@ -67,6 +61,11 @@ class Description:
             return mesh_of(self.model, geom)[0]
         middle, half = np.split(self.model.geom_aabb[geom], 2)
         return np.asarray(middle + half * _CUBE)
+
+
+def pose_of(place: Any) -> Array:
+    """Return the pose (4, 4) of a body, shape or site of `mujoco.MjData`."""
+    return rigid(place.xmat.reshape(3, 3), place.xpos)
 
 
 def _read(reader: Callable[[str], Any], path: Path) -> Any:
@@ -95,44 +94,45 @@ class _Rebuilt(Description):
 
     def __init__(self, part: Arm | Hand) -> None:
         super().__init__(part.mjcf)
-        self.part = part
+        self.part, self.hand = part, part if isinstance(part, Hand) else None
+        self.held = self.hand.held if self.hand else ()
         self.reach: dict[str, Array] = {}  # points (n, 3) m of solid shapes, in the frame of their body
         self.spec = mujoco.MjSpec()
         self.spec.compiler.degree = False
-        names = part.bodies
-        self._check(names)
-        self.owner = {b: self._owner(b, names) for b in range(1, self.model.nbody)}
+        self._check()
+        self.owner = {b: self._owner(b) for b in range(1, self.model.nbody)}
         self.W = self._frames()
-        self._add_bodies(names)
+        self._add_bodies()
         self._add_excludes()
 
-    def _check(self, names: Iterable[str]) -> None:
+    def _check(self) -> None:
         """Refuse a file that is not of the part, or has joints that the part does not name."""
         own = {self.model.joint(j).name for j in range(self.model.njnt)}
         bodies = {self.model.body(b).name for b in range(self.model.nbody)}
-        for what, given, known in (("joint", self.part.joints.names, own), ("body", names, bodies)):
+        for what, given, known in (
+            ("joint", self.part.joints.names, own),
+            ("body", self.part.bodies, bodies),
+        ):
             if missing := [name for name in given if name not in known]:
                 raise InputError(f"{self.part.mjcf} has no {what} {missing[0]!r}")
-        hand = self.part if isinstance(self.part, Hand) else None
-        self.held = hand.held if hand else ()
         if more := sorted(own - set(self.part.joints.names + self.held)):
             raise InputError(f"joint {more[0]!r} of {self.part.mjcf} is not named: every joint has to be")
-        if any(kind != mujoco.mjtJoint.mjJNT_HINGE for kind in self.model.jnt_type):
+        if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
             raise InputError(f"{self.part.mjcf} has joints that are no hinges: they are not supported yet")
-        if self.model.neq or (self.model.ntendon and not (hand and hand.tendons)):
+        if self.model.neq or (self.model.ntendon and not (self.hand and self.hand.tendons)):
             raise InputError(f"{self.part.mjcf} couples joints (equality, tendon): that is not supported yet")
 
-    def _owner(self, body: int, names: Iterable[str]) -> str:
+    def _owner(self, body: int) -> str:
         """The named body that a body is, or hangs on without a joint; empty for what the part does not begin with."""
-        while body and self.model.body(body).name not in names:
-            if any(name not in self.held for name in self._joints(body)):
-                raise InputError(f"body {self.model.body(body).name!r} of {self.part.mjcf} is not named")
-            body = int(self.model.body_parentid[body])
-        return str(self.model.body(body).name) if body else self.part.bodies[0]
-
-    def _joints(self, body: int) -> list[str]:
-        first = int(self.model.body_jntadr[body])
-        return [self.model.joint(first + k).name for k in range(int(self.model.body_jntnum[body]))]
+        while body:
+            name = self.model.body(body).name
+            if name in self.part.bodies:
+                return str(name)
+            joints = np.flatnonzero(self.model.jnt_bodyid == body)
+            if any(self.model.joint(joint).name not in self.held for joint in joints):
+                raise InputError(f"body {name!r} of {self.part.mjcf} is not named")
+            body = self.model.body_parentid[body]
+        return self.part.bodies[0]
 
     def _frames(self) -> dict[str, Array]:
         part, W = self.part, {name: self.pose(name) for name in self.part.bodies}
@@ -156,10 +156,10 @@ class _Rebuilt(Description):
         W[name] = about(end[:3, 3] - FLANGE * axis, axis, end[:3, 0])
         return W
 
-    def _add_bodies(self, names: tuple[str, ...]) -> None:
+    def _add_bodies(self) -> None:
         built: Fields = {}
-        for name in names:
-            above = self._above(name)
+        for name in self.part.bodies:
+            above = self.owner[self.model.body(name).parentid[0]] if built else ""
             parent = built[above] if above else self.spec.worldbody
             local = np.linalg.inv(self.W[above]) @ self.W[name] if above else np.eye(4)
             body = parent.add_body(name=name, gravcomp=1.0, **placed(local))
@@ -167,12 +167,8 @@ class _Rebuilt(Description):
             self._add_inertia(body)
             self._add_joint(body)
             self._add_geoms(body)
-        if isinstance(self.part, Hand):
-            built[self.part.palm].add_site(name=self.part.palm, group=4, size=[0.005] * 3)
-
-    def _above(self, name: str) -> str:
-        parent = int(self.model.body(name).parentid[0])
-        return self.owner[parent] if name != self.part.bodies[0] else ""
+        if self.hand:
+            built[self.hand.palm].add_site(name=self.hand.palm, group=4, size=[0.005] * 3)
 
     def _add_inertia(self, body: Any) -> None:
         """Give a body the mass and the inertia of all that hangs on it without a joint."""
@@ -195,15 +191,16 @@ class _Rebuilt(Description):
         old = self.model.body(body.name)
         if not old.jntnum[0] or body.name == self.part.bodies[0]:
             return
-        joint = self.model.joint(int(old.jntadr[0]))
+        joint = self.model.joint(old.jntadr[0])
         R, p = self.W[body.name][:3, :3], self.W[body.name][:3, 3]
-        at, dof = self.data.joint(joint.id), int(joint.dofadr[0])
+        at, dof = self.data.joint(joint.id), joint.dofadr[0]
         named = self.part.joints
         k = named.names.index(joint.name)
         limits = joint.range if joint.limited[0] else [named.lower[k], named.upper[k]]
-        rotor = self.model.dof_armature[dof] or _ROTOR["arm" if isinstance(self.part, Arm) else "hand"]
+        rotor = self.model.dof_armature[dof] or _ROTOR["hand" if self.hand else "arm"]
         body.add_joint(
-            name=joint.name, axis=_rounded(R.T @ at.xaxis), pos=_rounded(R.T @ (at.xanchor - p)), range=limits,
+            name=joint.name, axis=np.round(R.T @ at.xaxis, 12),  # so that an axis along z is one
+            pos=np.round(R.T @ (at.xanchor - p), 12), range=limits,
             damping=self.model.dof_damping[dof], frictionloss=self.model.dof_frictionloss[dof],
             limited=True, armature=rotor, actgravcomp=True,
         )  # fmt: skip
@@ -213,21 +210,18 @@ class _Rebuilt(Description):
         servo.set_to_position(kp=1.0, dampratio=1.0)
 
     def _add_geoms(self, body: Any) -> None:
-        own = [
-            g for g in range(self.model.ngeom) if self.owner.get(int(self.model.geom_bodyid[g])) == body.name
-        ]
+        own = [g for g, b in enumerate(self.model.geom_bodyid) if self.owner.get(b) == body.name]
         solid = [g for g in own if self.model.geom_contype[g] or self.model.geom_conaffinity[g]]
         for k, g in enumerate([*solid, *(solid if len(solid) == len(own) else set(own) - set(solid))]):
             if _GEOM(self.model.geom_type[g]) not in _SHAPES:
                 raise InputError(f"{self.part.mjcf}: body {body.name!r} has a shape that is no solid")
             self._add_geom(body, g, f"{body.name}_{k}", k < len(solid))
-        if isinstance(self.part, Hand):
-            for finger in self.part.fingers:
-                if finger.bodies[-1] == body.name:
-                    self._add_tip(body, finger, self.part)
+        for finger in self.hand.fingers if self.hand else ():
+            if finger.bodies[-1] == body.name:
+                self._add_tip(body, finger)
 
     def _add_geom(self, body: Any, g: int, name: str, collides: bool) -> None:
-        local = np.linalg.inv(self.W[body.name]) @ self.geom_pose(g)
+        local = np.linalg.inv(self.W[body.name]) @ pose_of(self.data.geom(g))
         look = {"name": name, "rgba": self._colour(g), **_LOOK[collides]}
         is_mesh = self.model.geom_type[g] == _GEOM.mjGEOM_MESH
         points, faces = mesh_of(self.model, g) if is_mesh else (self.corners(g), None)
@@ -242,13 +236,13 @@ class _Rebuilt(Description):
             )
 
     def _colour(self, g: int) -> Array:
-        material = int(self.model.geom_matid[g])
+        material = self.model.geom_matid[g]
         colour: Array = self.model.mat_rgba[material] if material >= 0 else self.model.geom_rgba[g]
         return colour
 
-    def _add_tip(self, body: Any, finger: Finger, hand: Hand) -> None:
+    def _add_tip(self, body: Any, finger: Finger) -> None:
         """Name the shape that reaches farthest the tip; of a long one, what is before the back of its sphere."""
-        assert finger.frame is not None
+        assert self.hand is not None and finger.frame is not None
         old = self.pose(body.name) @ matrix(finger.frame)
         centre = np.linalg.inv(self.W[body.name]) @ old[:, 3]
         body.add_site(name=finger.tip, pos=centre[:3], group=4, size=[0.005] * 3)
@@ -258,25 +252,26 @@ class _Rebuilt(Description):
                 f"{self.part.mjcf}: nothing of body {body.name!r} collides: tip {finger.tip!r} has no shape"
             )
         tip = max(solid, key=lambda geom: self.reach[geom.name][:, 2].max())
-        radius = hand.tip_radius
-        behind = (hand.tip_length or 2.0 * radius) - radius
+        radius = self.hand.tip_radius
+        behind = (self.hand.tip_length or 2.0 * radius) - radius
         if tip.type not in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_BOX):
             tip.name = finger.tip
             return
-        before, rest = cut(self.reach[tip.name], centre[2] - behind)
+        pieces = zip(
+            (finger.tip, f"{tip.name}_rest"), cut(self.reach[tip.name], centre[2] - behind), strict=True
+        )
         look = {"rgba": tip.rgba.copy(), **_LOOK[True]}
-        name = f"{tip.name}_rest"
         self.spec.delete(tip)
-        add_mesh_geom(self.spec, body, *hull_of(before), {"name": finger.tip, **look})
-        if len(rest) > 3:
-            add_mesh_geom(self.spec, body, *hull_of(rest), {"name": name, **look})
+        for name, points in pieces:
+            if len(points) > 3:
+                add_mesh_geom(self.spec, body, *hull_of(points), {"name": name, **look})
 
     def _add_excludes(self) -> None:
         for k, signature in enumerate(self.model.exclude_signature):
-            a, b = (self.owner.get(int(signature) >> shift & 0xFFFF) for shift in (16, 0))
+            a, b = map(self.owner.get, divmod(signature, 1 << 16))
             if a and b and a != b:
                 self.spec.add_exclude(name=f"{self.part.name}_exclude{k}", bodyname1=a, bodyname2=b)
-        for a, b in self.part.excluded if isinstance(self.part, Hand) else ():
+        for a, b in self.hand.excluded if self.hand else ():
             self.spec.add_exclude(name=f"{a}_{b}", bodyname1=a, bodyname2=b)
 
 
@@ -296,8 +291,12 @@ _LOOK: dict[bool, Fields] = {
 
 def add_mesh_geom(spec: mujoco.MjSpec, body: Any, points: Array, faces: Any, look: Fields) -> Array:
     """Add a mesh of points (n, 3) m in the frame of a body, named like its geom; return them as it keeps them."""
-    mesh = spec.add_mesh(name=look["name"], uservert=points.ravel(), userface=np.asarray(faces).ravel())
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+    mesh = spec.add_mesh(
+        name=look["name"],
+        uservert=points.ravel(),
+        userface=np.asarray(faces).ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+    )
     body.add_geom(type=_GEOM.mjGEOM_MESH, meshname=mesh.name, **look)
     return np.reshape(np.asarray(mesh.uservert, dtype=float), (-1, 3))
 
@@ -324,8 +323,3 @@ def about(origin: Array, z: Array, x: Array) -> Array:
         across = across - z * (across @ z)
     across = across / np.linalg.norm(across)
     return rigid(np.stack([across, np.cross(z, across), z], axis=1), origin)
-
-
-def _rounded(vector: Array) -> Array:
-    """Take the rounding out of a vector, so that an axis along z is one."""
-    return np.round(vector, 12)

@@ -1,16 +1,17 @@
 """A robot file made of somebody else's MJCF: what can be derived is, and what cannot is assumed and said."""
 
+from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import yaml
 
-from dexgrasp_env.arrays import Array, Fields
+from dexgrasp_env.arrays import Array, Fields, middle
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
-from dexgrasp_env.robot.foreign import FLANGE, about, described, placed
+from dexgrasp_env.robot.foreign import FLANGE, about, described, placed, pose_of
 from dexgrasp_env.robot.hulls import cut
+from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.postures import always_near, home_posture, open_posture
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
@@ -22,6 +23,11 @@ _NARROW = 0.008  # m: fingers whose tips have less of a radius touch with all of
 _CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
 _FEWEST = 4  # joints of an arm: fewer bring no palm over a table
 _PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
+
+
+def _stated(entry: Fields) -> Fields:
+    """Leave out what is empty: files do not state it."""
+    return {key: value for key, value in entry.items() if value not in ((), [])}
 
 
 def frame_entry(T_body: Array, T: Array) -> dict[str, list[float]]:
@@ -53,9 +59,7 @@ class HandMaker(Part):
         thumb = self._find_thumb()
         self.chains.append(self.chains.pop(thumb))  # the thumb comes last
         self._tips.append(self._tips.pop(thumb))
-        self.bases = np.array(
-            [self.data.xanchor[int(self.model.body_jntadr[chain[0]])] for chain in self.chains]
-        )
+        self.bases = self.data.xanchor[[self.model.body_jntadr[chain[0]] for chain in self.chains]]
         self.frame = self._palm_frame()
         self.radius = float(np.round(min(radius for _, radius in self._tips), 4))
 
@@ -71,9 +75,8 @@ class HandMaker(Part):
 
     def _tip(self, chain: list[int]) -> tuple[Array, float]:
         """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
-        m, data = self.model, self.data
-        j = int(m.body_jntadr[chain[-1]])
-        axis, anchor = data.xaxis[j], data.xanchor[j]
+        j = self.model.body_jntadr[chain[-1]]
+        axis, anchor = self.data.xaxis[j], self.data.xanchor[j]
         low, high = self.ranges([j])[0]
         flexing = axis if high > -low else -axis
         points, radius = self.points(chain[-1]) - anchor, 0.01
@@ -85,9 +88,9 @@ class HandMaker(Part):
             top = local[:, 2].max()
             section = self._section(local, top - radius)
             radius = float(np.clip(0.5 * np.ptp(section, axis=0).min(), 0.005, 0.02))
-            middle = 0.5 * (section.min(0) + section.max(0))
-            way = T[:3, :3] @ [middle[0], 0.0, top - radius]
-        T[:3, 3] += T[:3, :3] @ [section[:, 0].max(), middle[1], top]
+            x, y = middle(section)
+            way = T[:3, :3] @ [x, 0.0, top - radius]
+        T[:3, 3] += T[:3, :3] @ [section[:, 0].max(), y, top]
         return T, radius
 
     @staticmethod
@@ -123,28 +126,24 @@ class HandMaker(Part):
         for k, chain in enumerate(self.chains):
             bodies, own = self.names(chain)
             joints += own
-            entry: Fields = {
-                "name": names[k],
-                "joints": own,
-                "bodies": bodies,
-                "tip": f"{names[k]}_tip",
-            }
-            entry["frame"] = frame_entry(self.pose(chain[-1]), self.tip(k))
-            if k not in near and names[k] != "thumb":
-                entry["aside"] = self._aside(k, self.bases[near].mean(0))
-            fingers.append(entry)
-        return {
+            idle = k not in near and names[k] != "thumb"
+            fingers.append(_stated({
+                "name": names[k], "joints": own, "bodies": bodies, "tip": f"{names[k]}_tip",
+                "frame": frame_entry(self.pose(chain[-1]), self.tip(k)),
+                "aside": self._aside(k, self.bases[near].mean(0)) if idle else (),
+            }))  # fmt: skip
+        return _stated({
             **self.head(), "palm": self.model.body(self.palm).name,
             "frame": frame_entry(self.pose(self.palm), self.frame), "tip_radius": self.radius,
-            **({"tip_length": self._longest()} if self.radius < _NARROW else {}),
-            **self._driven(joints), **({"held": self.held} if self.held else {}),
+            "tip_length": self._longest() if self.radius < _NARROW else (),
+            **self._driven(joints), "held": self.held,
             "fingers": fingers, "grasp": ["thumb", *(names[k] for k in near)],
             "mounts": {"palm_normal": self._mount()},
-        }  # fmt: skip
+        })  # fmt: skip
 
     def _aside(self, k: int, others: Array) -> list[float]:
         """Return the posture (n,) rad of an idle finger: straight, spread away from the bases of the others (3,) m."""
-        joints = [int(self.model.body_jntadr[b]) for b in self.chains[k]]
+        joints = self.model.body_jntadr[self.chains[k]]
         low, high = self.ranges(joints).T
         away = self.data.xanchor[joints[0]] - others
         away -= away @ self.frame[:3, :3][:, 2] * self.frame[:3, 2]
@@ -166,7 +165,7 @@ class HandMaker(Part):
             limits["upper"][last] = min(limits["upper"][last], _CURLED)
         if tendons:
             self.notes.append(f"hand upper: last joints of tendons end at {_CURLED} rad")
-        return limits | ({"tendons": tendons} if tendons else {})
+        return limits | {"tendons": tendons}
 
     def _beside_thumb(self) -> list[int]:
         """The finger whose base is nearest to the thumb's, and the neighbour of it whose base is nearer."""
@@ -187,9 +186,9 @@ class HandMaker(Part):
             (self.points(b) - self.frame[:3, 3]) @ self.frame[:3, :3]
             for b in (self.palm, *(chain[0] for chain in self.chains))
         )
-        middle = 0.5 * (palm.min(0) + palm.max(0))
         back = min(points[:, 0].min() for points in (palm, *fingers))
-        position = [-middle[2], middle[1], FLANGE + _BEHIND - back]
+        _, y, z = middle(palm)
+        position = [-z, y, FLANGE + _BEHIND - back]
         return {"position": np.round(position, 6).tolist(), "quat_wxyz": list(_PALM_DOWN)}
 
 
@@ -201,12 +200,11 @@ def hand_entry(path: Path) -> tuple[Fields, list[str]]:
     """
     maker = HandMaker(path)
     entry = maker.entry()
-    straight = np.clip(0.0, entry["lower"], entry["upper"]).tolist()
-    value = make_hand({**entry, "open": straight})
-    if near := always_near(value, described(value).compile()):
-        entry["excluded"] = near
-        value = make_hand({**entry, "open": straight})
-    return entry | {"open": open_posture(value, described(value).compile())}, maker.notes
+    value = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
+    near = always_near(value, described(value).compile())
+    value = replace(value, excluded=near)
+    found = {"excluded": near, "open": open_posture(value, described(value).compile())}
+    return entry | _stated(found), maker.notes
 
 
 def arm_entry(path: Path) -> tuple[Fields, list[str]]:
@@ -229,18 +227,16 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         raise InputError(
             f"{path}: the first body turns: valid is a base that stands still, and the arm on it"
         )
-    sites = [s for s in range(m.nsite) if part.hangs_on(int(m.site_bodyid[s]), chain[-1])]
-    flange = part.pose(chain[-1])
-    if sites:
-        flange[:3, :3], flange[:3, 3] = data.site_xmat[sites[-1]].reshape(3, 3), data.site_xpos[sites[-1]]
-    else:
+    sites = np.flatnonzero(m.body_weldid[m.site_bodyid] == chain[-1])
+    flange = pose_of(data.site(sites[-1]) if len(sites) else data.body(chain[-1]))
+    if not len(sites):
         part.notes.append("arm frame: no site at the flange, the last body's frame assumed")
-    second = data.xanchor[m.joint(joints[1]).id]
+    shoulder = m.joint(joints[1]).id
     entry: Fields = {
         **part.head(), "bodies": [m.body(base).name, *bodies], "joints": joints,
         "frame": frame_entry(part.pose(chain[-1]), flange),
-        **part.limits(joints, "arm"), "shoulder": np.round([0.0, 0.0, second[2]], 4).tolist(),
-        "reach": round(_reach(part, flange, chain[-1], second), 3), "shaken": [0, (len(joints) - 1) // 2],
+        **part.limits(joints, "arm"), "shoulder": np.round([0.0, 0.0, data.xanchor[shoulder, 2]], 4).tolist(),
+        "reach": round(_reach(part, flange, chain[-1], shoulder), 3), "shaken": [0, (len(joints) - 1) // 2],
     }  # fmt: skip
     value = make_arm({**entry, "home": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
     home, found = home_posture(value, described(value).compile())
@@ -251,16 +247,14 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     return entry | {"home": home}, part.notes
 
 
-def _reach(part: Part, flange: Array, last: int, shoulder: Array) -> float:
-    """How far the flange gets from the shoulder in random postures, m."""
+def _reach(part: Part, flange: Array, last: int, shoulder: int) -> float:
+    """How far the flange gets from a joint in random postures, m."""
     local = np.linalg.inv(part.pose(last)) @ flange[:, 3]
-    low, high = part.ranges(range(part.model.njnt)).T
-    farthest = 0.0
-    for q in np.random.default_rng(0).uniform(low, high, (4000, len(low))):
-        part.data.qpos[:] = q
-        mujoco.mj_kinematics(part.model, part.data)
-        farthest = max(farthest, float(np.linalg.norm((part.pose(last) @ local)[:3] - shoulder)))
-    return farthest
+    drawn = np.random.default_rng(0).uniform(*part.ranges().T, (4000, part.model.njnt))
+    ways = (
+        (pose_of(data.body(last)) @ local)[:3] - data.xanchor[shoulder] for data in swept(part.model, drawn)
+    )
+    return max(float(np.linalg.norm(way)) for way in ways)
 
 
 def make_robot(hand: Path | None, arm: Path | None, out: Path) -> list[str]:

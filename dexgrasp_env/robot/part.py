@@ -37,7 +37,7 @@ class Part(Description):
             raise InputError(
                 f"{path} has joints that are no hinges: valid is a hand or an arm of hinges that does not float"
             )
-        self.data.qpos[:] = np.clip(0.0, *self.ranges(range(self.model.njnt)).T)
+        self.data.qpos[:] = np.clip(0.0, *self.ranges().T)
         mujoco.mj_kinematics(self.model, self.data)
 
     def head(self) -> dict[str, str]:
@@ -48,17 +48,14 @@ class Part(Description):
             "mjcf": str(self.path.resolve()),
         }
 
-    def ranges(self, joints: Any) -> Array:
-        """Return the ranges (n, 2) rad of joints; a whole turn where there is none."""
-        limited = self.model.jnt_limited[list(joints)].astype(bool)[:, None]
-        turn = np.array([-np.pi, np.pi])
-        return np.where(limited, self.model.jnt_range[list(joints)], turn)
+    def ranges(self, joints: Any = slice(None)) -> Array:
+        """Return the ranges (n, 2) rad of joints, by default all; a whole turn where there is none."""
+        limited = self.model.jnt_limited[joints].astype(bool)[:, None]
+        return np.where(limited, self.model.jnt_range[joints], [-np.pi, np.pi])
 
     def below(self, body: int) -> list[int]:
         """Return the bodies that hang on a body and have or lead to joints."""
-        children = [
-            b for b in range(1, self.model.nbody) if self.model.body_parentid[b] == body and b != body
-        ]
+        children = [b for b in range(1, self.model.nbody) if self.model.body_parentid[b] == body]
         return [b for b in children if self.model.body_jntnum[b] or self.below(b)]
 
     def chain(self, body: int) -> list[int]:
@@ -88,7 +85,7 @@ class Part(Description):
 
     def names(self, bodies: list[int]) -> tuple[list[str], list[str]]:
         """Return names of bodies and of their joints."""
-        joints = [self.model.joint(int(self.model.body_jntadr[b])).name for b in bodies]
+        joints = [self.model.joint(self.model.body_jntadr[b]).name for b in bodies]
         own = [self.model.body(b).name for b in bodies]
         if "" in joints + own:
             raise InputError(f"{self.path}: a body or a joint has no name: give each one")
@@ -101,9 +98,9 @@ class Part(Description):
             InputError: where nothing does.
         """
         found = [
-            self.corners(int(g)) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
+            self.corners(g) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
             for g in np.flatnonzero(self.model.geom_contype | self.model.geom_conaffinity)
-            if self.hangs_on(int(self.model.geom_bodyid[g]), body)
+            if self.hangs_on(self.model.geom_bodyid[g], body)
         ]
         if not found:
             raise InputError(f"nothing of body {self._name(body)} collides: give it a collision geom")
@@ -112,7 +109,7 @@ class Part(Description):
     def hangs_on(self, body: int, other: int) -> bool:
         """Whether a body is another, or hangs on it without a joint."""
         while body != other and body and not self.model.body_jntnum[body]:
-            body = int(self.model.body_parentid[body])
+            body = self.model.body_parentid[body]
         return body == other
 
     def limits(self, joints: list[str], kind: str) -> Fields:
@@ -126,10 +123,8 @@ class Part(Description):
             self.notes.append(f"{kind} torque: none in {self.path.name}, {missing} Nm assumed")
         torque = [missing if most is None else most for most in stated]
         gains = [self._stiffness(*servos[j]) if j in servos else 0.0 for j in numbers]
-        if (
-            min(gains) <= 0
-            or (kind == "hand" and max(np.divide(torque, gains)) > _LARGEST_LAG)
-            or (kind == "hand" and len(set(gains)) > 1)
+        if min(gains) <= 0 or (
+            kind == "hand" and (max(np.divide(torque, gains)) > _LARGEST_LAG or len(set(gains)) > 1)
         ):
             self.notes.append(f"{kind} stiffness: {assumed['stiffness']} Nm/rad assumed")
             gains = [assumed["stiffness"]] * len(numbers)
@@ -147,8 +142,8 @@ class Part(Description):
         """
         m, found = self.model, dict[int, list[tuple[int, float]]]()
         for a in np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON):
-            tendon = int(m.actuator_trnid[a, 0])
-            wraps = slice(int(m.tendon_adr[tendon]), int(m.tendon_adr[tendon] + m.tendon_num[tendon]))
+            tendon = m.actuator_trnid[a, 0]
+            wraps = slice(m.tendon_adr[tendon], m.tendon_adr[tendon] + m.tendon_num[tendon])
             coefs = dict(zip(m.wrap_objid[wraps].tolist(), m.wrap_prm[wraps].tolist(), strict=True))
             if (m.wrap_type[wraps] != mujoco.mjtWrap.mjWRAP_JOINT).any() or min(coefs.values()) <= 0:
                 raise InputError(
@@ -164,8 +159,7 @@ class Part(Description):
         """The torque Nm with which any joint bears twice what hangs on it and a load at the end, in any posture."""
         m, data, most = self.model, mujoco.MjData(self.model), 0.0
         end, J = m.nbody - 1, np.zeros((3, m.nv))
-        low, high = self.ranges(range(m.njnt)).T
-        for q in np.random.default_rng(0).uniform(low, high, (500, m.njnt)):
+        for q in np.random.default_rng(0).uniform(*self.ranges().T, (500, m.njnt)):
             data.qpos[:] = q
             mujoco.mj_forward(m, data)
             mujoco.mj_jacBody(m, data, J, None, end)
@@ -183,7 +177,7 @@ class Part(Description):
             if joint not in found or self._stiffness(a, lever) > self._stiffness(*found[joint]):
                 found[joint] = a, lever
         for pulling, pulled in self.tendons().items():
-            tendon = int(m.actuator_trnid[pulling, 0])
+            tendon = m.actuator_trnid[pulling, 0]
             most = float(m.wrap_prm[m.tendon_adr[tendon] :][: m.tendon_num[tendon]].max())
             lever = abs(float(m.actuator_gear[pulling, 0])) * most
             found |= dict.fromkeys((joint for joint, _ in pulled), (pulling, lever))

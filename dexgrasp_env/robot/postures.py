@@ -54,7 +54,7 @@ def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, boo
     return drawn[np.argmax(merits)], False
 
 
-def always_near(hand: Hand, model: mujoco.MjModel) -> list[list[str]]:
+def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...]:
     """Return the pairs of bodies that stay so near each other in any posture that none can make them collide.
 
     Args:
@@ -74,7 +74,7 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> list[list[str]]:
             near[a, b] = min(apart, least)
             if not -_DEEPEST < apart < _ALWAYS:
                 del near[a, b]
-    return [list(pair) for pair, least in near.items() if least < _TOUCHING]
+    return tuple(pair for pair, least in near.items() if least < _TOUCHING)
 
 
 def _together(hand: Hand, drawn: Array) -> None:
