@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.parts import ContactPart
 
@@ -43,45 +42,32 @@ def add_to_spec(
     body.fullinertia = model.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     if visual:
         _add_visual(spec, body, model, f"{name}_visual")
-    names = []
-    for index, part in enumerate(model.parts):
-        names.append(f"{name}_{index}")
-        geom = _add_part(spec, body, part, names[-1])
-        geom.group = 3
-        geom.rgba = model.rgba
-        for key, value in contact.items():
-            setattr(geom, key, value)
+    names = [f"{name}_{index}" for index in range(len(model.parts))]
+    for own, part in zip(names, model.parts, strict=True):
+        _add_part(spec, body, part, {"name": own, "group": 3, "rgba": model.rgba, **contact})
     return names
 
 
 def _add_visual(spec: mujoco.MjSpec, body: mujoco.MjsBody, model: ObjectModel, name: str) -> None:
-    import mujoco
+    from dexgrasp_env.robot.foreign import add_mesh_geom
 
-    mesh = spec.add_mesh(name=name)
-    mesh.uservert = np.asarray(model.solid.vertices, dtype=np.float32).ravel()
-    mesh.userface = np.asarray(model.solid.faces, dtype=np.int32).ravel()
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
     spec.add_material(name=name, rgba=model.rgba, specular=0.3, shininess=0.4)
-    body.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=name,
-        material=name,
-        group=2,
-        contype=0,
-        conaffinity=0,
-        density=0.0,
-    )
+    look: Fields = {
+        "name": name,
+        "material": name,
+        "group": 2,
+        "contype": 0,
+        "conaffinity": 0,
+        "density": 0.0,
+    }
+    add_mesh_geom(spec, body, model.solid.vertices, model.solid.faces, look)
 
 
-def _add_part(spec: mujoco.MjSpec, body: mujoco.MjsBody, part: ContactPart, name: str) -> mujoco.MjsGeom:
+def _add_part(spec: mujoco.MjSpec, body: mujoco.MjsBody, part: ContactPart, look: Fields) -> None:
     import mujoco
 
-    kind = getattr(mujoco.mjtGeom, f"mjGEOM_{part.kind.upper()}")
-    geom = body.add_geom(name=name, type=kind, pos=part.position, quat=part.quat_wxyz)
     if part.kind == "mesh":
-        spec.add_mesh(name=name, uservert=np.asarray(part.vertices, dtype=np.float32).ravel())
-        geom.meshname = name
-    else:
-        geom.size = part.size
-    return geom
+        look |= {"meshname": look["name"]}
+        spec.add_mesh(name=look["name"], uservert=part.vertices.ravel())
+    kind = getattr(mujoco.mjtGeom, f"mjGEOM_{part.kind.upper()}")
+    body.add_geom(type=kind, size=part.size, pos=part.position, quat=part.quat_wxyz, **look)
