@@ -3,9 +3,8 @@
 Proportions are fractions of the overall sizes, so that one builder serves bottles of any size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,25 +17,20 @@ _PEAR = (  # radius and height as fractions of the largest radius and of the hei
 )  # fmt: skip
 
 
-def _arc(start: tuple[float, float], end: tuple[float, float], steps: int = 5) -> list[tuple[float, float]]:
+def _arc(start: tuple[float, float], end: tuple[float, float], steps: int) -> Any:
     """Quarter of an ellipse from (radius, height) `start`, upright there, to `end`, level there."""
     t = np.linspace(0.0, np.pi / 2, steps)
     radius = end[0] + (start[0] - end[0]) * np.cos(t)
     height = start[1] + (end[1] - start[1]) * np.sin(t)
-    return [(float(r), float(z)) for r, z in zip(radius, height, strict=True)]
+    return np.column_stack([radius, height]).tolist()
 
 
 def tapered_can(diameter: float, height: float, foot: float, rim: float) -> Shape:
     """A drink can: a cylinder that narrows to diameters `foot` below and `rim` on top."""
-    r = diameter / 2
-    profile = [
-        (foot / 2, 0.0),
-        (r, 0.08 * height),
-        (r, 0.89 * height),
-        (rim / 2, 0.97 * height),
-        (rim / 2, height),
-    ]
-    return revolve(profile)
+    r, top = diameter / 2, rim / 2
+    return revolve(
+        [(foot / 2, 0.0), (r, 0.08 * height), (r, 0.89 * height), (top, 0.97 * height), (top, height)]
+    )
 
 
 def cup(top: float, foot: float, height: float) -> Shape:
@@ -81,8 +75,7 @@ def pear(diameter: float, height: float) -> Shape:
     knots = np.array(_PEAR) * [diameter / 2, height]
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(knots, axis=0).T))])
     fine = np.union1d(np.linspace(0.0, along[-1], 25), along)
-    radius, z = PchipInterpolator(along, knots)(fine).T
-    return revolve([(float(a), float(b)) for a, b in zip(radius, z, strict=True)])
+    return revolve(PchipInterpolator(along, knots)(fine).tolist())
 
 
 def oval_bottle(
@@ -101,8 +94,7 @@ def oval_bottle(
     neck = top[0][0]
     sections = [Section(0.0, 0.93 * a, 0.95 * b, square), Section(0.025 * height, a, b, square)]
     for t in np.linspace(0.0, np.pi / 2, 6):
-        mix, rise = float(np.cos(t)), float(np.sin(t))
-        z = height * (body + (shoulder - body) * rise)
+        mix, z = np.cos(t), height * (body + (shoulder - body) * np.sin(t))
         exponent = 2.0 + (square - 2.0) * mix
         sections.append(Section(z, neck + (a - neck) * mix, neck + (b - neck) * mix, exponent))
     return loft([*sections, *(Section(z * height, r, r) for r, z in top)])
@@ -116,7 +108,7 @@ def clamshell(size: Sequence[float]) -> Shape:
     a, b, c, groove = size[0] / 2, size[1] / 2, size[2] / 2, 8e-4
     sections = []
     for t in np.linspace(-1.0, 1.0, 15):
-        level = float(np.sign(t) * np.sin(abs(t) * np.pi / 2))
+        level = np.sign(t) * np.sin(abs(t) * np.pi / 2)
         shrink = max(1.0 - abs(level) ** 2.6, 0.0) ** (1 / 2.6)
         inset = c * 0.9 * (1.0 - shrink)
         sections.append(Section(c * (1.0 + level), a - inset, b - inset, 3.0))

@@ -4,8 +4,6 @@ And objects of random sizes by the same builders, so that whoever learns on them
 `varied-17` is always the same one, `varied-0..199` names two hundred.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields

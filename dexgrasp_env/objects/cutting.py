@@ -4,8 +4,6 @@ Bounded by work, never by time; of two cuts that are as good the first is taken,
 shape has a symmetry, and the pieces are the same on every machine.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol, Self, TypeVar
 

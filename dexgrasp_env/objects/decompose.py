@@ -179,22 +179,21 @@ def _merged(pieces: Sequence[_Piece], volume: float) -> list[manifold3d.Manifold
     import manifold3d
 
     hulls = {k: piece.hull for k, piece in enumerate(pieces)}
-    sizes = {k: piece.hull_volume for k, piece in enumerate(pieces)}
 
     def join(a: int, b: int) -> tuple[float, manifold3d.Manifold]:
         """Return the volume that joining two hulls adds, m^3, and their common hull."""
         both = manifold3d.Manifold.batch_hull([hulls[a], hulls[b]])
-        return both.volume() - sizes[a] - sizes[b], both
+        return both.volume() - hulls[a].volume() - hulls[b].volume(), both
 
     pairs = {(a, b): join(a, b) for a in hulls for b in range(a)}
     while pairs:
         (a, b), (cost, both) = min(pairs.items(), key=lambda item: rounded(item[1][0] / volume))
         if len(hulls) <= MOST_PARTS and cost > _FREE * volume:
             break
-        new = max(sizes) + 1
+        new = max(hulls) + 1
         del hulls[a], hulls[b]
         pairs = {pair: kept for pair, kept in pairs.items() if not {a, b} & {*pair}}
-        hulls[new], sizes[new] = both, both.volume()
+        hulls[new] = both
         pairs |= {(new, other): join(new, other) for other in hulls if other != new}
     return list(hulls.values())
 

@@ -1,7 +1,5 @@
 """Objects by name or by path."""
 
-from __future__ import annotations
-
 import difflib
 import os
 from collections.abc import Sequence
@@ -24,7 +22,6 @@ from dexgrasp_env.objects.catalogue import (
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.sets import (
     MESH_SUFFIXES,
-    SetMember,
     is_set,
     mesh_file,
     set_member,
@@ -54,7 +51,10 @@ def load_object(
         model = (catalogue_object if target in CATALOGUE else varied_object)(target).scaled(scale)
         return model if mass is None else model.with_mass(mass)
     if is_set(target):
-        return _member_object(set_member(target))
+        member = set_member(target)
+        model = load_object(member.mesh, scale=member.scale, mass=member.mass)
+        upright = None if member.upright is None else np.array(member.upright)
+        return replace(model, name=member.name, friction=member.friction, upright=upright)
     path = Path(os.path.realpath(_bare_mesh(target)))
     return _mesh_object(path, path.stat().st_mtime_ns, scale, mass)
 
@@ -68,12 +68,6 @@ def _bare_mesh(target: str) -> Path:
     if Path(target).suffix or os.sep in target or os.path.isfile(os.path.expanduser(target)):
         return mesh_file(target)
     raise _unknown_object(target)
-
-
-def _member_object(member: SetMember) -> ObjectModel:
-    model = load_object(member.mesh, scale=member.scale, mass=member.mass)
-    upright = None if member.upright is None else np.array(member.upright)
-    return replace(model, name=member.name, friction=member.friction, upright=upright)
 
 
 def load_target(target: str, mesh_scale: float = 1.0, mesh_mass: float | None = None) -> ObjectModel:

@@ -67,19 +67,15 @@ def loft_mesh(sections: Sequence[Section]) -> trimesh.Trimesh:
     """Return the watertight skin over `sections`, given from the lowest to the highest."""
     import trimesh
 
-    sides = _SIDES
-    rings = np.concatenate([section.ring(sides) for section in sections])
+    rings = np.concatenate([section.ring(_SIDES) for section in sections])
     vertices = np.concatenate([rings, [[0, 0, sections[0].z], [0, 0, sections[-1].z]]])
-    faces = []
-    here, after = np.arange(sides), np.roll(np.arange(sides), -1)
-    for level in range(len(sections) - 1):
-        low, high = level * sides, (level + 1) * sides
-        faces.append(np.stack([low + here, low + after, high + after], axis=-1))
-        faces.append(np.stack([low + here, high + after, high + here], axis=-1))
-    bottom, top, last = len(rings), len(rings) + 1, len(rings) - sides
-    faces.append(np.stack([np.full(sides, bottom), after, here], axis=-1))
-    faces.append(np.stack([np.full(sides, top), last + here, last + after], axis=-1))
-    mesh = trimesh.Trimesh(vertices, np.concatenate(faces), process=False)
+    here = np.arange(len(rings)).reshape(-1, _SIDES)
+    after = np.roll(here, -1, axis=1)
+    corners = [(here[:-1], after[:-1], after[1:]), (here[:-1], after[1:], here[1:])]
+    wall = np.array(corners).transpose(2, 0, 3, 1).reshape(-1, 3)  # level by level
+    ends = [(len(rings), after[0], here[0]), (len(rings) + 1, here[-1], after[-1])]
+    fans = [np.stack(np.broadcast_arrays(*end), axis=-1) for end in ends]
+    mesh = trimesh.Trimesh(vertices, np.concatenate([wall, *fans]), process=False)
     mesh.merge_vertices()
     mesh.update_faces(mesh.nondegenerate_faces(height=1e-12))
     mesh.remove_unreferenced_vertices()
@@ -109,13 +105,11 @@ def _is_pillar(low: Section, high: Section) -> bool:
 def _run_end(sections: Sequence[Section], start: int) -> int:
     """Index of the last section of the longest convex run from `start`."""
     end = start + 1
-    if _is_pillar(sections[start], sections[end]) or sections[start].z == sections[end].z:
+    if _is_pillar(*sections[start : end + 1]) or sections[start].z == sections[end].z:
         return end
-    while end + 1 < len(sections):
-        if _is_pillar(sections[end], sections[end + 1]):
-            break
-        if _bulge(sections[start : end + 2]) > _TOLERANCE:
-            break
+    while end + 1 < len(sections) and not (
+        _is_pillar(*sections[end : end + 2]) or _bulge(sections[start : end + 2]) > _TOLERANCE
+    ):
         end += 1
     return end
 

@@ -104,12 +104,7 @@ class ObjectModel:
     @cached_property
     def content_hash(self) -> str:
         """Hash of surface, contact parts, mass and friction (not of name, pose or colour)."""
-        return content_hash(
-            _microns(self.solid.vertices),
-            self.solid.faces,
-            self.contact_hash,
-            self.friction,
-        )
+        return content_hash(_microns(self.solid.vertices), self.solid.faces, self.contact_hash, self.friction)
 
     @cached_property
     def contact_hash(self) -> str:
@@ -185,10 +180,10 @@ def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
     A hull with more is replaced by one inside it: the furthest points along a few even directions, then
     again and again the point that stands out most.
     """
-    import trimesh
     from scipy.spatial import ConvexHull, QhullError
+    from trimesh.convex import convex_hull
 
-    hull = trimesh.Trimesh(points, process=False).convex_hull
+    hull = convex_hull(points)
     corners = np.asarray(hull.vertices)
     if len(corners) <= limit:
         return hull
@@ -207,7 +202,7 @@ def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
         except QhullError:  # of flat faces, built up point by point; not where all are taken at once
             inner = ConvexHull(corners[kept], incremental=True)
     inner.close()
-    return trimesh.Trimesh(corners[kept], process=False).convex_hull
+    return convex_hull(corners[kept])
 
 
 def _hull_of(points: Array) -> Any:

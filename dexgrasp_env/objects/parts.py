@@ -83,7 +83,7 @@ class ContactPart:
         """Return a triangle mesh of the part in the object frame; round kinds from inside, finer with `detail`."""
         import trimesh
 
-        local = trimesh.Trimesh(_points(self, detail), process=False).convex_hull
+        local = trimesh.convex.convex_hull(_points(self, detail))
         return trimesh.Trimesh(rotate(self.quat_wxyz, local.vertices) + self.position, local.faces)
 
 

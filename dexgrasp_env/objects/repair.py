@@ -3,8 +3,6 @@
 Several shells are made solid one by one and united; cavities are filled.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 from scipy.spatial import QhullError
@@ -56,10 +54,8 @@ def _level_surface(inside: np.ndarray, origin: Array, pitch: float) -> trimesh.T
     depth = ndimage.distance_transform_edt(inside) - ndimage.distance_transform_edt(~inside)
     depth = ndimage.gaussian_filter(depth.astype(float), 0.7) + 0.5
 
-    cells, (_, rows, columns) = (
-        depth.ravel().tolist(),
-        depth.shape,
-    )  # Python's floats: it is called 100,000 times
+    cells = depth.ravel().tolist()  # Python's floats: it is called 100,000 times
+    _, rows, columns = depth.shape
     (ox, oy, oz), (nx, ny, nz) = origin.tolist(), (side - 2 for side in depth.shape)
 
     def level(x: float, y: float, z: float) -> float:
@@ -68,11 +64,10 @@ def _level_surface(inside: np.ndarray, origin: Array, pitch: float) -> trimesh.T
         i, j, k = min(max(int(u), 0), nx), min(max(int(v), 0), ny), min(max(int(w), 0), nz)
         u, v, w = min(max(u - i, 0.0), 1.0), min(max(v - j, 0.0), 1.0), min(max(w - k, 0.0), 1.0)
         corner = (i * rows + j) * columns + k
-        lines = (
+        a, b, c, d = (
             cells[at] * (1 - w) + cells[at + 1] * w
             for at in (corner, corner + columns, corner + rows * columns, corner + (rows + 1) * columns)
         )
-        a, b, c, d = lines
         return float((a * (1 - v) + b * v) * (1 - u) + (c * (1 - v) + d * v) * u)
 
     high = origin + pitch * np.array(inside.shape)
@@ -99,7 +94,7 @@ def repair(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     shells, crumbs = _shells(mesh)
     if crumbs:
         notes.append(f"dropped {crumbs} loose piece{'s' * (crumbs > 1)} of under 1 % of the surface")
-    given = shells[0] if len(shells) == 1 else _together(shells)
+    given = shells[0] if len(shells) == 1 else welded(trimesh.util.concatenate(shells))  # type: ignore[arg-type]
     if len(given.faces) > MOST_FACES:
         notes.append(f"simplified from {len(mesh.faces)} faces to about {MOST_FACES}")
         share = MOST_FACES / len(given.faces)
@@ -108,12 +103,6 @@ def repair(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     if solid is None or not (is_sound(solid) and _same_size(solid, given)):
         solid, done = _closed_firmly(given)
     return solid, (*notes, *done, *_size_notes(solid, given))
-
-
-def _together(shells: list[trimesh.Trimesh]) -> trimesh.Trimesh:
-    """Return the triangles of all shells as one surface."""
-    triangles = np.concatenate([shell.triangles for shell in shells])
-    return welded(trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)))
 
 
 def _united(shells: list[trimesh.Trimesh]) -> tuple[trimesh.Trimesh | None, list[str]]:
@@ -167,8 +156,9 @@ def _closed_firmly(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, list[str]]:
     """Close a surface by rebuilding it, or else by its convex hull, with what was done."""
     rebuilt = remeshed(mesh)
     if rebuilt is not None and is_sound(rebuilt) and _same_size(rebuilt, mesh):
-        note = "rebuilt on a grid as its surface was broken: details under 1/60 of its size are lost"
-        return rebuilt, [note]
+        return rebuilt, [
+            "rebuilt on a grid as its surface was broken: details under 1/60 of its size are lost"
+        ]
     try:
         hull = mesh.convex_hull
     except QhullError:
@@ -178,16 +168,12 @@ def _closed_firmly(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, list[str]]:
 
 def _wound(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, list[str]]:
     """Turn the faces outward."""
-    notes = []
-    if not mesh.is_winding_consistent:
-        mesh = mesh.copy()
-        trimesh.repair.fix_winding(mesh)
-        notes.append("turned faces that were wound the wrong way")
+    turned, mesh = not mesh.is_winding_consistent, mesh.copy()
+    trimesh.repair.fix_winding(mesh)
     if mesh.is_watertight and mesh.volume < 0:
-        mesh = mesh.copy()
+        turned = True
         mesh.invert()
-        notes = ["turned faces that were wound the wrong way"]
-    return mesh, notes
+    return mesh, ["turned faces that were wound the wrong way"] * turned
 
 
 def _patched(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, int]:

@@ -41,26 +41,10 @@ _ROUND = 0.012
 _SCHEMA = 2
 
 
-def drop(model: ObjectModel, ups: Array) -> tuple[Array, Array]:
-    """Drop the object from orientations and return where it lies.
-
-    Args:
-        model: the object.
-        ups: (n, 3) unit vectors, the world's vertical in the object frame at the start.
-
-    Returns:
-        (m, 3) the vertical in the object frame at rest, for the m <= n drops that came to rest, and (m,) the
-        speed that was left, metres a second at the object's rim.
-    """
-    mj_model = drop_model(model)
-    settled = [end for up in ups if (end := _drop_one(mj_model, model, up, _DROP_HEIGHT))]
-    return np.reshape([up for up, _ in settled], (-1, 3)), np.array([speed for _, speed in settled])
-
-
-def stays(model: ObjectModel, up: Array, angle: float) -> bool:
-    """Whether the object, put down with the vertical `up` (3,), rests within `angle` radians of it."""
+def stays(model: ObjectModel, up: Array) -> bool:
+    """Whether the object, put down with the vertical `up` (3,), rests within 16 degrees of it."""
     end = _drop_one(drop_model(model), model, up, 2e-4)
-    return end is not None and float((end[0] * up).sum()) >= np.cos(angle)
+    return end is not None and bool((end[0] * up).sum() >= np.cos(MERGE_ANGLE))
 
 
 def drop_model(model: ObjectModel) -> mujoco.MjModel:
@@ -84,7 +68,10 @@ def drop_model(model: ObjectModel) -> mujoco.MjModel:
 def _drop_one(
     mj_model: mujoco.MjModel, model: ObjectModel, up: Array, gap: float
 ) -> tuple[Array, float] | None:
-    """Return the vertical in the object frame at rest and the speed left, or None if it never rests."""
+    """Return the vertical in the object frame at rest and the speed left, m/s at the rim, or None if it never rests.
+
+    `up` (3,) is the world's vertical in the object frame at the start.
+    """
     import mujoco
 
     data = mujoco.MjData(mj_model)
@@ -147,12 +134,15 @@ def find_rest_poses(model: ObjectModel, drops: int = DROPS) -> tuple[RestPose, .
     Raises:
         InputError: if it comes to rest nowhere.
     """
-    ups, calm = drop(model, fibonacci_directions(drops))
+    mj_model = drop_model(model)
+    ends = [_drop_one(mj_model, model, up, _DROP_HEIGHT) for up in fibonacci_directions(drops)]
+    settled = [end for end in ends if end]
+    ups, calm = np.reshape([up for up, _ in settled], (-1, 3)), np.array([speed for _, speed in settled])
     normals = _facet_normals(model)
     poses: list[RestPose] = []
     for group in sorted(clusters(merge_keys(model, ups)), key=len, reverse=True):
         up = _flat(normals, ups[group[int(np.argmin(calm[group]))]])
-        if len(poses) < MOST_POSES and stays(model, up, MERGE_ANGLE):
+        if len(poses) < MOST_POSES and stays(model, up):
             poses.append(RestPose(_upright(up), support_height(model.parts, up), len(group) / len(ups)))
     if not poses:
         raise InputError(f"{model.name} comes to rest in no pose: check its contact parts and its mass")
@@ -179,11 +169,9 @@ def symmetry_axis(model: ObjectModel) -> Array | None:
     axis, side = vectors[:, odd], vectors[:, (odd + 1) % 3]
     turn = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)[:, None]
     ring = np.cos(turn) * side + np.sin(turn) * np.cross(axis, side)
-    reach = []
-    for tilt in np.linspace(-1.2, 1.2, 7):
-        around = np.cos(tilt) * ring + np.sin(tilt) * axis
-        reach.append(np.ptp((around @ np.asarray(model.hull.vertices).T).max(-1)))
-    return axis if max(reach) < _ROUND * float(model.extents.max()) else None
+    around = (np.cos(tilt) * ring + np.sin(tilt) * axis for tilt in np.linspace(-1.2, 1.2, 7))
+    reach = max(np.ptp((ways @ np.asarray(model.hull.vertices).T).max(-1)) for ways in around)
+    return axis if reach < _ROUND * model.extents.max() else None
 
 
 def clusters(directions: Array, angle: float = MERGE_ANGLE) -> list[np.ndarray]:
@@ -214,10 +202,11 @@ def write_poses(path: Path, model: ObjectModel, poses: Sequence[RestPose]) -> No
 
 def _facet_normals(model: ObjectModel) -> Array:
     """Outward normals (n, 3) of the facets of the contact parts' convex hull."""
-    import trimesh
+    from trimesh.convex import convex_hull
 
-    points = np.concatenate([part.surface().vertices for part in model.parts])
-    return np.array(trimesh.Trimesh(points, process=False).convex_hull.face_normals)
+    return np.array(
+        convex_hull(np.concatenate([part.surface().vertices for part in model.parts])).face_normals
+    )
 
 
 def _flat(normals: Array, up: Array) -> Array:

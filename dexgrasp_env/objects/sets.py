@@ -120,7 +120,7 @@ def _member(entry: Any, folder: Path, before: Mapping[str, SetMember]) -> SetMem
         else entry
     )
     member = read(SetMember, given)
-    if member.name in before or member.name in CATALOGUE or member.name in OBJECT_SETS:
+    if member.name in {*before, *CATALOGUE, *OBJECT_SETS}:
         raise InputError(f"name {member.name!r} is taken by another object or set: choose another")
     return replace(member, mesh=mesh_file(folder / member.mesh))
 

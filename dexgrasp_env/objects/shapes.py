@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array, unit
+from dexgrasp_env.arrays import unit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.parts import ContactPart, hull_part
@@ -89,7 +89,7 @@ def rounded_box(size: Sequence[float], corner: float, edge: float) -> Shape:
     """A box with upright edges rounded by `corner` and the edges of its ends by `edge`."""
     a, b, height = size[0] / 2, size[1] / 2, size[2]
     steps = [(edge * (1 - np.sin(t)), edge * (1 - np.cos(t))) for t in np.linspace(0, np.pi / 2, 4)]
-    low = [Section(float(z), a - float(i), b - float(i), corner=corner) for i, z in steps]
+    low = [Section(z, a - i, b - i, corner=corner) for i, z in steps]
     return loft(low + [Section(height - s.z, s.a, s.b, corner=corner) for s in reversed(low)])
 
 
@@ -100,10 +100,10 @@ def cylinder(diameter: float, height: float) -> Shape:
 
 def polyhedron(vertices: Sequence[Sequence[float]]) -> Shape:
     """The convex hull of `vertices` (n, 3)."""
-    import trimesh
+    from trimesh.convex import convex_hull
 
     points = np.asarray(vertices, dtype=float)
-    return Shape(refined(trimesh.Trimesh(points, process=False).convex_hull), (hull_part(points),))
+    return Shape(refined(convex_hull(points)), (hull_part(points),))
 
 
 def prism(polygon: Sequence[tuple[float, float]], thickness: float) -> Shape:
@@ -124,8 +124,8 @@ def tetrahedron(edge: float) -> Shape:
     """A regular tetrahedron on one of its faces."""
     angle = np.pi / 2 + 2 * np.pi * np.arange(3) / 3
     radius = edge / np.sqrt(3)
-    base = [(radius * float(np.cos(t)), radius * float(np.sin(t)), 0.0) for t in angle]
-    return polyhedron([*base, (0.0, 0.0, edge * float(np.sqrt(2 / 3)))])
+    base = [(radius * np.cos(t), radius * np.sin(t), 0.0) for t in angle]
+    return polyhedron([*base, (0.0, 0.0, edge * np.sqrt(2 / 3))])
 
 
 def spiked_ball(diameter: float, spike: float, radius: float) -> Shape:
@@ -136,16 +136,14 @@ def spiked_ball(diameter: float, spike: float, radius: float) -> Shape:
     centre = np.array([0.0, 0.0, ball + spike])
     half = (ball / 2 + spike - radius) / 2
     parts, solids = [ContactPart("sphere", np.array([ball, 0, 0]), centre)], []
-    for direction in _spike_directions():
-        quat = matrix_to_quat(frame_of_z(direction))
-        parts.append(
-            ContactPart("capsule", np.array([radius, half, 0]), centre + direction * (ball / 2 + half), quat)
-        )
-    for part in parts[1:]:
+    ico = trimesh.creation.icosahedron()
+    for direction in unit(np.concatenate([ico.vertices, ico.triangles_center])):
+        quat, middle = matrix_to_quat(frame_of_z(direction)), centre + direction * (ball / 2 + half)
+        parts.append(ContactPart("capsule", np.array([radius, half, 0]), middle, quat))
         pin = trimesh.creation.capsule(height=2 * half, radius=radius, count=[8, 8])
         pin.apply_translation([0, 0, -pin.bounds.mean(axis=0)[2]])
-        pin.apply_transform(trimesh.transformations.quaternion_matrix(part.quat_wxyz))
-        solids.append(pin.apply_translation(part.position))
+        pin.apply_transform(trimesh.transformations.quaternion_matrix(quat))
+        solids.append(pin.apply_translation(middle))
     core = trimesh.creation.icosphere(3, ball).apply_translation(centre)
     return Shape(union([core, *solids]), tuple(parts))
 
@@ -181,11 +179,3 @@ def _block(side: float, low: float, high: float) -> trimesh.Trimesh:
     import trimesh
 
     return trimesh.creation.box((side, side, high - low)).apply_translation([0, 0, (low + high) / 2])
-
-
-def _spike_directions() -> Array:
-    """Corners and face centres (32, 3) of an icosahedron, unit vectors."""
-    import trimesh
-
-    ico = trimesh.creation.icosahedron()
-    return unit(np.concatenate([ico.vertices, ico.triangles_center]))

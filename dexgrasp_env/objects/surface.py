@@ -1,7 +1,5 @@
 """Triangle surfaces: welded, simplified, judged."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 

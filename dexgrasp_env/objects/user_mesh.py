@@ -4,8 +4,6 @@ Axes stay as they are in the file (glTF has y up: a glb keeps that); textures ar
 to the centre of mass.
 """
 
-from __future__ import annotations
-
 import io
 import os
 from pathlib import Path
@@ -49,10 +47,14 @@ def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float |
     _check_size(raw, path.name)
     mesh, notes = _repaired(raw, path.name)
     parts, split_notes = convex_parts(mesh)
-    notes = (*notes, *split_notes, *_size_notes(mesh))
+    notes += split_notes
+    narrowest = float(np.min(mesh.bounding_box_oriented.primitive.extents))
+    if narrowest > _HAND:
+        size = f"too large for the hand: its narrowest side is {1000 * narrowest:.0f} mm"
+        notes += (f"{size}, the hand spans about 120 mm",)
     if mass is None:
         mass, note = _assumed_mass(mesh.volume)
-        notes = (*notes, note)
+        notes += (note,)
     centre = np.array(mesh.center_mass)
     return centred_model(printable_stem(path), mesh, parts, mass, notes=notes, file_centre=centre)
 
@@ -178,16 +180,6 @@ def _repaired(raw: trimesh.Trimesh, name: str) -> tuple[trimesh.Trimesh, tuple[s
     found = cached_arrays(f"meshes/{key}.npy", make)
     mesh = trimesh.Trimesh(found["vertices"], found["faces"], process=False)
     return mesh, tuple(found["notes"].tolist())
-
-
-def _size_notes(mesh: trimesh.Trimesh) -> tuple[str, ...]:
-    narrowest = float(np.min(mesh.bounding_box_oriented.primitive.extents))
-    if narrowest > _HAND:
-        return (
-            f"too large for the hand: its narrowest side is {1000 * narrowest:.0f} mm, "
-            "the hand spans about 120 mm",
-        )
-    return ()
 
 
 _REMEDIES = (

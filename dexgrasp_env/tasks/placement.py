@@ -10,7 +10,7 @@ from numpy.random import Generator
 from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.objects.rest_poses import MERGE_ANGLE, rest_poses
+from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.poses import quat_conjugate, quat_multiply, rotate, yaw_quat
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
@@ -104,7 +104,7 @@ def _stand(model: ObjectModel) -> tuple[Array, float] | None:
 
     quat = np.array([1.0, 0.0, 0.0, 0.0]) if model.upright is None else np.asarray(model.upright)
     up = rotate(quat_conjugate(quat), np.array([0.0, 0.0, 1.0]))
-    if not stays(model, up, MERGE_ANGLE):
+    if not stays(model, up):
         return None
     return quat, support_height(model.parts, up)
 
