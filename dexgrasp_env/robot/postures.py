@@ -8,7 +8,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.foreign import FLANGE
-from dexgrasp_env.robot.model import bodies_apart, swept
+from dexgrasp_env.robot.model import bodies_apart, posed, swept
 from dexgrasp_env.robot.robot import Arm, Hand
 
 _DRAWS = 20_000
@@ -27,7 +27,7 @@ def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
         hand: whose limits, fingers and grasp count.
         model: of the hand alone, frames as here.
     """
-    low, high = np.array(hand.joints.lower), np.array(hand.joints.upper)
+    low, high = hand.joints.ranges
     drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_DRAWS, len(low)))
     drawn = 0.5 * (low + high) + 0.5 * _INSIDE * (high - low) * drawn
     _together(hand, drawn)
@@ -42,12 +42,13 @@ def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
 
 def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, bool]:
     """Return the best of postures (k, h) rad in which nothing touches, and whether there is one; or the best of all."""
-    data, (C, c) = mujoco.MjData(model), hand.free
-    low, high = np.array(hand.joints.lower), np.array(hand.joints.upper)
+    (low, high), (C, c) = hand.joints.ranges, hand.free
     drawn = np.clip(drawn @ C.T + c, low, high)
-    merits = np.array([_merit(hand, model, data, q) - 2.0 * _strain(q, low, high).mean() for q in drawn])
+    merits = np.array(
+        [_merit(hand, data) - 2.0 * _strain(data.qpos, low, high).mean() for data in swept(model, drawn)]
+    )
     for k in np.argsort(-merits)[:200]:
-        data.qpos[:] = drawn[k]
+        data = posed(model, drawn[k])
         mujoco.mj_forward(model, data)
         if not data.ncon:
             return drawn[k], True
@@ -93,9 +94,7 @@ def _strain(q: Array, low: Array, high: Array) -> Array:
     return strain
 
 
-def _merit(hand: Hand, model: mujoco.MjModel, data: mujoco.MjData, q: Array) -> float:
-    data.qpos[:] = q
-    mujoco.mj_kinematics(model, data)
+def _merit(hand: Hand, data: mujoco.MjData) -> float:
     sites = [data.site(hand.finger(name).tip) for name in hand.grasp]
     tips, frames = np.array([s.xpos for s in sites]), np.array([s.xmat.reshape(3, 3) for s in sites])
     between = tips[1:].mean(0) - tips[0]
@@ -122,21 +121,19 @@ def home_posture(arm: Arm, model: mujoco.MjModel) -> tuple[list[float], bool]:
         model: of the arm alone, frames as here.
     """
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
-    low, high = np.array(arm.joints.lower), np.array(arm.joints.upper)
+    low, high = arm.joints.ranges
     low, high = np.maximum(low, -np.pi) + _EDGE, np.minimum(high, np.pi) - _EDGE
     best, found = -np.inf, 0.5 * (low + high)
     for start in rng.uniform(low, high, (_STARTS, len(low))):
-        q = _flange_down(arm, model, data, start, (low, high))
-        if q is None:
-            continue
-        merit = _room(arm, model, data) - _strain(q, low, high).max()
-        if merit > best:
+        q = _flange_down(arm, data, start, (low, high))
+        if q is not None and (merit := _room(arm, data) - _strain(q, low, high).max()) > best:
             best, found = merit, q
     return list(np.round(found, 4).tolist()), bool(np.isfinite(best))
 
 
-def _flange_down(arm: Arm, model: mujoco.MjModel, data: mujoco.MjData, q: Array, limits: Any) -> Array | None:
+def _flange_down(arm: Arm, data: mujoco.MjData, q: Array, limits: Any) -> Array | None:
     """Return where damped least squares lead from `q`, None where that is not the goal."""
+    model = data.model
     body, J = model.body(arm.bodies[-1]).id, np.zeros((6, model.nv))
     goal = _FLANGE + np.array([0.0, 0.0, FLANGE])
     for _ in range(_STEPS):
@@ -152,8 +149,9 @@ def _flange_down(arm: Arm, model: mujoco.MjModel, data: mujoco.MjData, q: Array,
     return None
 
 
-def _room(arm: Arm, model: mujoco.MjModel, data: mujoco.MjData) -> float:
+def _room(arm: Arm, data: mujoco.MjData) -> float:
     """How high the lowest joint is, how freely the flange moves, how straight ahead; much less where bodies touch."""
+    model = data.model
     mujoco.mj_forward(model, data)
     places = np.array([data.body(name).xpos for name in arm.bodies[2:]])
     J = np.zeros((6, model.nv))

@@ -75,6 +75,11 @@ class Joints:
     stiffness: Positives
     damping: Positives = ()  # of the servos; without it they are critically damped
 
+    @property
+    def ranges(self) -> Array:
+        """Their lower and upper limits, (2, n) rad."""
+        return np.array([self.lower, self.upper])
+
 
 @dataclass(frozen=True)
 class Adapter:
@@ -214,13 +219,14 @@ class Hand:
     @cached_property
     def drive(self) -> tuple[Array, Array]:
         """C (h, h) and c (h,): joints of a grasp are at C q + c where q says it; those without servos have no say."""
-        names, lower = self.joints.names, self.joints.lower
-        C, c = np.eye(len(names)), np.zeros(len(names))
+        names = self.joints.names
+        alone = np.eye(len(names))
+        C, c = alone.copy(), np.zeros(len(names))
         for own in self.couplings:
             row = names.index(own.joint)
-            C[row], c[row] = own.ratio * np.eye(len(names))[names.index(own.follows)], own.offset
+            C[row], c[row] = own.ratio * alone[names.index(own.follows)], own.offset
         for row in (names.index(joint) for tendon in self.tendons for joint in tendon.joints[:-1]):
-            C[row], c[row] = 0.0, lower[row]
+            C[row], c[row] = 0.0, self.joints.lower[row]
         return C, c
 
     @cached_property
@@ -231,7 +237,7 @@ class Hand:
             rows, coefs = [self.joints.names.index(joint) for joint in tendon.joints], np.array(tendon.coefs)
             share = np.outer(coefs, coefs) / (coefs @ coefs)
             C[np.ix_(rows, rows)] = share
-            c[rows] = (np.eye(len(rows)) - share) @ np.array(self.joints.lower)[rows]
+            c[rows] = (np.eye(len(rows)) - share) @ self.joints.ranges[0, rows]
         return C, c
 
     @cached_property
@@ -358,8 +364,10 @@ class Robot:
     @cached_property
     def columns(self) -> dict[str, slice]:
         """Where a finger's joints are in a vector of joints."""
-        first = {finger.name: self.joints.index(finger.joints[0]) for finger in self.hand.fingers}
-        return {f.name: slice(first[f.name], first[f.name] + len(f.joints)) for f in self.hand.fingers}
+        return {
+            finger.name: slice(first := self.joints.index(finger.joints[0]), first + len(finger.joints))
+            for finger in self.hand.fingers
+        }
 
     @cached_property
     def tips(self) -> Names:
