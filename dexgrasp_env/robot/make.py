@@ -65,8 +65,8 @@ class HandMaker(Part):
 
     def _find_palm(self) -> int:
         body = 0
-        while len(self.below(body)) == 1:
-            body = self.below(body)[0]
+        while len(below := self.below(body)) == 1:
+            (body,) = below
             if self.model.body_jntnum[body]:
                 self.held += self.names([body])[1]
         if self.held:
@@ -86,17 +86,13 @@ class HandMaker(Part):
             T = about(anchor, way / np.linalg.norm(way), np.cross(flexing, way))
             local = points @ T[:3, :3]
             top = local[:, 2].max()
-            section = self._section(local, top - radius)
+            above, _ = cut(local, top - radius)
+            section = above[np.abs(above[:, 2] - (top - radius)) < 1e-9][:, :2]
             radius = float(np.clip(0.5 * np.ptp(section, axis=0).min(), 0.005, 0.02))
             x, y = middle(section)
             way = T[:3, :3] @ [x, 0.0, top - radius]
         T[:3, 3] += T[:3, :3] @ [section[:, 0].max(), y, top]
         return T, radius
-
-    @staticmethod
-    def _section(points: Array, height: float) -> Array:
-        above, _ = cut(points, height)
-        return above[np.abs(above[:, 2] - height) < 1e-9][:, :2]
 
     def tip(self, k: int) -> Array:
         """Return the frame (4, 4) of a finger's tip, its origin at the middle of the sphere."""
@@ -157,7 +153,10 @@ class HandMaker(Part):
         """Return limits, gains and tendons as the file says them."""
         limits, m = self.limits(joints, "hand"), self.model
         tendons = [
-            {"joints": [m.joint(j).name for j, _ in own], "coefs": [coef for _, coef in own]}
+            {
+                "joints": [m.joint(j).name for j in own],
+                "coefs": [coef / own[max(own)] for coef in own.values()],
+            }
             for own in self.tendons().values()
         ]
         for tendon in tendons:
@@ -222,8 +221,7 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     bodies, joints = part.names(chain)
     if len(joints) < _FEWEST:
         raise InputError(f"{path} is an arm of {len(joints)} joints: valid are {_FEWEST} or more")
-    base = root[0] if root[0] not in chain else 0
-    if not base:
+    if root[0] in chain:
         raise InputError(
             f"{path}: the first body turns: valid is a base that stands still, and the arm on it"
         )
@@ -233,7 +231,7 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         part.notes.append("arm frame: no site at the flange, the last body's frame assumed")
     shoulder = m.joint(joints[1]).id
     entry: Fields = {
-        **part.head(), "bodies": [m.body(base).name, *bodies], "joints": joints,
+        **part.head(), "bodies": [m.body(root[0]).name, *bodies], "joints": joints,
         "frame": frame_entry(part.pose(chain[-1]), flange),
         **part.limits(joints, "arm"), "shoulder": np.round([0.0, 0.0, data.xanchor[shoulder, 2]], 4).tolist(),
         "reach": round(_reach(part, flange, chain[-1], shoulder), 3), "shaken": [0, (len(joints) - 1) // 2],
@@ -250,7 +248,8 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
 def _reach(part: Part, flange: Array, last: int, shoulder: int) -> float:
     """How far the flange gets from a joint in random postures, m."""
     local = np.linalg.inv(part.pose(last)) @ flange[:, 3]
-    drawn = np.random.default_rng(0).uniform(*part.ranges().T, (4000, part.model.njnt))
+    low, high = part.ranges().T
+    drawn = np.random.default_rng(0).uniform(low, high, (4000, len(low)))
     ways = (
         (pose_of(data.body(last)) @ local)[:3] - data.xanchor[shoulder] for data in swept(part.model, drawn)
     )
@@ -277,13 +276,14 @@ def make_robot(hand: Path | None, arm: Path | None, out: Path) -> list[str]:
         if path is not None and path.suffix in _FILES:
             robot[kind] = str(find_beside(Path(), str(path)).resolve())
         elif path is not None:
-            files[kind], said = entry_of(path)
-            robot[kind], notes = f"{out.stem}_{kind}.yaml", notes + said
-    files["robot"] = robot | {"mount": "palm_normal"}
-    for kind, content in files.items():
-        name = out.name if kind == "robot" else f"{out.stem}_{kind}.yaml"
+            content, said = entry_of(path)
+            robot[kind] = f"{out.stem}_{kind}.yaml"
+            files[robot[kind]] = {"kind": kind, **content}
+            notes += said
+    files[out.name] = {"kind": "robot", **robot, "mount": "palm_normal"}
+    for name, content in files.items():
         text = yaml.safe_dump(
-            {"schema": SCHEMA, "kind": kind, **content}, sort_keys=False, default_flow_style=None, width=110
+            {"schema": SCHEMA, **content}, sort_keys=False, default_flow_style=None, width=110
         )
         write_atomically(out.parent / name, text.encode())
     return notes

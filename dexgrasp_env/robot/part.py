@@ -14,9 +14,10 @@ _UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model without a name
 _TORQUE = 0.7  # Nm
 _LOAD = 20.0  # N, of a hand and what it holds
 _LARGEST_LAG = 0.2  # rad that a set-point which presses in full may be ahead
-_ASSUMED = {
-    "hand": {"stiffness": 10.0, "velocity": 7.0, "acceleration": 60.0, "jerk": 3000.0},
-    "arm": {"stiffness": 2000.0, "velocity": 2.0, "acceleration": 8.0, "jerk": 4000.0},
+_STIFFNESS = {"hand": 10.0, "arm": 2000.0}  # Nm/rad
+_RATES = {
+    "hand": {"velocity": 7.0, "acceleration": 60.0, "jerk": 3000.0},
+    "arm": {"velocity": 2.0, "acceleration": 8.0, "jerk": 4000.0},
 }
 
 
@@ -99,7 +100,7 @@ class Part(Description):
         """
         found = [
             self.corners(g) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
-            for g in np.flatnonzero(self.model.geom_contype | self.model.geom_conaffinity)
+            for g in np.flatnonzero(self.model.geom_contype | self.model.geom_conaffinity).tolist()
             if self.hangs_on(self.model.geom_bodyid[g], body)
         ]
         if not found:
@@ -117,7 +118,6 @@ class Part(Description):
         numbers = [self.model.joint(name).id for name in joints]
         servos = self._servos()
         stated = [self._torque(j, servos.get(j)) for j in numbers]
-        assumed = _ASSUMED[kind]
         missing = _TORQUE if kind == "hand" else self._bearing()
         if None in stated:
             self.notes.append(f"{kind} torque: none in {self.path.name}, {missing} Nm assumed")
@@ -126,22 +126,21 @@ class Part(Description):
         if min(gains) <= 0 or (
             kind == "hand" and (max(np.divide(torque, gains)) > _LARGEST_LAG or len(set(gains)) > 1)
         ):
-            self.notes.append(f"{kind} stiffness: {assumed['stiffness']} Nm/rad assumed")
-            gains = [assumed["stiffness"]] * len(numbers)
-        rates = {key: assumed[key] for key in ("velocity", "acceleration", "jerk")}
-        self.notes.append(f"{kind} velocity, acceleration, jerk: an MJCF has none, {rates} assumed")
+            self.notes.append(f"{kind} stiffness: {_STIFFNESS[kind]} Nm/rad assumed")
+            gains = [_STIFFNESS[kind]] * len(numbers)
+        self.notes.append(f"{kind} velocity, acceleration, jerk: an MJCF has none, {_RATES[kind]} assumed")
         low, high = np.round(self.ranges(numbers), 6).T.tolist()
         stiffness = gains[0] if kind == "hand" else gains
-        return {"lower": low, "upper": high, **rates, "torque": torque, "stiffness": stiffness}
+        return {"lower": low, "upper": high, **_RATES[kind], "torque": torque, "stiffness": stiffness}
 
-    def tendons(self) -> dict[int, list[tuple[int, float]]]:
-        """Return, of each actuator that pulls a tendon, joints and coefficients from the palm out; the last one's is 1.
+    def tendons(self) -> dict[int, dict[int, float]]:
+        """Return, of each actuator that pulls a tendon, joints and coefficients from the palm out.
 
         Raises:
             InputError: for tendons that are no sums of joints, or that nothing pulls.
         """
-        m, found = self.model, dict[int, list[tuple[int, float]]]()
-        for a in np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON):
+        m, found = self.model, dict[int, dict[int, float]]()
+        for a in np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON).tolist():
             tendon = m.actuator_trnid[a, 0]
             wraps = slice(m.tendon_adr[tendon], m.tendon_adr[tendon] + m.tendon_num[tendon])
             coefs = dict(zip(m.wrap_objid[wraps].tolist(), m.wrap_prm[wraps].tolist(), strict=True))
@@ -149,8 +148,7 @@ class Part(Description):
                 raise InputError(
                     f"{self.path}: tendon {m.tendon(tendon).name!r} is no sum of joints times positive coefs"
                 )
-            last = max(coefs)
-            found[int(a)] = [(joint, coefs[joint] / coefs[last]) for joint in sorted(coefs)]
+            found[a] = dict(sorted(coefs.items()))
         if len(found) < m.ntendon:
             raise InputError(f"{self.path} has tendons without an actuator of their own: valid is one each")
         return found
@@ -159,7 +157,8 @@ class Part(Description):
         """The torque Nm with which any joint bears twice what hangs on it and a load at the end, in any posture."""
         m, data, most = self.model, mujoco.MjData(self.model), 0.0
         end, J = m.nbody - 1, np.zeros((3, m.nv))
-        for q in np.random.default_rng(0).uniform(*self.ranges().T, (500, m.njnt)):
+        low, high = self.ranges().T
+        for q in np.random.default_rng(0).uniform(low, high, (500, m.njnt)):
             data.qpos[:] = q
             mujoco.mj_forward(m, data)
             mujoco.mj_jacBody(m, data, J, None, end)
@@ -172,15 +171,13 @@ class Part(Description):
         Of several at one joint it is the stiffest: the others damp, or push besides.
         """
         m, found = self.model, dict[int, tuple[int, float]]()
-        for a in map(int, np.flatnonzero(np.isin(m.actuator_trntype, _AT_JOINTS))):
+        for a in np.flatnonzero(np.isin(m.actuator_trntype, _AT_JOINTS)).tolist():
             joint, lever = int(m.actuator_trnid[a, 0]), abs(float(m.actuator_gear[a, 0]))
             if joint not in found or self._stiffness(a, lever) > self._stiffness(*found[joint]):
                 found[joint] = a, lever
-        for pulling, pulled in self.tendons().items():
-            tendon = m.actuator_trnid[pulling, 0]
-            most = float(m.wrap_prm[m.tendon_adr[tendon] :][: m.tendon_num[tendon]].max())
-            lever = abs(float(m.actuator_gear[pulling, 0])) * most
-            found |= dict.fromkeys((joint for joint, _ in pulled), (pulling, lever))
+        for a, coefs in self.tendons().items():
+            lever = abs(float(m.actuator_gear[a, 0])) * max(coefs.values())
+            found |= dict.fromkeys(coefs, (a, lever))
         return found
 
     def _stiffness(self, actuator: int, lever: float) -> float:
