@@ -4,10 +4,10 @@ The camera frame is the optical frame of OpenCV: x right, y down, z forward alon
 (u, v) has its centre at u, v; the image of a point (x, y, z) is u = fx x / z + cx, v = fy y / z + cy.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -66,7 +66,7 @@ class Camera:
 
     name: str
     T_world_camera: Array
-    intrinsics: CameraIntrinsics = field(default_factory=CameraIntrinsics)
+    intrinsics: CameraIntrinsics
 
     def __post_init__(self) -> None:
         T = np.asarray(self.T_world_camera, dtype=float)
@@ -84,13 +84,13 @@ class Camera:
     def look_at(
         cls,
         name: str,
-        position: Iterable[float],
-        target: Iterable[float],
+        position: ArrayLike,
+        target: ArrayLike,
         intrinsics: CameraIntrinsics | None = None,
     ) -> "Camera":
         """Return a camera at `position` looking at `target`, rows level; both (3,) m, world frame."""
-        eye, forward = np.array(list(position), float), np.array(list(target), float)
-        forward = forward - eye
+        eye = np.array(position, dtype=float)
+        forward = np.array(target, dtype=float) - eye
         if np.linalg.norm(forward) < 1e-6:
             raise InputError(f"camera {name!r}: position and target coincide")
         forward /= np.linalg.norm(forward)

@@ -8,7 +8,6 @@ import os
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,7 +24,7 @@ from dexgrasp_env.valid import Names, Rule, Word, number, read, several
 
 
 def _rows(value: Any) -> Numbers:
-    return tuple(chain.from_iterable(several(several(number(), 4), 4).admit(value)))
+    return sum(several(several(number(), 4), 4).admit(value), ())
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ class Cell:
     robot: Robot
     image: Numbers
     cameras: tuple[CellCamera, ...]
-    table_height: float = field(default=0.0)
+    table_height: float
 
     def __hash__(self) -> int:
         """Cells are keys of caches: hashing all that a robot is takes long."""

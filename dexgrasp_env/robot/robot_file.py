@@ -206,13 +206,12 @@ def _check_names(hand: Hand) -> None:
             raise InputError(
                 f"a grasp of {len(grasp)} fingers: valid are 3 to 5, or 2 to 5 of a hand with a torsion"
             )
-    known = list(hand.joints.names)
-    for own in hand.couplings:
-        for name in (own.joint, own.follows):
-            if name not in known:
-                raise unknown_name("joint of a coupling", name, known)
     followers = [own.joint for own in hand.couplings]
-    if len(set(followers)) < len(followers) or set(followers) & {own.follows for own in hand.couplings}:
+    leaders = [own.follows for own in hand.couplings]
+    for name in followers + leaders:
+        if name not in hand.joints.names:
+            raise unknown_name("joint of a coupling", name, hand.joints.names)
+    if len(set(followers)) < len(followers) or {*followers} & {*leaders}:
         raise InputError("couplings: valid is one of each joint, to a joint that follows none itself")
     for tendon in hand.tendons:
         check_length("coefs of a tendon", tendon.coefs, len(tendon.joints))
@@ -223,8 +222,8 @@ def _check_names(hand: Hand) -> None:
             raise InputError(
                 f"tendon of {', '.join(tendon.joints)}: valid are joints of one finger, the last of coef 1"
             )
-    linked = {name for pair in hand.self_pairs + hand.excluded for name in pair} | ({hand.beside_palm} - {""})
-    if unknown := sorted(linked - set(hand.bodies)):
+    linked = {hand.beside_palm, *(name for pair in hand.self_pairs + hand.excluded for name in pair)}
+    if unknown := sorted(linked - {"", *hand.bodies}):
         raise InputError(
             f"self_pairs, excluded and beside_palm name {', '.join(unknown)}: no body of the hand"
         )
