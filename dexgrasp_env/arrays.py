@@ -26,16 +26,14 @@ def array(*shape: int | None) -> Rule:
     def admit(value: Any) -> Array:
         """Return the array that a value states."""
         found = np.array(value, dtype=np.float64, order="C")
-        fits = found.ndim == len(shape) and all(map(_is_size, shape, found.shape))
+        fits = found.ndim == len(shape) and all(
+            size in (None, own) for size, own in zip(shape, found.shape, strict=True)
+        )
         if not fits or _has_words(value) or not (np.abs(found) < LARGEST).all():
             raise ValueError
         return found
 
     return Rule(f"finite numbers below {LARGEST:.0e} of shape ({sizes})", admit)
-
-
-def _is_size(wanted: int | None, size: int) -> bool:
-    return wanted in (None, size)
 
 
 def _has_words(value: Any) -> bool:

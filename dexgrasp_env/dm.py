@@ -9,6 +9,7 @@ dm_control's viewer, pixel wrapper and action wrappers run on it. Where there is
 dm_control, or set MUJOCO_GL: dm_control settles on a GL library when it is imported.
 """
 
+import math
 from typing import Any
 
 import gymnasium as gym
@@ -111,10 +112,7 @@ class Task(control.Task):
         inner = env.unwrapped
         assert isinstance(inner, LiftEnv)
         self.inner, self._seed = inner, seed
-        self._limit = env.spec.max_episode_steps if env.spec is not None else None
-        self._steps = 0
-        self._seen: Arrays = {}
-        self._reward, self._terminated, self._truncated = 0.0, False, False
+        self._limit = (env.spec.max_episode_steps if env.spec else None) or math.inf
         self.info: Fields = {}
         """What Gymnasium's `info` says of the last step: is_success, failure, reward_terms, ..."""
 
@@ -147,8 +145,7 @@ class Task(control.Task):
         """Return the last discount, None while the episode runs."""
         if self._terminated:
             return 0.0
-        timed_out = self._limit is not None and self._steps >= self._limit
-        return 1.0 if self._truncated or timed_out else None
+        return 1.0 if self._truncated or self._steps >= self._limit else None
 
     def observation_spec(self, physics: Physics) -> dict[str, specs.Array]:
         """Return a spec for every key of the observations."""

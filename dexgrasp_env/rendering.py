@@ -167,22 +167,25 @@ def show_camera(
         data: with the positions of now, for `grasp`.
         robot: whose hand it is, for `grasp`.
     """
+    if name not in SHOW_CAMERAS:
+        return name
     camera = mujoco.MjvCamera()
-    camera.lookat[:] = [0.36, 0.0, 0.30]
-    camera.distance, camera.azimuth, camera.elevation = 1.45, 146.0, -20.0
+    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (
+        [0.36, 0.0, 0.30],
+        1.45,
+        146.0,
+        -20.0,
+    )
     if name == "grasp":
         assert data is not None and robot is not None
         camera.lookat[:] = np.mean([data.site(site).xpos for site in (robot.hand.palm, *robot.tips)], axis=0)
-        camera.distance, camera.azimuth, camera.elevation = 0.55, 146.0, -15.0
-    elif name != "front":
-        return name
+        camera.distance, camera.elevation = 0.55, -15.0
     return camera
 
 
 def show_options() -> mujoco.MjvOption:
     """Return options that draw visual geoms and hide collision shapes."""
     option = mujoco.MjvOption()
-    mujoco.mjv_defaultOption(option)
     option.geomgroup[:] = [1, 1, 1, 0, 0, 0]
     option.sitegroup[:] = 0
     return option
@@ -200,14 +203,14 @@ class ColourCameras:
     """`mujoco.Renderer` with the poses and intrinsics of `Camera`, not of the model's own cameras."""
 
     def __init__(self, model: mujoco.MjModel, cameras: tuple[Camera, ...]) -> None:
-        self._cameras, self._model = cameras, model
-        i = cameras[0].intrinsics
+        self._cameras, i = cameras, cameras[0].intrinsics
         self.renderer = make_renderer(model, i.height, i.width)
         self._option = show_options()
 
     def render_rgb(self, data: mujoco.MjData) -> NDArray[Any]:
         """Return colour images, (cameras, H, W, 3); `data` needs current kinematics."""
-        images, extent, planes = [], self._model.stat.extent, self._model.vis.map
+        images, model = [], self.renderer.model
+        extent, planes = model.stat.extent, model.vis.map
         self.renderer.update_scene(data, scene_option=self._option)
         for camera in self._cameras:
             _aim(self.renderer.scene, camera, planes.znear * extent, planes.zfar * extent)
