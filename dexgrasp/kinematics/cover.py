@@ -1,6 +1,7 @@
 """Spheres that cover the robot's collision shapes from outside."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -16,8 +17,7 @@ _SPACING = 0.0015  # m between points of a box's edges
 _TIP_CELL, _LINK_CELL = 0.0045, 0.006  # m: cells of meshes, which are no smaller
 
 
-@dataclass(frozen=True)
-class Spheres:
+class Spheres(NamedTuple):
     """Spheres of one body, in its frame: centres (n, 3) m, radii (n,) m, and whether each covers a grasping tip."""
 
     centre: Array
@@ -32,9 +32,14 @@ class Spheres:
         return centre, float((np.linalg.norm(self.centre - centre, axis=1) + self.radius).max())
 
 
+def together(spheres: Iterable[Spheres]) -> Spheres:
+    """Return the spheres of all in one."""
+    return Spheres(*map(np.concatenate, zip(*spheres, strict=True)))
+
+
 def body_spheres(model: mujoco.MjModel, body: int, touching: tuple[str, ...]) -> Spheres:
     """Cover the collision geoms (primitives and convex meshes) of a body; what `touching` names may touch."""
-    centres, radii, tips = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, bool)]
+    found = [Spheres(np.zeros((0, 3)), np.zeros(0), np.zeros(0, bool))]
     for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
         if model.geom_group[geom] != _COLLISION_GROUP:
             continue
@@ -46,10 +51,8 @@ def body_spheres(model: mujoco.MjModel, body: int, touching: tuple[str, ...]) ->
         else:
             local, equal = _cover(model, geom)
             placed, radius = local @ R.T + model.geom_pos[geom], np.full(len(local), equal)
-        centres.append(placed)
-        radii.append(radius)
-        tips.append(np.full(len(placed), is_tip))
-    return Spheres(np.concatenate(centres), np.concatenate(radii), np.concatenate(tips))
+        found.append(Spheres(placed, radius, np.full(len(placed), is_tip)))
+    return together(found)
 
 
 def rotation_matrix(quat: Array) -> Array:
@@ -65,10 +68,7 @@ def _cover(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
         return np.zeros((1, 3)), float(size[0])
     if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
         return _along_axis(size[1], size[0])
-    half = size.copy()
-    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        half = np.array([size[0], size[0], size[1]])
-    return _cells(half)
+    return _cells(size[[0, 0, 1]] if kind == mujoco.mjtGeom.mjGEOM_CYLINDER else size)
 
 
 def _along_axis(half_length: float, radius: float) -> tuple[Array, float]:
@@ -90,10 +90,8 @@ def _cells(half: Array) -> tuple[Array, float]:
     while (counts := np.maximum(1.0, np.ceil(half / (1.05 * cell)))).prod() > _MOST_CELLS:
         cell *= 2.0
     step = 2.0 * half / counts
-    axes = [
-        np.linspace(-h + 0.5 * s, h - 0.5 * s, int(n)) for h, s, n in zip(half, step, counts, strict=True)
-    ]
-    return grid(*axes), float(0.5 * np.linalg.norm(step))
+    middles = map(np.linspace, 0.5 * step - half, half - 0.5 * step, counts.astype(int))
+    return grid(*middles), float(0.5 * np.linalg.norm(step))
 
 
 def hull_cells(corners: Array, cell: float) -> tuple[Array, Array]:
@@ -108,8 +106,7 @@ def hull_cells(corners: Array, cell: float) -> tuple[Array, Array]:
     """
     low, size = corners.min(0), np.ptp(corners, axis=0)
     counts = np.ceil(6.0 * size / cell).astype(int) + 1
-    axes = [np.linspace(0.0, s, n) for s, n in zip(size, counts, strict=True)]
-    points = low + grid(*axes)
+    points = low + grid(*map(np.linspace, np.zeros(3), size, counts))
     planes = ConvexHull(corners).equations
     outside = (points @ planes[:, :3].T + planes[:, 3]).max(1)
     apart = 0.5 * float(
@@ -117,11 +114,8 @@ def hull_cells(corners: Array, cell: float) -> tuple[Array, Array]:
     )  # m at most from a point of the hull to one of the grid
     points, outside = points[outside < apart], outside[outside < apart]
     cells = np.maximum(1, np.ceil(size / cell)).astype(int)
-    number = np.minimum(((points - low) / size * cells).astype(int), cells - 1) @ [
-        cells[1] * cells[2],
-        cells[2],
-        1,
-    ]
+    place = np.minimum(((points - low) / size * cells).astype(int), cells - 1)
+    number = np.ravel_multi_index(tuple(place.T), tuple(cells))
     groups = [points[number == k] for k in np.unique(number) if outside[number == k].max() > -0.5 * cell]
     centres = np.array([middle(group) for group in groups])
     radii = [np.linalg.norm(g - c, axis=1).max() + apart for g, c in zip(groups, centres, strict=True)]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from dexgrasp.kinematics.cover import Spheres, body_spheres, box_edges, rotation_matrix
+from dexgrasp.kinematics.cover import Spheres, body_spheres, box_edges, rotation_matrix, together
 from dexgrasp.kinematics.pairs import meeting_pairs, told_apart
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.robot.cell import Cell
@@ -83,12 +83,12 @@ def robot_tree(cell: Cell) -> RobotTree:
     index = {body: i for i, body in enumerate(bodies)}
     touching = tuple(finger.tip for finger in robot.grasping)
     spheres = [body_spheres(model, b, touching) for b in bodies]
-    first = np.concatenate([[0], np.cumsum([len(s.radius) for s in spheres])])
-    bounds = [s.bound() for s in spheres]
-    columns = [_joint_column(model, b, robot) for b in bodies]
+    every = together(spheres)
+    centres, radii = zip(*(s.bound() for s in spheres), strict=True)
+    columns = model.body_jntadr[bodies].tolist()  # joints are in the order of the robot's files
     follows, ratio = _following(robot)
     stands = ratio[:, 2] > 0.0
-    slides = np.array([bool(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE) for j in range(robot.dof)])
+    slides = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
     palm = robot.hand.palm
     site, tips = model.site(palm).id, [model.site(tip).id for tip in touching]
     beside, edges = _beside_palm(model, robot)
@@ -98,9 +98,7 @@ def robot_tree(cell: Cell) -> RobotTree:
         offset=model.body_pos[bodies].copy(),
         rotation=np.stack([rotation_matrix(q) for q in model.body_quat[bodies]]),
         joint=np.array([follows[j] if j >= 0 and follows[j] >= 0 and not stands[j] else j for j in columns]),
-        axis=np.array(
-            [model.jnt_axis[model.body_jntadr[b]] if model.body_jntnum[b] else [0, 0, 0] for b in bodies]
-        ),
+        axis=np.array([model.jnt_axis[j] if j >= 0 else np.zeros(3) for j in columns]),
         slides=np.array([j >= 0 and bool(slides[j]) for j in columns]),
         gear=np.array(
             [
@@ -113,12 +111,12 @@ def robot_tree(cell: Cell) -> RobotTree:
         palm=index[int(model.site_bodyid[site])],
         palm_offset=model.site_pos[site].copy(),
         palm_rotation=rotation_matrix(model.site_quat[site]),
-        sphere_first=first,
-        sphere_centre=np.concatenate([s.centre for s in spheres]),
-        sphere_radius=np.concatenate([s.radius for s in spheres]),
-        sphere_is_tip=np.concatenate([s.is_tip for s in spheres]),
-        bound_centre=np.array([centre for centre, _ in bounds]),
-        bound_radius=np.array([radius for _, radius in bounds]),
+        sphere_first=np.cumsum([0, *(len(s.radius) for s in spheres)]),
+        sphere_centre=every.centre,
+        sphere_radius=every.radius,
+        sphere_is_tip=every.is_tip,
+        bound_centre=np.array(centres),
+        bound_radius=np.array(radii),
         pairs=_sphered_pairs(robot, model, spheres),
         palm_box_centre=box[0],
         palm_box_half=box[1],
@@ -171,12 +169,6 @@ def _starts(model: mujoco.MjModel, robot: Robot) -> Array:
     return starts
 
 
-def _joint_column(model: mujoco.MjModel, body: int, robot: Robot) -> int:
-    if not model.body_jntnum[body]:
-        return -1
-    return robot.joints.index(model.joint(int(model.body_jntadr[body])).name)
-
-
 def _moved(robot: Robot) -> Index:
     idle = [robot.columns[f.name] for f in robot.hand.fingers if f.name not in robot.hand.grasp]
     followers = np.flatnonzero(np.diag(robot.drive[0]) != 1.0)
@@ -192,8 +184,8 @@ def driven(robot: Robot, values: Array, power: int) -> Array:
 def _followed(model: mujoco.MjModel, robot: Robot) -> Array:
     """Return the accelerations (n,) rad/s^2 of the limits, less where a finger's servo is too weak for its rotor."""
     followed, hand = robot.acceleration.copy(), robot.hand_columns
-    rotors = np.array([model.dof_armature[model.joint(name).dofadr[0]] for name in robot.joints])
-    followed[hand] = np.minimum(followed[hand], _MOVING * robot.torque[hand] / np.maximum(rotors[hand], 1e-6))
+    rotors = np.maximum(model.dof_armature[hand], 1e-6)
+    followed[hand] = np.minimum(followed[hand], _MOVING * robot.torque[hand] / rotors)
     return followed
 
 
