@@ -28,6 +28,8 @@ _POSTURES, _DRAWN = 300, 800  # of the robot, and of its fingers, drawn at rando
 _FACING = 0.06  # m between pads that a grasp can be made with
 _BORNE = 0.9  # share of a joint's torque that bearing its weight may take
 _REACHED = 0.5  # share of palm poses over the table that the arm should reach
+_PALMS = tuple(product((0.4, 0.5, 0.6), (-0.2, 0.0, 0.2), np.linspace(-np.pi, np.pi, 6, endpoint=False)))
+"""x and y, m, and yaw, rad, of those poses."""
 
 
 def check_robot(cell: Cell) -> list[Finding]:
@@ -38,7 +40,8 @@ def check_robot(cell: Cell) -> list[Finding]:
     found = list(_order(cell, model))
     if any(finding.level == "error" for finding in found):
         return found  # nothing else can be told of joints that are others
-    return found + [finding for check in checks for finding in check(cell, model)]
+    home = _at(model, cell.robot.home)
+    return found + [finding for check in checks for finding in check(cell, home)]
 
 
 def _told(good: bool, what: str, mend: str, level: str = "error") -> Finding:
@@ -79,10 +82,10 @@ def _order(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
             yield Finding("error", f"{what} are {', '.join(found)}", f"name these: {', '.join(robot.joints)}")
 
 
-def _kinematics(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+def _kinematics(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     robot, tree, worst = cell.robot, robot_tree(cell), 0.0
     for q in robot.drawn(50):
-        data, frames = _at(model, q), body_frames(q, tree)
+        data, frames = _at(home.model, q), body_frames(q, tree)
         for b, name in enumerate(robot.bodies):
             worst = max(worst, float(np.abs(frames.p[b] - data.body(name).xpos).max()))
             worst = max(worst, float(np.abs(frames.R[b] - data.body(name).xmat.reshape(3, 3)).max()))
@@ -90,101 +93,87 @@ def _kinematics(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     yield _told(worst < _ROUNDING, f"kinematics and simulation differ by {worst:.0e}", mend)
 
 
-def _home(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
-    data = _at(model, cell.robot.home)
+def _home(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     touching = {
-        " and ".join(sorted(model.body(model.geom_bodyid[g]).name for g in contact.geom))
-        for contact in data.contact
+        " and ".join(sorted(home.model.body(body).name for body in pair)) for pair, _ in _touching(home)
     }
-    for pair in sorted(touching):
-        yield Finding(
-            "error", f"{pair} touch with the hand open", "change `open` of the hand, or exclude the pair"
-        )
-    if not touching:
-        yield Finding("info", "nothing touches with the arm at home and the hand open")
+    mend = "change `open` of the hand, or exclude the pair"
+    found = [Finding("error", f"{pair} touch with the hand open", mend) for pair in sorted(touching)]
+    yield from found or [Finding("info", "nothing touches with the arm at home and the hand open")]
 
 
-def _excluded(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+def _excluded(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Bodies that are excluded from colliding, though motion takes them into each other.
 
     With two joints between them or fewer, bodies overlap in every hand.
     """
-    pairs = {
-        (min(pair), max(pair)) for pair in excluded_pairs(model) if len(joints_between(model, *pair)) > 2
-    }
+    model = home.model
+    pairs = {pair for pair in excluded_pairs(model) if len(joints_between(model, *pair)) > 2}
     if not pairs:
         return
-    every, robot, found = _alone(cell, excluding=False), cell.robot, dict[tuple[int, int], float]()
+    every, robot, found = _alone(cell, excluding=False), cell.robot, dict[frozenset[int], float]()
     resting = {pair for pair, _ in _touching(_at(every, robot.home))}
     for q in robot.drawn(_POSTURES):
         for pair, depth in _touching(_at(every, q)):
             if pair in pairs - resting:
                 found[pair] = max(found.get(pair, 0.0), depth)
-    for (a, b), depth in found.items():
+    for pair, depth in found.items():
         if depth > _OFF:
-            both = f"{model.body(a).name} and {model.body(b).name}"
+            both = " and ".join(model.body(body).name for body in sorted(pair))
             deep = f"{both} get {1000 * depth:.0f} mm into each other: they are excluded from colliding"
             yield Finding("warning", deep, "take the <exclude> out of the MJCF")
 
 
-def _touching(data: mujoco.MjData) -> Iterator[tuple[tuple[int, int], float]]:
+def _touching(data: mujoco.MjData) -> Iterator[tuple[frozenset[int], float]]:
+    """The pairs of bodies in contact, and how deep they are in each other, m."""
     for contact in data.contact:
-        a, b = data.model.geom_bodyid[contact.geom]
-        yield (int(min(a, b)), int(max(a, b))), -float(contact.dist)
+        yield frozenset(data.model.geom_bodyid[contact.geom].tolist()), -float(contact.dist)
 
 
-def _authority(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+def _authority(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Each servo alone moves its own joint and what follows it or shares its tendon, and no other."""
-    robot, start, (C, _), unit = cell.robot, cell.robot.home, cell.robot.drive, robot_tree(cell).unit
-    moving = robot.free[0] @ C
-    wrong = 0
+    robot, (C, _), unit = cell.robot, cell.robot.drive, robot_tree(cell).unit
+    moving, faults = robot.free[0] @ C, []
     for j in np.flatnonzero(C.any(0)):  # the others follow
         name, push = robot.joints[j], _PUSH * unit[j]
-        ways = [_moved(model, start, C[:, j], way) for way in (push, -push)]
+        ways = [_moved(home, C[:, j], way) for way in (push, -push)]
         moved = max(ways, key=lambda way: float(way[j]))  # an end of the range or a finger may be in the way
         strays = np.delete(np.abs(moved - moving[:, j]), j)
         if moved[j] < _FOLLOWS * moving[j, j]:
-            wrong += 1
+            lags = f"joint {name} follows its servo by {100 * moved[j] / moving[j, j]:.0f} %"
             mend = "raise its stiffness or torque, or look for a second servo that holds it"
-            yield Finding(
-                "error", f"joint {name} follows its servo by {100 * moved[j] / moving[j, j]:.0f} %", mend
-            )
+            faults.append(Finding("error", lags, mend))
         elif strays.max() > _STRAYS:
-            wrong += 1
-            other = np.delete(np.array(robot.joints), j)[int(np.argmax(strays))]
-            yield Finding(
-                "error", f"servo {name} moves joint {other}", "one servo a joint, of the joint's name"
-            )
-    if not wrong:
-        yield Finding("info", "every servo moves its joint, and no other")
+            other = np.delete(robot.joints, j)[strays.argmax()]
+            mend = "one servo a joint, of the joint's name"
+            faults.append(Finding("error", f"servo {name} moves joint {other}", mend))
+    yield from faults or [Finding("info", "every servo moves its joint, and no other")]
 
 
-def _moved(model: mujoco.MjModel, start: Array, column: Array, push: float) -> Array:
+def _moved(home: mujoco.MjData, column: Array, push: float) -> Array:
     """How far joints (n,) go when set-points move by `push` along a column (n,), in shares of it."""
-    data = _at(model, start)
+    data = _at(home.model, home.qpos)
     data.ctrl[:] += push * column
-    mujoco.mj_step(model, data, _STEPS)
-    moved: Array = (data.qpos - start) / push
+    mujoco.mj_step(home.model, data, _STEPS)
+    moved: Array = (data.qpos - home.qpos) / push
     return moved
 
 
-def _tips(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+def _tips(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """The surface of each grasping tip is a radius from its site, out of the tip and out of its pad."""
-    data, radius = _at(model, cell.robot.home), cell.robot.hand.tip_radius
+    radius = cell.robot.hand.tip_radius
+    mend = f"shift the tip's frame, or change tip_radius, {1000 * radius:.1f} mm"
     for finger in cell.robot.grasping:
-        site, mend = (
-            data.site(finger.tip),
-            f"shift the tip's frame, or change tip_radius, {1000 * radius:.1f} mm",
-        )
-        for what, way in (("end", site.xmat.reshape(3, 3)[:, 2]), ("pad", _pad(data, finger))):
-            depth = _surface(model, data, model.geom(finger.tip).id, site.xpos, way)
+        site = home.site(finger.tip)
+        for what, way in (("end", site.xmat.reshape(3, 3)[:, 2]), ("pad", _pad(home, finger))):
+            depth = _surface(home, home.model.geom(finger.tip).id, site.xpos, way)
             far = f"the {what} of {finger.tip} is {1000 * depth:.1f} mm from its centre"
             yield _told(abs(depth - radius) <= _OFF, far, mend)
 
 
-def _surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int, centre: Array, way: Array) -> float:
+def _surface(data: mujoco.MjData, geom: int, centre: Array, way: Array) -> float:
     """How far a geom reaches from a point along a direction, m: what a ray from outside meets."""
-    normal, far = np.zeros(3), 0.1
+    model, normal, far = data.model, np.zeros(3), 0.1
     start, R = centre + far * way, data.geom_xmat[geom].reshape(3, 3)
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         hit = mujoco.mj_rayMesh(model, data, geom, start, -way, normal)
@@ -194,17 +183,16 @@ def _surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int, centre: Arra
     return far - hit if hit >= 0 else far
 
 
-def _opposition(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+def _opposition(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """The open hand's tips are in front of the palm, and the first one's pad faces the others."""
-    data = _at(model, cell.robot.home)
-    palm = data.site(cell.robot.hand.palm)
+    palm = home.site(cell.robot.hand.palm)
     front = (fingertips(cell.robot.home, robot_tree(cell)) - palm.xpos) @ palm.xmat.reshape(3, 3)[:, 0]
     if front.min() < 0.02:
         mend = "the palm frame's x has to point out of the palm's face; or bend `open` further"
         yield Finding("error", f"an open tip is {1000 * front.min():.0f} mm in front of the palm", mend)
-    tips = np.array([data.site(finger.tip).xpos for finger in cell.robot.grasping])
+    tips = np.array([home.site(finger.tip).xpos for finger in cell.robot.grasping])
     between = tips[1:].mean(0) - tips[0]
-    facing = float(_pad(data, cell.robot.grasping[0]) @ between / np.linalg.norm(between))
+    facing = float(_pad(home, cell.robot.grasping[0]) @ between / np.linalg.norm(between))
     if facing < 0.0:
         mend = "x of a tip's frame has to point out of its pad; or change `open`, or which finger is first in `grasp`"
         yield Finding("error", f"the pad of {cell.robot.hand.grasp[0]} looks away from the others", mend)
@@ -212,11 +200,10 @@ def _opposition(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
         yield Finding("info", f"open, the tips of a grasp are {1000 * np.linalg.norm(between):.0f} mm apart")
 
 
-def _meeting(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+def _meeting(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Each finger of a grasp gets its pad before the first one's, in some posture."""
-    _, gaps = closed_posture(cell)
-    for finger, gap in zip(cell.robot.hand.grasp[1:], gaps, strict=True):
-        first = cell.robot.hand.grasp[0]
+    first, *others = cell.robot.hand.grasp
+    for finger, gap in zip(others, closed_posture(cell)[1], strict=True):
         if gap < _FACING:
             yield Finding("info", f"the pads of {first} and {finger} can face each other")
         else:
@@ -261,46 +248,43 @@ def _gaps(first: Array, own: Array, other: Array, theirs: Array) -> Array:
     return np.where(np.minimum(*facing) > 0.5 * distance, distance, np.inf)
 
 
-def _strength(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+def _strength(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """What a finger can press with, and what the arm has left of its torque at home."""
-    robot, data, J = cell.robot, _at(model, cell.robot.home), np.zeros((3, model.nv))
+    robot, J = cell.robot, np.zeros((3, home.model.nv))
     for finger in robot.grasping:
-        body = data.body(finger.bodies[-1])
-        mujoco.mj_jac(model, data, J, None, data.site(finger.tip).xpos, body.id)
-        lever = np.abs(_pad(data, finger) @ J)[robot.arm_dof :]
+        body = home.body(finger.bodies[-1])
+        mujoco.mj_jac(home.model, home, J, None, home.site(finger.tip).xpos, body.id)
+        lever = np.abs(_pad(home, finger) @ J)[robot.arm_dof :]
         force = float((robot.torque[robot.hand_columns] / np.maximum(lever, 1e-9)).min())
         mend = "torque of its joints, Nm: heavy objects will be beyond it"
         yield _told(force >= _PINCH, f"{finger.name} can press with {force:.1f} N", mend, "warning")
-    yield from _bearing(cell, model)
+    yield from _bearing(cell, home.model)
 
 
 def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     """What the arm needs of its torque to bear itself and the hand, at home and over the table."""
     arm = cell.robot.arm_columns
-    postures = [cell.robot.home, *_palms_down(cell)[0]]
+    postures = [cell.robot.home, *_palms_down(cell)]
     share = np.max([np.abs(_at(model, q).qfrc_bias[arm]) for q in postures], axis=0) / cell.robot.torque[arm]
     name = f"{cell.robot.joints[int(share.argmax())]} needs {100 * share.max():.0f} % of its torque to bear its weight"
     yield _told(share.max() <= _BORNE, name, "state the maker's torque, or the true masses in the MJCF")
 
 
-def _reach(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Palms that look down on the middle of the table."""
-    found, total = _palms_down(cell)
+    found, total = _palms_down(cell), len(_PALMS)
     mend = "change the arm's `home` or `starts`, or the mount: palms look along its flange"
     what = f"{len(found)} of {total} palm poses over the table are reached"
     yield _told(len(found) >= _REACHED * total, what, mend)
 
 
 @lru_cache(maxsize=1)
-def _palms_down(cell: Cell) -> tuple[list[Array], int]:
-    """Postures (n,) rad of palms that look down on the middle of the table, and how many were asked for."""
-    tree, found, total = robot_tree(cell), [], 0
-    for x, y, yaw in product(
-        (0.4, 0.5, 0.6), (-0.2, 0.0, 0.2), np.linspace(-np.pi, np.pi, 6, endpoint=False)
-    ):
+def _palms_down(cell: Cell) -> list[Array]:
+    """Postures (n,) rad of palms that look down on the middle of the table."""
+    tree, found = robot_tree(cell), []
+    for x, y, yaw in _PALMS:
         q = tree.home.copy()
-        total += 1
         reached = reach_palm(q, about_z(yaw) @ PALM_DOWN, np.array([x, y, 0.2]), tree)
         if reached and body_frames(q, tree).p[tree.base : tree.palm, 2].min() > 0.0:
             found.append(q)
-    return found, total
+    return found
