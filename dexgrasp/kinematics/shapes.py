@@ -55,10 +55,8 @@ def _looked_at(path: Array, joints: Index) -> Array:
 def _left_out(cell: Cell) -> tuple[_Pair, ...]:
     """The bodies that a motion can bring together and that are no pair of the tree."""
     robot, model = cell.robot, compiled_robot(cell)
-    kept = set(map(tuple, robot_tree(cell).pairs.tolist()))
-    found = []
-    for a, b in body_pairs(robot, model):
-        one, two = model.body(robot.bodies[a]).id, model.body(robot.bodies[b]).id
-        if (a, b) not in kept:
-            found.append(_Pair((a, b), (one, two), joints_between(model, one, two)))
-    return tuple(found)
+    kept, number = robot_tree(cell).pairs.tolist(), [model.body(name).id for name in robot.bodies]
+    found = [(a, b) for a, b in body_pairs(robot, model) if [a, b] not in kept]
+    return tuple(
+        _Pair((a, b), (number[a], number[b]), joints_between(model, number[a], number[b])) for a, b in found
+    )
