@@ -85,7 +85,7 @@ def planned_record(
         squeeze=motion.squeeze,
         contacts=tuple(Contact(name, p, n, f, float(turn)) for name, p, n, f, turn in contacts),
         neighbours=tuple(Neighbour(None, np.eye(4), parts) for parts in target.neighbours),
-        script=None if script is None else Script(RAISED, (_approach(script), _lift(script, grasp))),
+        script=None if script is None else _executed(script, grasp),
         certificate=grasp.certificate,
         holds_probability=None,
     )
@@ -107,17 +107,12 @@ def _told(identity: ObjectIdentity, target: GraspTarget) -> ObjectIdentity:
     )
 
 
-def _approach(script: ActionScript) -> Phase:
-    rows = script.way(APPROACH)
-    return Phase(APPROACH, _times(rows), rows, bend(rows))
+def _executed(script: ActionScript, grasp: Grasp) -> Script:
+    approach, tree = script.way(APPROACH), robot_tree(grasp.cell)
+    lift = np.concatenate([grasp.motion.squeeze[None], script.phases[LIFT]])
+    R, p = map(np.array, zip(*(palm_frame(q, tree) for q in lift), strict=True))
+    return Script(RAISED, (_phase(APPROACH, approach, bend(approach)), _phase(LIFT, lift, stray(p, R))))
 
 
-def _lift(script: ActionScript, grasp: Grasp) -> Phase:
-    rows = np.concatenate([grasp.motion.squeeze[None], script.phases[LIFT]])
-    palms = [palm_frame(q, robot_tree(grasp.cell)) for q in rows]
-    strayed = stray(np.array([p for _, p in palms]), np.array([R for R, _ in palms]))
-    return Phase(LIFT, _times(rows), rows, strayed)
-
-
-def _times(rows: Array) -> Array:
-    return np.round(np.arange(len(rows)) * CONTROL_PERIOD, 9)
+def _phase(name: str, rows: Array, measure: float) -> Phase:
+    return Phase(name, np.round(np.arange(len(rows)) * CONTROL_PERIOD, 9), rows, measure)

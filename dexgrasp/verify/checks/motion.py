@@ -99,9 +99,8 @@ def lift_checks(case: Case) -> list[Check]:
         return [flag("lift given", False, "in the file")]
     _, phase = script.phases
     rows, fingers = phase.setpoints, slice(case.robot.arm_dof, None)
-    palms = [case.scene.palm(q) for q in rows]
-    positions = np.array([p for p, _ in palms])
-    strayed = stray(positions, np.array([R for _, R in palms]))
+    positions, rotations = map(np.array, zip(*map(case.scene.palm, rows), strict=True))
+    strayed = stray(positions, rotations)
     rise = positions[:, 2] - positions[0, 2]
     depth = case.scene.first_contact(densify(rows, _DENSE), with_object=False)
     return [
