@@ -7,12 +7,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from dexgrasp.grasp.values import CONVEX, Parts
+from dexgrasp.grasp.values import CORNERS, Parts
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, read_json_object, readable
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.valid import Names, Rule, Word, list_of, number, read
+from dexgrasp_env.valid import Names, Rule, Word, check, list_of, number, read
 
 _MOST_ROWS = 600_000  # ten minutes at 1 kHz
 
@@ -46,7 +46,6 @@ def _segments(value: Any) -> dict[str, Segment]:
 
 SEGMENTS = ("approach", "close", "squeeze", "lift")
 _SEGMENTS = Rule(f"a list of {', '.join(SEGMENTS)}, each with name, start and end", _segments)
-_PART = Rule("4 or more corners (x, y, z) around a volume", lambda value: CONVEX.admit([value])[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +65,7 @@ class Facts:
     cell: Word
     segments: Annotated[dict[str, Segment], _SEGMENTS]
     parts: Parts
-    around: tuple[Annotated[Array, _PART], ...]
+    around: tuple[Annotated[Array, CORNERS], ...]
     rejected: tuple[str, ...]
 
 
@@ -113,9 +112,7 @@ def read_trajectory(path: Path, cell: Cell) -> Recording:
 def _part(part: Any, key: str, names: Names, path: Path) -> Rows:
     if not isinstance(part, dict) or part.get("joints") != list(names):
         raise InputError(f"{path}: {key!r} must have joints {', '.join(names)}")
-    period = part.get("period")
-    if isinstance(period, bool) or not isinstance(period, int | float) or not 0.0 < period < 1.0:
-        raise InputError(f"{path}: the period of {key!r} is {period!r}: valid is a part of a second")
+    period = check(f"{path}: the period of {key!r}, s,", part.get("period"), number(gt=0, lt=1))
     positions = _numbers(part.get("positions"), len(names), f"{path}: positions of {key!r}")
     return Rows(period * np.arange(len(positions), dtype=float), positions)
 

@@ -11,17 +11,18 @@ _FLAT = 1e-6  # m: a part thinner than this has no inside
 _MOST_VERTICES, _MOST_PARTS = 100_000, 64
 
 
+def _corners(value: Any) -> Array:
+    part: Array = array(None, 3).admit(value)
+    few = not 4 <= len(part) <= _MOST_VERTICES
+    if few or np.linalg.svd(part - part.mean(0), compute_uv=False)[2] < _FLAT:
+        raise ValueError
+    return part
+
+
 def _convex_parts(value: Any) -> tuple[Array, ...]:
     if not isinstance(value, list) or not 1 <= len(value) <= _MOST_PARTS:
         raise ValueError
-    parts = tuple(map(array(None, 3).admit, value))
-    for part in parts:
-        if (
-            not 4 <= len(part) <= _MOST_VERTICES
-            or np.linalg.svd(part - part.mean(0), compute_uv=False)[2] < _FLAT
-        ):
-            raise ValueError
-    return parts
+    return tuple(map(_corners, value))
 
 
 def _word(value: Any) -> str:
@@ -41,5 +42,8 @@ Pose = Annotated[Array, array(4, 4)]
 Numbers = Annotated[
     tuple[float, ...], Rule("finite numbers", lambda value: tuple(array(None).admit(value).tolist()))
 ]
-CONVEX = Rule(f"1 to {_MOST_PARTS} lists of 4 or more corners (x, y, z), each around a volume", _convex_parts)
-Parts = Annotated[tuple[Array, ...], CONVEX]
+CORNERS = Rule("4 or more corners (x, y, z) around a volume", _corners)
+Parts = Annotated[
+    tuple[Array, ...],
+    Rule(f"1 to {_MOST_PARTS} lists of 4 or more corners (x, y, z), each around a volume", _convex_parts),
+]
