@@ -6,6 +6,7 @@ hull there and tilted a little, and what the object weighs more or less than ass
 What push is borne in weights, D of `load`, is asked of all of them.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -57,15 +58,11 @@ def features_of(record: GraspRecord, friction: float, mass: float, guessed: floa
     }
 
 
-def _faces(record: GraspRecord) -> list[Array]:
-    """Return the planes (F, 4) of each part: unit normals out of it, and what of them is 0 on the face."""
+def _nearest(parts: Iterable[Array], points: Array) -> Array:
+    """Return the normals (..., 3) of the faces that points (..., 3) m are farthest out of, of the nearest part."""
     from scipy.spatial import ConvexHull
 
-    return [np.asarray(ConvexHull(part).equations) for part in record.parts]
-
-
-def _nearest(faces: list[Array], points: Array) -> Array:
-    """Return the normals (..., 3) of the faces that points (..., 3) m are farthest out of, of the nearest part."""
+    faces = [ConvexHull(part).equations for part in parts]
     out = [points @ part[:, :3].T + part[:, 3] for part in faces]
     normals = np.stack([part[values.argmax(-1), :3] for part, values in zip(faces, out, strict=True)])
     first = np.stack([values.max(-1) for values in out]).argmin(0)
@@ -76,7 +73,7 @@ def _drawn(record: GraspRecord, place: float) -> Draws:
     rng, shape = np.random.default_rng(0), (_DRAWS, *record.points.shape)
     moved = place * rng.standard_normal(shape)
     tips = record.points + record.thresholds.tip_radius * record.normals
-    normals = unit(_nearest(_faces(record), tips + moved) + _TILT * rng.standard_normal(shape))
+    normals = unit(_nearest(record.parts, tips + moved) + _TILT * rng.standard_normal(shape))
     centres = record.centre + place * rng.standard_normal((_DRAWS, 3))
     return Draws(record.points + moved, normals, centres)
 

@@ -8,7 +8,7 @@ import numpy as np
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.physics.cones import cone_edges
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.perception.picture import save
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, posed
@@ -33,7 +33,7 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str = ""
     """
     figure = _figure(15, 5.0)
     hand = _hand_triangles(grasp.cell, grasp.q)
-    box = _box(target.distance.triangles, float(hand[..., 2].max()))
+    box = _box(target.distance.triangles, hand)
     for k, view in enumerate(_VIEWS):
         axes = _add_axes(figure, (1, len(_VIEWS), k + 1), box, view)
         _draw(axes, grasp, target, hand, box)
@@ -59,7 +59,7 @@ def hand_picture(
     shown = postures | {name: grasp.q for name, (grasp, _) in grasps.items()}
     for k, (name, q) in enumerate(shown.items()):
         hand = _hand_triangles(cell, q)
-        box = _box(hand, float(hand[..., 2].max()))
+        box = _box(hand, hand)
         axes = _add_axes(figure, (1, len(shown), k + 1), box, _VIEWS[0])
         if name in grasps:
             _draw(axes, *grasps[name], hand, box)
@@ -111,16 +111,13 @@ def _add_solid(axes: Any, polygons: Any, face: Any, edge: Any, width: float = 0.
     axes.add_collection3d(Poly3DCollection(polygons, facecolor=face, edgecolor=edge, linewidth=width))
 
 
-def _box(triangles: Array, top: float) -> Array:
-    """Corners (2, 3) of what is shown: around triangles, m, from below the table where they reach there, to `top`."""
+def _box(triangles: Array, hand: Array) -> Array:
+    """Corners (2, 3) of what is shown: around triangles, m, from below the table where they reach there."""
     corners = triangles.reshape(-1, 3)
-    low, high = corners.min(0), corners.max(0)
-    half = np.full(3, 0.5 * float((high - low)[:2].max()) + _AROUND)
-    middle = 0.5 * (low + high)
-    low, high = middle - half, middle + half
-    low[2] = max(float(corners[:, 2].min()), 0.0) - 0.01
-    high[2] = max(top, float(corners[:, 2].max())) + 0.01
-    return np.stack([low, high])
+    half = 0.5 * float(np.ptp(corners, axis=0)[:2].max()) + _AROUND
+    box = middle(corners) + np.array([[-half], [half]])
+    box[:, 2] = max(corners[:, 2].min(), 0.0) - 0.01, max(hand[..., 2].max(), corners[:, 2].max()) + 0.01
+    return box
 
 
 def _add_axes(figure: Any, place: tuple[int, int, int], box: Array, view: tuple[int, int]) -> Any:

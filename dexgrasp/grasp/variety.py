@@ -26,8 +26,8 @@ def component_shares(features: Array) -> list[float]:
     variances = np.linalg.svd(features - features.mean(0), compute_uv=False) ** 2
     if variances.sum() <= _SAME:
         return []
-    shares = np.cumsum(variances / variances.sum())
-    return [float(share) for share in shares[:_COMPONENTS]]
+    shares: list[float] = np.cumsum(variances / variances.sum())[:_COMPONENTS].tolist()
+    return shares
 
 
 def grasp_features(grasp: Grasp) -> Array:
