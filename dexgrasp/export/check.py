@@ -11,7 +11,7 @@ from dexgrasp.verify.check import Check, at_least, at_most, flag
 from dexgrasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.robot import Joints
+from dexgrasp_env.robot.robot import Arm, Hand
 
 SHARE = 0.95
 """Largest share of a limit that a trajectory may use."""
@@ -54,11 +54,10 @@ def check_trajectory(recording: Recording, cell: Cell) -> list[Check]:
     apart = abs(arm.times[-1] - hand.times[-1])
     return [
         flag("cell: of another one", cell.stamp == planned, f"this is {cell.stamp}"),
-        *_timing("arm", arm), *_timing("hand", hand),
+        _timing("arm", arm), _timing("hand", hand),
         at_most("arm and hand end together, apart by (s)", apart, _PERIODS["hand"], "", _TIME),
         _order(list(facts.segments.values()), float(arm.times[-1])),
-        *_limits("arm", arm, _tighter(cell.robot.arm.name, cell.robot.arm.joints)),
-        *_limits("hand", hand, _tighter(cell.robot.hand.name, cell.robot.hand.joints)),
+        *_limits("arm", arm, cell.robot.arm), *_limits("hand", hand, cell.robot.hand),
         *_collisions(recording, cell),
         *_grasp(recording),
     ]  # fmt: skip
@@ -72,10 +71,10 @@ def _grasp(recording: Recording) -> list[Check]:
     return [Check("grasp: checks of verify that fail", float(len(rejected)), ", ".join(rejected), False)]
 
 
-def _timing(name: str, rows: Rows) -> list[Check]:
+def _timing(name: str, rows: Rows) -> Check:
     period = _PERIODS[name]
     off = float(np.abs(rows.times - period * np.arange(len(rows.times))).max())
-    return [at_most(f"{name}: times are multiples of {1000 * period:g} ms from 0, off by (s)", off, _TIME)]
+    return at_most(f"{name}: times are multiples of {1000 * period:g} ms from 0, off by (s)", off, _TIME)
 
 
 def _order(segments: list[Segment], last: float) -> Check:
@@ -85,24 +84,22 @@ def _order(segments: list[Segment], last: float) -> Check:
     return at_most("segments follow each other to the end, off by (s)", off, _PERIODS["arm"], "", _TIME)
 
 
-def _tighter(name: str, own: Joints) -> dict[str, Array]:
+def _tighter(part: Arm | Hand) -> dict[str, Array]:
     """The tighter of the maker's limits, where they are known here, and the cell's."""
-    limits = {key: np.array(getattr(own, key)) for key in ("lower", "upper", *_QUANTITIES)}
-    for key, maker in _MAKERS.get(name, {}).items():
+    limits = {key: np.array(getattr(part.joints, key)) for key in ("lower", "upper", *_QUANTITIES)}
+    for key, maker in _MAKERS.get(part.name, {}).items():
         limits[key] = (np.maximum if key == "lower" else np.minimum)(limits[key], maker)
     return limits
 
 
-def _limits(name: str, rows: Rows, limits: dict[str, Array]) -> list[Check]:
-    q, period = rows.positions, _PERIODS[name]
+def _limits(name: str, rows: Rows, part: Arm | Hand) -> list[Check]:
+    q, period, limits = rows.positions, _PERIODS[name], _tighter(part)
     room = float(np.minimum(q - limits["lower"], limits["upper"] - q).min())
     used = limit_shares(q, period, *(limits[quantity] for quantity in _QUANTITIES))
+    shares = zip(_QUANTITIES, used, strict=True)
     return [
         at_least(f"{name}: inside the joint limits by (rad)", room, 0.0),
-        *(
-            at_most(f"{name}: share of the {quantity} limits", share, SHARE)
-            for quantity, share in zip(_QUANTITIES, used, strict=True)
-        ),
+        *(at_most(f"{name}: share of the {quantity} limits", share, SHARE) for quantity, share in shares),
     ]
 
 

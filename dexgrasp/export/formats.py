@@ -1,7 +1,7 @@
 """Trajectories as files: CSV, JSON, and ROS 2 messages as YAML, written without ROS."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +56,8 @@ def joint_trajectory(joints: Names, rows: Array, period: float, base: str) -> Fi
     """Return a trajectory_msgs/JointTrajectory: positions (T, n) rad with velocities by central differences."""
     velocities = np.gradient(rows, period, axis=0) if len(rows) > 1 else np.zeros_like(rows)
     velocities[0] = velocities[-1] = 0.0
-    points = [_point(k * period, q, v) for k, (q, v) in enumerate(zip(rows, velocities, strict=True))]
+    both = zip(rows.tolist(), velocities.tolist(), strict=True)
+    points = [_point(k * period, q, v) for k, (q, v) in enumerate(both)]
     return {"header": _header(base), "joint_names": list(joints), "points": points}
 
 
@@ -64,9 +65,9 @@ def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
     """Return a moveit_msgs/Grasp; `grasp_pose` is of the palm frame in the robot base frame."""
     palm = facts["palm"]
 
-    def posture(hand: list[float], torque: list[float]) -> Fields:
+    def posture(hand: list[float], torque: Sequence[float] = ()) -> Fields:
         """Return a `trajectory_msgs/JointTrajectory` of one point."""
-        point = _point(0.0, np.array(hand), effort=torque)
+        point = _point(0.0, hand, effort=torque)
         return {"header": _header(base), "joint_names": list(joints), "points": [point]}
 
     def translation(z: float, distance: float) -> Fields:
@@ -79,7 +80,7 @@ def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
 
     return {
         "id": str(facts["object"]),
-        "pre_grasp_posture": posture(facts["open"], []),
+        "pre_grasp_posture": posture(facts["open"]),
         "grasp_posture": posture(facts["closed"], facts["squeeze"]["torque"]),
         "grasp_pose": {
             "header": _header(base),
@@ -98,15 +99,15 @@ def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
 
 
 def _point(
-    seconds: float, positions: Array, velocities: Array | None = None, effort: list[float] | None = None
+    seconds: float, positions: list[float], velocities: Sequence[float] = (), effort: Sequence[float] = ()
 ) -> Fields:
-    nanoseconds = round(seconds * 1e9)
+    sec, nanosec = divmod(round(seconds * 1e9), 10**9)
     return {
-        "positions": positions.tolist(),
-        "velocities": [] if velocities is None else velocities.tolist(),
+        "positions": positions,
+        "velocities": list(velocities),
         "accelerations": [],
-        "effort": list(effort or []),
-        "time_from_start": {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9},
+        "effort": list(effort),
+        "time_from_start": {"sec": sec, "nanosec": nanosec},
     }
 
 

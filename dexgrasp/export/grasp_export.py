@@ -7,7 +7,7 @@ import numpy as np
 
 from dexgrasp.export.formats import write_csv, write_json, write_ros2
 from dexgrasp.export.scene_folder import write_scene
-from dexgrasp.export.trajectory import Trajectory, Waypoints, make_trajectory
+from dexgrasp.export.trajectory import Waypoints, make_trajectory
 from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.kinematics.forward import hand_contact_jacobian
 from dexgrasp.kinematics.palm_ik import palm_frame
@@ -19,7 +19,6 @@ from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat, rigid
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.valid import POSITIVE, check
 
 FORMATS = ("csv", "json", "ros2", "mjcf")
@@ -46,34 +45,27 @@ def export_grasp(
         The files.
 
     Raises:
-        InputError: for an unknown format, a file without approach and lift, or a mesh that is not here any more.
+        InputError: for an unknown format, a file without approach and lift, ways that cannot be timed within the
+            limits, or a mesh that is not here any more.
     """
     if kind not in FORMATS:
         raise unknown_name("format", kind, FORMATS)
     cell = record.check_cell()
     stiffness = cell.robot.hand.joints.stiffness[0] if stiffness is None else stiffness
     check("stiffness", stiffness, POSITIVE)
-    trajectory, facts = trajectory_of(record, cell.robot), grasp_facts(record, cell, stiffness)
+    if record.script is None:
+        raise InputError(
+            "this grasp file has no approach and no lift: plan it again with `dexgrasp plan --out`"
+        )
+    approach, lift = record.script.phases
+    way = Waypoints(approach.setpoints, record.grasp, record.squeeze, lift.setpoints)
+    trajectory, facts = make_trajectory(way, cell.robot), grasp_facts(record, cell, stiffness)
     facts["rejected"] = list(rejected)
     if kind == "json":
         return write_json(folder, trajectory, facts)
     scene = _scene(record, cell, folder) if kind == "mjcf" else []
     messages = write_ros2(folder, trajectory, facts) if kind == "ros2" else []
     return [*scene, *messages, *write_csv(folder, trajectory, facts)]
-
-
-def trajectory_of(record: GraspRecord, robot: Robot) -> Trajectory:
-    """Return the timed trajectory of a grasp file.
-
-    Raises:
-        InputError: if the file has no approach and no lift, or they cannot be timed within the limits.
-    """
-    if record.script is None:
-        raise InputError(
-            "this grasp file has no approach and no lift: plan it again with `dexgrasp plan --out`"
-        )
-    approach, lift = record.script.phases
-    return make_trajectory(Waypoints(approach.setpoints, record.grasp, record.squeeze, lift.setpoints), robot)
 
 
 def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:

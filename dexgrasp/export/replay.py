@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.export.read import Recording, Rows
+from dexgrasp.export.read import Recording
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file
@@ -85,13 +85,9 @@ def load_scene(scene: Path, recording: Recording) -> tuple[Any, Any]:
 
 def set_points(recording: Recording, time: float) -> Array:
     """The set-points that the controllers hold at a time: each takes its last row."""
-    return np.concatenate([_held(recording.arm, time), _held(recording.hand, time)])
-
-
-def _held(rows: Rows, time: float) -> Array:
-    return rows.positions[
-        min(int(np.searchsorted(rows.times, time + 1e-9, side="right")) - 1, len(rows.times) - 1)
-    ]
+    parts = recording.arm, recording.hand
+    rows = [np.searchsorted(part.times, time + 1e-9, side="right") - 1 for part in parts]
+    return np.concatenate([part.positions[row] for part, row in zip(parts, rows, strict=True)])
 
 
 def displace(pose: Array, rng: np.random.Generator) -> None:

@@ -61,7 +61,7 @@ def make_trajectory(way: Waypoints, robot: Robot) -> Trajectory:
     way = Waypoints(*(np.clip(path, robot.lower + _ROOM, robot.upper - _ROOM) for path in way))
     # The hand's rows are three ticks apart: a law that keeps the limits at 1 ms keeps them at 3 ms.
     limits = Limits(robot.velocity, robot.acceleration, robot.jerk)
-    gentle = Limits(_CLOSING * limits.velocity, limits.acceleration, limits.jerk)
+    gentle = limits._replace(velocity=_CLOSING * limits.velocity)
     steady = Limits(_LIFTING * limits.velocity, _LIFTING**2 * limits.acceleration, limits.jerk)
     hand = robot.arm_dof
     closed, pressing = (
