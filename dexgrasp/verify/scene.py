@@ -127,13 +127,11 @@ class Scene:
         `hand_neighbour` where there are neighbours.
         """
         self.place(q)
+        tips = self._tip_geoms if tips_touch else set()
         return {
-            kind: self._least([pair for pair in pairs if not (tips_touch and self._is_touch(pair))])
+            kind: self._least([(a, b) for a, b in pairs if not (a in tips and b in self.object)])
             for kind, pairs in self._pairs.items()
         }
-
-    def _is_touch(self, pair: tuple[int, int]) -> bool:
-        return pair[0] in self._tip_geoms and pair[1] in self.object
 
     @cached_property
     def _pairs(self) -> dict[str, list[tuple[int, int]]]:
