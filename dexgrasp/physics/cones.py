@@ -35,21 +35,12 @@ def basis_of(x: float, y: float, z: float) -> tuple[float, float, float, float, 
     return C1[0] - a * hx, C1[1] - a * hy, C1[2] - a * hz, C2[0] - b * hx, C2[1] - b * hy, C2[2] - b * hz
 
 
-@njit
-def _bases(normals: Array, t1: Array, t2: Array) -> None:
-    for i in range(normals.shape[0]):
-        b = basis_of(normals[i, 0], normals[i, 1], normals[i, 2])
-        for k in range(3):
-            t1[i, k], t2[i, k] = b[k], b[3 + k]
-
-
 def tangent_basis(normals: Numbers) -> tuple[Array, Array]:
     """Return the tangents t1, t2 (N, 3) of unit normals (N, 3); see the module's text for the choice."""
     normals = check_array("normals", normals, (None, 3))
     check_unit(normals)
-    t1, t2 = np.empty_like(normals), np.empty_like(normals)
-    _bases(normals, t1, t2)
-    return t1, t2
+    bases = np.array([basis_of(*normal) for normal in normals]).reshape(-1, 2, 3)
+    return bases[:, 0], bases[:, 1]
 
 
 def cone_edges(normals: Numbers, mu: float, edges: int = 4) -> Array:

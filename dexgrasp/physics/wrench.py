@@ -39,18 +39,10 @@ def pyramid_rows(normals: Array, mu: float, f_min: float) -> tuple[Array, Array]
     """Return A (5 N, 3 N) and b (5 N,) of Eq. 2 and f_min as A f >= b; per contact: press, +t1, -t1, +t2,
     -t2.
     """
-    t1, t2 = tangent_basis(normals)
-    A, b = np.zeros((5 * len(normals), 3 * len(normals))), np.zeros(5 * len(normals))
-    for i, n in enumerate(normals):
-        A[5 * i : 5 * i + 5, 3 * i : 3 * i + 3] = [
-            -n,
-            t1[i] - mu * n,
-            -t1[i] - mu * n,
-            t2[i] - mu * n,
-            -t2[i] - mu * n,
-        ]
-        b[5 * i] = f_min
-    return A, b
+    (t1, t2), N, n = tangent_basis(normals), len(normals), mu * normals
+    A = np.zeros((N, 5, N, 3))
+    A[range(N), :, range(N)] = np.stack([-normals, t1 - n, -t1 - n, t2 - n, -t2 - n], axis=1)
+    return A.reshape(5 * N, 3 * N), np.tile([f_min, 0.0, 0.0, 0.0, 0.0], N)
 
 
 def restore_feasible(forces: Array, normals: Array, mu: float, f_min: float) -> Array:
@@ -60,17 +52,6 @@ def restore_feasible(forces: Array, normals: Array, mu: float, f_min: float) -> 
     friction = np.maximum(np.abs((forces * t1).sum(-1)), np.abs((forces * t2).sum(-1)))
     need = np.maximum(f_min, friction / mu * (1 + 1e-15))
     return forces - np.maximum(0.0, need - press)[:, None] * normals
-
-
-def _setting(
-    points: Numbers, normals: Numbers, mu: float, f_min: float, center: Numbers, length_scale: float | None
-) -> tuple[Array, Array, float, float, Array, float]:
-    points, normals = check_contacts(points, normals)
-    if len(points) == 0:
-        raise InputError("points must hold at least one contact, got none")
-    about = points.mean(0) if center is None else check_array("center", center, (3,))
-    scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
-    return points, normals, check_positive("mu", mu), check_positive("f_min", f_min), about, scale
 
 
 def solve_wrench_qp(
@@ -94,7 +75,12 @@ def solve_wrench_qp(
     Raises:
         InputError: bad contacts or an unknown solver.
     """
-    points, normals, mu, f_min, about, scale = _setting(points, normals, mu, f_min, center, length_scale)
+    points, normals = check_contacts(points, normals)
+    if len(points) == 0:
+        raise InputError("points must hold at least one contact, got none")
+    about = points.mean(0) if center is None else check_array("center", center, (3,))
+    scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
+    mu, f_min = check_positive("mu", mu), check_positive("f_min", f_min)
     G = grasp_map(points, about, scale)
     A, b = pyramid_rows(normals, mu, f_min)
     H = G.T @ G + REGULARISER * np.eye(G.shape[1])
