@@ -18,7 +18,7 @@ from dexgrasp.grasp.thresholds import (
 )
 from dexgrasp.verify.case import Case
 from dexgrasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, flag, same
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import has_own_size
 from dexgrasp_env.objects.model import ObjectModel
@@ -115,7 +115,7 @@ def _overlap(hull: Any, other: Any) -> float:
     return float((one & two).sum() / (one | two).sum())
 
 
-def _within(convex: Any, points: Array) -> Array:
+def _within(convex: Any, points: Array) -> Mask:
     """Return which of the points (N, 3) a convex mesh holds: those behind every face."""
     offsets = (convex.face_normals * convex.triangles[:, 0]).sum(1)
     behind = (points @ normal <= offset for normal, offset in zip(convex.face_normals, offsets, strict=True))
