@@ -38,7 +38,7 @@ def summary(folder: Path) -> Fields:
         "ik_success": totals["feasible"] / max(totals["placed_by_atlas"], 1),
         "share_holding": totals["holding"] / max(totals["feasible"], 1),
         "counts": dict(totals), "blocked": dict(blocked.most_common()),
-        "coverage": np.mean([p.coverage for p in poses]),
+        "coverage": float(np.mean([p.coverage for p in poses])),
         "least_coverage": min(p.coverage for p in poses),
         "margin_histogram": {"edges": list(_BINS), "counts": np.histogram(margin, _BINS)[0].tolist()},
         "approach_degrees": _quantiles(_approach(poses)), "margin": _quantiles(margin),

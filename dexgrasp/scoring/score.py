@@ -102,12 +102,12 @@ def _summary(rows: Sequence[Fields]) -> Fields:
     """Return counts, rate, intervals, the mean score and the reasons of one protocol."""
     return {
         **count([{**row, "trial": number} for number, row in enumerate(rows)]),  # each grasp for itself
-        "mean_score": np.mean([row["score"] for row in rows]),
+        "mean_score": float(np.mean([row["score"] for row in rows])),
         "by_object": {name: bare_count(own) for name, own in grouped(rows, "object").items()},
         "failures": dict(Counter(row["reason"] for row in rows if not row["success"]).most_common()),
     }
 
 
-def _means(metrics: Sequence[Fields]) -> Fields:
+def _means(metrics: Sequence[Fields]) -> dict[str, float]:
     keys = [key for key, value in metrics[0].items() if isinstance(value, float)]
-    return {key: np.mean([row[key] for row in metrics]) for key in keys}
+    return {key: float(np.mean([row[key] for row in metrics])) for key in keys}
