@@ -114,11 +114,7 @@ def _rotation_error(goal: Array, now: Array) -> Array:
 
 def palm_frame(q: Array, tree: RobotTree) -> tuple[Array, Array]:
     """Return rotation (3, 3) and position (3,) m of the palm frame at `q` (n,) rad."""
-    return palm_of(body_frames(q, tree), tree)
-
-
-def palm_of(frames: Frames, tree: RobotTree) -> tuple[Array, Array]:
-    """Return rotation (3, 3) and position (3,) m of the palm frame from the bodies' frames."""
+    frames = body_frames(q, tree)
     R, p = frames.R[tree.palm], frames.p[tree.palm]
     return R @ tree.palm_rotation, p + R @ tree.palm_offset
 
