@@ -10,10 +10,6 @@ from dexgrasp.physics.cones import tangent_basis
 from dexgrasp.physics.equilibrium import grasp_map
 from dexgrasp.physics.simplex import FAR
 from dexgrasp.physics.wrench import pyramid_rows, restore_feasible
-from dexgrasp.verify.cones import conic_residual, slides, wrench_map
-
-FORCE_BOUND = 1e5
-"""Lower bounds of residuals hold for contact forces up to this many times f_min."""
 
 
 def sample_box(n, rng, half=(0.03, 0.08, 0.105)):
@@ -111,29 +107,6 @@ def proved_closure(points, normals, mu, scale):
     cones = [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(15)]
     answer = clarabel.DefaultSolver(P, np.zeros(15), rows, np.r_[np.zeros(6), -b], cones, settings).solve()
     return _proof(G, normals, np.array(answer.x)[:9].reshape(3, 3), mu)
-
-
-def bracket(points, normals, mu):
-    """Return the least value of Eq. 4 in the exact cone from below and from above, N^2.
-
-    Above stands the judge's residual. No forces up to `FORCE_BOUND` N have a smaller one than that below: it is their
-    least component along the wrench that the judge's forces leave.
-    """
-    upper, forces = conic_residual(points, normals, mu)
-    G = wrench_map(points, points.mean(0))
-    wrench = G @ forces.ravel()
-    size = float(np.linalg.norm(wrench))
-    if size == 0.0:
-        return 0.0, upper
-    press, sliding = slides((G.T @ (wrench / size)).reshape(-1, 3), normals)
-    least = press - mu * sliding
-    return max(0.0, float(np.where(least >= 0, least, least * FORCE_BOUND).sum())) ** 2, upper
-
-
-def closed_in_cones(points, normals, mu):
-    """Whether the least residual is below TOLERANCE: True and False are proved, None is open."""
-    lower, upper = bracket(points, normals, mu)
-    return True if upper < TOLERANCE else False if lower >= TOLERANCE else None
 
 
 def _proof(G, normals, forces, mu):

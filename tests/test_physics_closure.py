@@ -3,12 +3,13 @@ import itertools
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from oracles import against_proof, closed, closed_in_cones, sample_box, sample_can
+from oracles import against_proof, closed, sample_box, sample_can
 from refusals import refused
 
 from dexgrasp.physics.checks import rms_radius
 from dexgrasp.physics.closure import closure_sweep
 from dexgrasp.physics.wrench import solve_wrench_qp
+from dexgrasp.verify.cones import conic_residual
 
 
 def with_noise(points, normals, rng):
@@ -87,7 +88,7 @@ def test_pyramids_bracket_the_exact_cone():
     triples = np.random.default_rng(9).integers(0, 60, (150, 3))
     P, N = points[triples], normals[triples]
     inner, outer = closed(P, N, 0.5 / 2**0.5), closed(P, N, 0.5)
-    exact = np.array([closed_in_cones(p, n, 0.5) for p, n in zip(P, N, strict=True)])
+    exact = np.array([conic_residual(p, n, 0.5).closed() for p, n in zip(P, N, strict=True)])
     assert None not in exact
     assert not (exact.astype(bool) & ~outer).any()
     assert not (inner & ~exact.astype(bool)).any()

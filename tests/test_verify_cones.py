@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import qpsolvers
-from oracles import bracket, closed_in_cones, random_grasps
+from oracles import random_grasps
 from scipy.optimize import linprog
 from scipy.sparse import csc_matrix
 
 from dexgrasp.verify import cones
-from dexgrasp.verify.cones import conic_margin, largest_push, pyramid_forces, wrench_map
+from dexgrasp.verify.cones import conic_margin, conic_residual, largest_push, pyramid_forces, wrench_map
 
 FACES = 256
 
@@ -25,14 +25,14 @@ def faces(n, mu):
 
 def test_the_residual_is_bracketed_and_as_on_fine_pyramids():
     for p, n in zip(*random_grasps(60, 2), strict=True):
-        lower, upper = bracket(p, n, 0.5)
-        assert lower <= upper * (1 + 1e-9) + 1e-12
-        assert closed_in_cones(p, n, 0.5) is not None
+        answer = conic_residual(p, n, 0.5)
+        assert answer.lower <= answer.upper * (1 + 1e-9) + 1e-12
+        assert answer.closed() is not None
         G, A = wrench_map(p, p.mean(0)), np.concatenate([-cones.press_rows(n), faces(n, 0.5)])
         b = np.r_[-np.ones(3), np.zeros(3 * FACES)]
         H = csc_matrix(G.T @ G)
         x = qpsolvers.solve_qp(H, np.zeros(9), csc_matrix(A), b, solver="clarabel")
-        assert ((G @ x) ** 2).sum() == pytest.approx(upper, rel=2e-2, abs=1e-5)
+        assert ((G @ x) ** 2).sum() == pytest.approx(answer.upper, rel=2e-2, abs=1e-5)
 
 
 def test_the_largest_push_is_as_on_fine_pyramids():
@@ -54,7 +54,7 @@ def test_what_a_solver_leaves_open_is_not_shown(monkeypatch):
     for x in (np.full(15, np.nan), np.zeros(15), np.arange(15.0)):
         monkeypatch.setattr(cones, "_minimise", lambda P, q, x=x, **_: (x[: len(q)], False))
         assert conic_margin(p, n, 0.5) is None
-        assert closed_in_cones(p, n, 0.5) is not True
+        assert conic_residual(p, n, 0.5).closed() is not True
         assert largest_push(np.zeros((6, 9)), n, 0.5, np.zeros((1, 9)), (np.zeros(6), np.ones(6))) is None
 
 

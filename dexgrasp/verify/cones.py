@@ -1,7 +1,8 @@
 """Forces within friction cones: the judge's own programmes, solved by clarabel and, through qpsolvers, by osqp.
 
-A solver may stop short, so no answer rests on its word. The residual of Eq. 4 is that of forces moved into the cones:
-no less than the least. A margin is that of forces whose balance is looked at. What is left open counts as not shown.
+A solver may stop short, so no answer rests on its word. The residual of Eq. 4 is bracketed: above by forces moved into
+the cones, below by a separating wrench. A margin is that of forces whose balance is looked at. What is left open counts
+as not shown.
 """
 
 import warnings
@@ -11,20 +12,28 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 
+FORCE_BOUND = 1e5
+"""Lower bounds hold for contact forces up to this many times f_min."""
 _RANK = 1e-4  # least singular value of a grasp matrix of rank 6
 _IMBALANCE = 1e-6  # of the total press: more than rounding
 
 
 class Residual(NamedTuple):
-    """Eq. 4 in the exact cone, from above.
+    """Eq. 4 in the exact cone, bracketed.
 
     Attributes:
         upper: residual, N^2, of `forces`, which lie in the cones and press at least 1 N.
+        lower: no forces up to `FORCE_BOUND` N have a smaller residual, N^2.
         forces: (N, 3) N.
     """
 
     upper: float
+    lower: float
     forces: Array
+
+    def closed(self, tolerance: float = 1e-6) -> bool | None:
+        """Whether the least residual is below `tolerance`, N^2: True and False are proved, None is open."""
+        return True if self.upper < tolerance else False if self.lower >= tolerance else None
 
 
 def wrench_map(points: Array, centre: Array, normals: Array | None = None, torsion: float = 0.0) -> Array:
@@ -45,8 +54,8 @@ def wrench_map(points: Array, centre: Array, normals: Array | None = None, torsi
 
 def press_rows(normals: Array, parts: int = 3) -> Array:
     """Return (N, c N): forces of c parts -> how hard each presses against its normal (N, 3)."""
-    rows, each = np.zeros((len(normals), len(normals), parts)), range(len(normals))
-    rows[each, each, :3] = -normals
+    rows = np.zeros((len(normals), len(normals), parts))
+    rows[np.arange(len(normals)), np.arange(len(normals)), :3] = -normals
     return rows.reshape(len(normals), -1)
 
 
@@ -70,7 +79,7 @@ def slides(forces: Array, normals: Array) -> tuple[Array, Array]:
 
 
 def conic_residual(points: Array, normals: Array, mu: float) -> Residual:
-    """Bound the least value of Eq. 4 (f_min 1 N, torques over the rms radius) with the exact cone.
+    """Bracket the least value of Eq. 4 (f_min 1 N, torques over the rms radius) with the exact cone.
 
     Args:
         points: (N, 3) m.
@@ -88,7 +97,7 @@ def conic_residual(points: Array, normals: Array, mu: float) -> Residual:
     )  # fmt: skip
     forces = _into_cones(np.nan_to_num(x[:n]).reshape(N, 3), normals, mu)
     wrench = G @ forces.ravel()
-    return Residual(float(wrench @ wrench), forces)
+    return Residual(float(wrench @ wrench), _lower(G, wrench, normals, mu), forces)
 
 
 def _into_cones(forces: Array, normals: Array, mu: float) -> Array:
@@ -96,6 +105,17 @@ def _into_cones(forces: Array, normals: Array, mu: float) -> Array:
     press, sliding = slides(forces, normals)
     need = np.maximum(1.0, sliding / mu * (1 + 1e-15))
     return forces - np.maximum(0.0, need - press)[:, None] * normals
+
+
+def _lower(G: Array, wrench: Array, normals: Array, mu: float) -> float:
+    """Bound |G f|^2 from below, by f's least component along `wrench` (6,)."""
+    size = float(np.linalg.norm(wrench))
+    if size == 0.0:
+        return 0.0
+    h = (G.T @ (wrench / size)).reshape(-1, 3)
+    press, sliding = slides(h, normals)
+    least = press - mu * sliding
+    return max(0.0, float(np.where(least >= 0, least, least * FORCE_BOUND).sum())) ** 2
 
 
 def conic_margin(points: Array, normals: Array, mu: float, torsion: float = 0.0) -> float | None:
