@@ -24,5 +24,4 @@ def run_benchmark(name: str, *, quick: bool = False) -> Fields:
     """
     if name not in BENCHMARKS:
         raise unknown_name("benchmark", name, BENCHMARKS)
-    figures: Fields = jsonable(importlib.import_module(f"dexgrasp.benchmarks.{name}").run(quick=quick))
-    return figures
+    return jsonable(importlib.import_module(f"dexgrasp.benchmarks.{name}").run(quick=quick))

@@ -144,8 +144,7 @@ def _part_arrays(episodes: Sequence[Episode], failures: Sequence[str]) -> Arrays
 
 
 def _note(arrays: Arrays) -> Fields:
-    note: Fields = json.loads(text_of(arrays["note"]))
-    return note
+    return json.loads(text_of(arrays["note"]))
 
 
 def _episodes(parts: Iterable[Path], key: str) -> Iterator[Episode]:

@@ -26,8 +26,7 @@ def component_shares(features: Array) -> list[float]:
     variances = np.linalg.svd(features - features.mean(0), compute_uv=False) ** 2
     if variances.sum() <= _SAME:
         return []
-    shares: list[float] = np.cumsum(variances / variances.sum())[:_COMPONENTS].tolist()
-    return shares
+    return np.cumsum(variances / variances.sum())[:_COMPONENTS].tolist()
 
 
 def grasp_features(grasp: Grasp) -> Array:

@@ -223,8 +223,7 @@ def stop_torques(q: Array, points: Array, normals: Array, forces: Array, tree: R
     gear[:, 2] = gear[:, 0]
     J = hand_contact_jacobian(q, points, normals, tree._replace(gear=gear))
     torque = np.append(np.zeros(tree.arm), np.einsum("frj,fr->j", J, forces))
-    left: Array = (torque - tree.ratio[:, 0] * torque[tree.follows])[tree.stands]
-    return left
+    return (torque - tree.ratio[:, 0] * torque[tree.follows])[tree.stands]
 
 
 def fingertips(q: Array, tree: RobotTree) -> Array:

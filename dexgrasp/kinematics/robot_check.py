@@ -51,8 +51,7 @@ def _told(good: bool, what: str, mend: str, level: str = "error") -> Finding:
 
 def _pad(data: mujoco.MjData, finger: Finger) -> Array:
     """The direction (3,) that the pad of a finger faces, world frame."""
-    direction: Array = data.body(finger.bodies[-1]).xmat.reshape(3, 3) @ finger.pad
-    return direction
+    return data.body(finger.bodies[-1]).xmat.reshape(3, 3) @ finger.pad
 
 
 def _alone(cell: Cell, excluding: bool = True) -> mujoco.MjModel:
@@ -155,8 +154,7 @@ def _moved(home: mujoco.MjData, column: Array, push: float) -> Array:
     data = _at(home.model, home.qpos)
     data.ctrl[:] += push * column
     mujoco.mj_step(home.model, data, _STEPS)
-    moved: Array = (data.qpos - home.qpos) / push
-    return moved
+    return (data.qpos - home.qpos) / push
 
 
 def _tips(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:

@@ -91,8 +91,7 @@ def _servo_answers(contacts: Contacts, G: Array, stiffness: Array) -> Array:
     for i in range(len(J)):
         own = slice(i * J.shape[1], (i + 1) * J.shape[1])
         yields[own] = np.linalg.solve(compliance[i], G[:, own].T)
-    answers: Array = yields @ np.linalg.solve(G @ yields, np.eye(6, 3))
-    return answers
+    return yields @ np.linalg.solve(G @ yields, np.eye(6, 3))
 
 
 def _push(contacts: Contacts, forces: Array, answers: Array) -> float:

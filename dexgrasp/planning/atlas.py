@@ -82,8 +82,7 @@ def _key(robot: Robot, tree: RobotTree) -> str:
 def triangle_sides(corners: Array) -> Array:
     """Return the sides (..., 3) m of the first three corners (..., g, 3): 0-1, 0-2, 1-2; of two the one there is."""
     one, other = ([0, 0, 1], [1, 2, 2]) if corners.shape[-2] > 2 else ([0], [1])
-    sides: Array = np.linalg.norm(corners[..., one, :] - corners[..., other, :], axis=-1)
-    return sides
+    return np.linalg.norm(corners[..., one, :] - corners[..., other, :], axis=-1)
 
 
 def _postures(drawn: Array, robot: Robot, tree: RobotTree) -> Array:
@@ -125,8 +124,7 @@ def _moving_pairs(robot: Robot, tree: RobotTree) -> Index:
         body for finger in robot.hand.fingers if finger.name not in robot.hand.grasp for body in finger.bodies
     }
     resting = np.isin(tree.pairs, [robot.bodies.index(name) for name in still]).all(1)
-    pairs: Index = tree.pairs[(tree.pairs.min(1) >= tree.palm) & ~resting]
-    return pairs
+    return tree.pairs[(tree.pairs.min(1) >= tree.palm) & ~resting]
 
 
 def _opposed(q: Array, tree: RobotTree) -> Mask:

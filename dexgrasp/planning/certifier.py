@@ -100,8 +100,7 @@ def _mendable(missed: Array, q: Array, tree: RobotTree) -> Array:
     if len(joints) >= missed.size:
         return missed
     J = tip_jacobian(tree, body_frames(q, tree), fingertips(q, tree)).reshape(missed.size, -1)[:, joints]
-    mended: Array = (J @ np.linalg.pinv(J) @ missed.ravel()).reshape(missed.shape)
-    return mended
+    return (J @ np.linalg.pinv(J) @ missed.ravel()).reshape(missed.shape)
 
 
 def _is_open(pregrasp: Array, q: Array, problem: Problem) -> bool:

@@ -95,8 +95,7 @@ def _close_at_home(labels: Index, problem: Problem, least: float) -> Mask:
     tree = problem.tree
     found = clearances(tree.home, tree, problem.obstacles, least, True)[1]
     found = found[found[:, 0] == SELF]
-    close: Mask = (labels[:, None] == found).all(2).any(1)
-    return close
+    return (labels[:, None] == found).all(2).any(1)
 
 
 def overlap(q: Array, problem: Problem) -> float:

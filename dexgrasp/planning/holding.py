@@ -55,8 +55,7 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
     turn = np.arccos(np.clip((turned * normals[:, None]).sum(-1), -1.0, 1.0)).max(1)
     if target.spread is not None:
         turn += np.maximum(target.spread.along(normals) - settings.place_error, 0.0) / _LEVER
-    narrowed: Array = np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, _LEAST_ANGLE))
-    return narrowed
+    return np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, _LEAST_ANGLE))
 
 
 def firmest_hold(q: Array, problem: Problem) -> Hold:

@@ -43,8 +43,7 @@ class Spread(NamedTuple):
 
     def along(self, normals: Array) -> Array:
         """Return the error (N,) m where the surface's normals are (N, 3): that of the nearest direction."""
-        nearest: Array = self.errors[(normals @ self.directions.T).argmax(1)]
-        return nearest
+        return self.errors[(normals @ self.directions.T).argmax(1)]
 
 
 @dataclass(frozen=True)

@@ -76,5 +76,4 @@ class View(NamedTuple):
 
     def seen(self) -> Array:
         """Return the support (361,) of the seen side in the directions `WRITTEN`, UNIT."""
-        support: Array = (self.points @ WRITTEN.T).max(0)
-        return support
+        return (self.points @ WRITTEN.T).max(0)

@@ -84,8 +84,7 @@ def described(part: Arm | Hand) -> mujoco.MjSpec:
         InputError: for a description that MuJoCo cannot read, or that is not of this part.
     """
     if part.frame is None:
-        own: mujoco.MjSpec = _read(mujoco.MjSpec.from_file, part.mjcf)
-        return own
+        return _read(mujoco.MjSpec.from_file, part.mjcf)
     return _Rebuilt(part).spec
 
 
@@ -237,8 +236,7 @@ class _Rebuilt(Description):
 
     def _colour(self, g: int) -> Array:
         material = self.model.geom_matid[g]
-        colour: Array = self.model.mat_rgba[material] if material >= 0 else self.model.geom_rgba[g]
-        return colour
+        return self.model.mat_rgba[material] if material >= 0 else self.model.geom_rgba[g]
 
     def _add_tip(self, body: Any, finger: Finger) -> None:
         """Name the shape that reaches farthest the tip; of a long one, what is before the back of its sphere."""

@@ -90,8 +90,7 @@ def _together(hand: Hand, drawn: Array) -> None:
 
 def _strain(q: Array, low: Array, high: Array) -> Array:
     """How near each joint is to the ends of its range: 0 at the middle, 1 at an end."""
-    strain: Array = ((q - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2
-    return strain
+    return ((q - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2
 
 
 def _merit(hand: Hand, data: mujoco.MjData) -> float:

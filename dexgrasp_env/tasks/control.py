@@ -55,8 +55,7 @@ def normalise(q: Array, robot: Ranges) -> Array:
 
 def check_actions(action: Single, shape: tuple[int, ...] | None) -> Array:
     """Return a copy of actions of the right shape, in double precision; raises as `check_tensor`."""
-    own: Array = check_tensor(np.array(action, dtype=np.float64), shape)
-    return own
+    return check_tensor(np.array(action, dtype=np.float64), shape)
 
 
 def check_tensor(actions: Any, shape: tuple[int, ...] | None) -> Any:

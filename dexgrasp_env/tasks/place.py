@@ -121,8 +121,7 @@ class PlaceEpisodes(Episodes):
 
         words = f"{self._size} numbers within {space.low} and {space.high}"
         words += ", the last 1 in the hand or 0 free" if self._size == 4 else ""
-        given: Array = check("goal", goal, Rule(words, admit))
-        return given
+        return check("goal", goal, Rule(words, admit))
 
     def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
         """Make rewards, success and the observation those of the goal."""

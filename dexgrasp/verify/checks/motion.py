@@ -57,8 +57,7 @@ def _mendable(case: Case, missed: Array) -> Array:
     J = J[:, J.any(0)]
     if J.shape[1] >= missed.size or _farthest(missed) > TIPS_BESIDE:
         return missed
-    mended: Array = (J @ np.linalg.pinv(J) @ missed.ravel()).reshape(missed.shape)
-    return mended
+    return (J @ np.linalg.pinv(J) @ missed.ravel()).reshape(missed.shape)
 
 
 def _farthest(offsets: Array) -> float:
