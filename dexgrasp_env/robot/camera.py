@@ -4,7 +4,7 @@ The camera frame is the optical frame of OpenCV: x right, y down, z forward alon
 (u, v) has its centre at u, v; the image of a point (x, y, z) is u = fx x / z + cx, v = fy y / z + cy.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,7 +66,7 @@ class Camera:
 
     name: str
     T_world_camera: Array
-    intrinsics: CameraIntrinsics
+    intrinsics: CameraIntrinsics = field(default_factory=CameraIntrinsics)
 
     def __post_init__(self) -> None:
         T = np.asarray(self.T_world_camera, dtype=float)
