@@ -82,20 +82,18 @@ class MergedScene:
         friction = float(scene.pair_friction[0, 0])
         geom_friction = merged.geom_friction.copy()
         geom_friction[self._contact, 0] = friction
-        shared = {name: filled(getattr(merged, name), getattr(scene, name)) for name in _SHARED_FIELDS}
         return {
             **self._fill(objects, scene),
             "geom_friction": geom_friction,
             "pair_friction": pair_friction(merged, friction),
-            **shared,
+            **{name: filled(getattr(merged, name), getattr(scene, name)) for name in _SHARED_FIELDS},
         }
 
     def first_column(self, field: str) -> int:
         """Return where in a row of a field, flattened, the values of `fields` begin."""
         if field not in _UNUSED:
             return 0
-        values = getattr(self.model, field)
-        return self.first_slot * (values.size // len(values))
+        return self.first_slot * getattr(self.model, field)[0].size
 
     def _fill(self, objects: Sequence[ObjectModel], scene: mujoco.MjModel) -> Arrays:
         written = {
@@ -117,8 +115,7 @@ class MergedScene:
         for k, part in enumerate(model.parts):
             slots.append(firsts[part.kind])
             firsts[part.kind] += 1
-            mesh = part.kind == "mesh"
-            meshes.append(self.model.mesh(_mesh_name(number, k)).id if mesh else _ABSENT)
+            meshes.append(self.model.mesh(_mesh_name(number, k)).id if part.kind == "mesh" else _ABSENT)
         return np.array(slots), np.array(meshes)
 
 

@@ -34,8 +34,8 @@ def add_sensors(spec: mujoco.MjSpec, robot: Robot, neighbours: int) -> None:
     for finger in fingers:
         _contact(spec, f"{finger.name}_press", _FORCE, (_OBJ.mjOBJ_XBODY, finger.bodies[0]))
     for k in range(neighbours):
-        whole = (_OBJ.mjOBJ_XBODY, robot.bodies[0])
-        _contact(spec, f"neighbour_{k}_touched", _FOUND, whole, f"neighbour_{k}")
+        name = f"neighbour_{k}"
+        _contact(spec, f"{name}_touched", _FOUND, (_OBJ.mjOBJ_XBODY, robot.bodies[0]), name)
 
 
 def _contact(

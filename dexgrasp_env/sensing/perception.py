@@ -41,12 +41,12 @@ class Perception:
             rays: makes what casts them, of model and cameras.
             robot: of a model with the same robot, where it has been read before.
         """
-        self.cameras = tuple(cameras)
+        self.cameras = cameras
         self.sensor = SensorModel.realistic() if sensor is None else sensor
-        self.rays = rays(model, self.cameras)
+        self.rays = rays(model, cameras)
         self.robot = RobotShape(model) if robot is None else robot
-        self._bodies, self._object = model.geom_bodyid.copy(), int(model.body("object").id)
-        self.believed = self.cameras
+        self._of_object = model.geom_bodyid == model.body("object").id  # geoms
+        self.believed = cameras
 
     def reset(self, rng: Generator) -> None:
         """Calibrate the cameras anew; once an episode."""
@@ -72,7 +72,7 @@ class Perception:
     def _point(self, data: "mujoco.MjData", depths: Single, masked: bool) -> Pointing:
         """Point at the object by its mask, or by the middle pixel of where it is seen best."""
         shown = self.rays.segment(data)
-        mask = (shown >= 0) & (self._bodies[shown] == self._object)
+        mask = (shown >= 0) & self._of_object[shown]
         known = mask & is_valid(depths)
         if masked or not known.any():
             return Pointing(mask=mask)

@@ -32,14 +32,14 @@ class RayCameras:
             raise InputError("no cameras given: valid are one or more")
         if len({(c.intrinsics.width, c.intrinsics.height) for c in cameras}) > 1:
             raise InputError("cameras have different image sizes: valid is one size for all")
-        self.cameras = tuple(cameras)
+        self.cameras = cameras
         self._model = ray_model(model)
         i = cameras[0].intrinsics
         self._shape = (i.height, i.width)
         # With rays scaled to z = 1 in the optical frame the ray parameter is the depth.
-        self.rays = [(c.intrinsics.directions().reshape(-1, 3) @ c.rotation.T).ravel() for c in self.cameras]
-        self._distance = np.empty((len(self.cameras), i.height * i.width))
-        self._geom = np.empty((len(self.cameras), i.height * i.width), np.int32)
+        self.rays = [(c.intrinsics.directions().reshape(-1, 3) @ c.rotation.T).ravel() for c in cameras]
+        self._distance = np.empty((len(cameras), i.height * i.width))
+        self._geom = np.empty_like(self._distance, np.int32)
 
     def render(self, data: "mujoco.MjData") -> Single:
         """Return depth, (cameras, H, W) metres, inf where nothing; `data` needs current kinematics."""
@@ -56,11 +56,10 @@ class RayCameras:
     def _cast(self, data: "mujoco.MjData") -> None:
         import mujoco
 
-        n = self._distance.shape[1]
         for k, camera in enumerate(self.cameras):
             mujoco.mj_multiRay(
                 self._model, data, camera.position, self.rays[k], SEEN, True, -1,
-                self._geom[k], self._distance[k], None, n, MAX_DEPTH,
+                self._geom[k], self._distance[k], None, self._distance.shape[1], MAX_DEPTH,
             )  # fmt: skip
 
 

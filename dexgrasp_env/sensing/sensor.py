@@ -38,15 +38,11 @@ class Calibration:
         """Return the cameras where a calibration with this error believes them to be; draws only if there is one."""
         if self == Calibration():
             return cameras
-        T = self._error(rng)
-        return tuple(Camera(c.name, T @ c.T_world_camera, c.intrinsics) for c in cameras)
-
-    def _error(self, rng: Generator) -> Array:
-        """Return a rigid motion (4, 4) of the drawn directions."""
         shift, axis = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
         half = 0.5 * self.rotation
         R = quat_to_matrix(np.array([np.cos(half), *(np.sin(half) * axis)]))
-        return rigid(R, np.array(PIVOT) - R @ PIVOT + self.position * shift)
+        T = rigid(R, np.array(PIVOT) - R @ PIVOT + self.position * shift)
+        return tuple(Camera(c.name, T @ c.T_world_camera, c.intrinsics) for c in cameras)
 
 
 @dataclass(frozen=True)
@@ -130,7 +126,7 @@ class SensorModel:
             return cls.none() if one_of(("realistic", "none")).admit(value) == "none" else cls.realistic()
         return read(cls, value, "sensor")
 
-    def measure(self, depths: Single, cameras: tuple[Camera, ...], rng: np.random.Generator) -> Single:
+    def measure(self, depths: Single, cameras: tuple[Camera, ...], rng: Generator) -> Single:
         """Return what the sensor reports for true depths.
 
         Args:
@@ -151,18 +147,18 @@ class SensorModel:
                 measured = np.where(lost, np.float32(np.inf), measured)
         return measured
 
-    def calibrate(self, cameras: tuple[Camera, ...], rng: np.random.Generator) -> tuple[Camera, ...]:
+    def calibrate(self, cameras: tuple[Camera, ...], rng: Generator) -> tuple[Camera, ...]:
         """Return the cameras where a calibration believes them to be; draw once an episode."""
         return tuple(camera.moved(self._calibration_error(rng)) for camera in cameras)
 
-    def _calibration_error(self, rng: np.random.Generator) -> NDArray[Any]:
+    def _calibration_error(self, rng: Generator) -> NDArray[Any]:
         from scipy.spatial.transform import Rotation
 
         per_axis = 1.0 / np.sqrt(3.0)
         turn = Rotation.from_rotvec(self.calibration_rotation * per_axis * rng.standard_normal(3))
         return rigid(turn.as_matrix(), self.calibration_position * per_axis * rng.standard_normal(3))
 
-    def _with_flying(self, true: Single, rng: np.random.Generator) -> Single:
+    def _with_flying(self, true: Single, rng: Generator) -> Single:
         if not self.edge_flying:
             return true
         near, far = _extremes(true)
@@ -170,7 +166,7 @@ class SensorModel:
         flying = (rng.random(true.shape, np.float32) < self.edge_flying) & (far - near > self.edge_jump)
         return np.where(flying & np.isfinite(far), near + share * (far - near), true)
 
-    def _through_disparity(self, depth: Single, rng: np.random.Generator) -> Single:
+    def _through_disparity(self, depth: Single, rng: Generator) -> Single:
         scale = np.float32(self.focal_px * self.baseline)
         disparity = scale / depth + np.float32(self.subpixel_rms) * self._noise(depth.shape, rng)
         if self.disparity_step:
@@ -178,7 +174,7 @@ class SensorModel:
             disparity = np.rint(disparity / step) * step
         return np.where(np.isfinite(depth) & (disparity > 0), scale / disparity, np.float32(np.inf))
 
-    def _noise(self, shape: tuple[int, ...], rng: np.random.Generator) -> Single:
+    def _noise(self, shape: tuple[int, ...], rng: Generator) -> Single:
         noise = rng.standard_normal(shape, np.float32)
         if not self.correlated:
             return noise
