@@ -78,10 +78,10 @@ def decompose(mesh: trimesh.Trimesh) -> list[Array]:
     with tqdm(
         total=2 * _CUTS, desc="convex parts", unit="cut", delay=3.0, mininterval=every, leave=False
     ) as bar:
-        tries = [_merged(_cut_up([whole], normals, whole.volume, bar), whole.volume)]
+        tries = [_cut_up([whole], normals, whole.volume, bar)]
         if _volume(tries[0]) > (1.0 + 5 * _EXCESS) * whole.volume:
             sectors = _sectors(whole, axes, np.array(hull.center_mass))
-            tries.append(_merged(_cut_up(sectors, normals, whole.volume, bar), whole.volume))
+            tries.append(_cut_up(sectors, normals, whole.volume, bar))
     best = min(tries, key=_volume)
     return [np.asarray(reduced_hull(_points(solid), _VERTICES).vertices) for solid in best]
 
@@ -110,8 +110,8 @@ class _Piece:
         return _points(self.hull)
 
 
-def _cut_up(pieces: list[_Piece], normals: Array, volume: float, bar: Any) -> list[_Piece]:
-    """Cut the piece of the most excess, again and again, until `_EXCESS` is reached or cuts or pieces are enough."""
+def _cut_up(pieces: list[_Piece], normals: Array, volume: float, bar: Any) -> list[manifold3d.Manifold]:
+    """Cut the piece of the most excess, again and again, until `_EXCESS` is reached or enough is cut; merge what is left."""
 
     def worth(pieces: list[_Piece]) -> list[float]:
         """Return what cutting each piece would win, 0 for those that are to stay whole."""
@@ -124,7 +124,7 @@ def _cut_up(pieces: list[_Piece], normals: Array, volume: float, bar: Any) -> li
         bar.update()
         return _best_cut(piece, normals)
 
-    return cut_up(pieces, worth, cut, _CUTS)
+    return _merged(cut_up(pieces, worth, cut, _CUTS), volume)
 
 
 def _best_cut(piece: _Piece, normals: Array) -> Sequence[_Piece]:

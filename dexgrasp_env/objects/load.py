@@ -65,9 +65,15 @@ def is_ours(target: str) -> bool:
 
 
 def _bare_mesh(target: str) -> Path:
+    """Return the path of a mesh; raise an InputError for a name that is neither an object, nor a set, nor a file."""
     if Path(target).suffix or os.sep in target or os.path.isfile(os.path.expanduser(target)):
         return mesh_file(target)
-    raise _unknown_object(target)
+    near = difflib.get_close_matches(target.lower(), [*CATALOGUE, *OBJECT_SETS], n=3, cutoff=0.55)
+    hint = f"; did you mean {' or '.join(near)}?" if near else ""
+    raise InputError(
+        f"unknown object {target!r}{hint} (objects: {', '.join(CATALOGUE)}; sets: {', '.join(OBJECT_SETS)}; "
+        f"or a mesh file: {', '.join(MESH_SUFFIXES)}; or a set file: .json)"
+    )
 
 
 def load_target(target: str, mesh_scale: float = 1.0, mesh_mass: float | None = None) -> ObjectModel:
@@ -134,17 +140,6 @@ def seed_name(target: str) -> str:
 def object_name(target: str) -> str:
     """Return the name an object is shown by: itself, the stem of a mesh file, or a member's of a set file."""
     return seed_name(target) if is_ours(target) or is_set(target) else printable_stem(Path(target))
-
-
-def _unknown_object(name: str) -> InputError:
-    """Return the error for a name that is neither an object, nor a set, nor a file."""
-    valid = [*CATALOGUE, *OBJECT_SETS]
-    near = difflib.get_close_matches(name.lower(), valid, n=3, cutoff=0.55)
-    hint = f"; did you mean {' or '.join(near)}?" if near else ""
-    return InputError(
-        f"unknown object {name!r}{hint} (objects: {', '.join(CATALOGUE)}; sets: {', '.join(OBJECT_SETS)}; "
-        f"or a mesh file: {', '.join(MESH_SUFFIXES)}; or a set file: .json)"
-    )
 
 
 @lru_cache(maxsize=64)

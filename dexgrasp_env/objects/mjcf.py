@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.objects.parts import ContactPart
 
 if TYPE_CHECKING:
     import mujoco
@@ -37,37 +35,25 @@ def add_to_spec(
     Returns:
         The names of the contact geoms.
     """
+    import mujoco
+
     body.explicitinertial = True
     body.mass, body.ipos = model.mass, [0.0, 0.0, 0.0]
     body.fullinertia = model.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     if visual:
-        _add_visual(spec, body, model, f"{name}_visual")
+        from dexgrasp_env.robot.foreign import add_mesh_geom
+
+        own = f"{name}_visual"
+        spec.add_material(name=own, rgba=model.rgba, specular=0.3, shininess=0.4)
+        look = {"name": own, "material": own, "group": 2, "contype": 0, "conaffinity": 0, "density": 0.0}
+        add_mesh_geom(spec, body, model.solid.vertices, model.solid.faces, look)
     names = [f"{name}_{index}" for index in range(len(model.parts))]
     for own, part in zip(names, model.parts, strict=True):
-        _add_part(spec, body, part, {"name": own, "group": 3, "rgba": model.rgba, **contact})
+        geom = body.add_geom(
+            name=own, type=getattr(mujoco.mjtGeom, f"mjGEOM_{part.kind.upper()}"), size=part.size,
+            pos=part.position, quat=part.quat_wxyz, group=3, rgba=model.rgba, **contact,
+        )  # fmt: skip
+        if part.kind == "mesh":
+            spec.add_mesh(name=own, uservert=part.vertices.ravel())
+            geom.meshname = own
     return names
-
-
-def _add_visual(spec: mujoco.MjSpec, body: mujoco.MjsBody, model: ObjectModel, name: str) -> None:
-    from dexgrasp_env.robot.foreign import add_mesh_geom
-
-    spec.add_material(name=name, rgba=model.rgba, specular=0.3, shininess=0.4)
-    look: Fields = {
-        "name": name,
-        "material": name,
-        "group": 2,
-        "contype": 0,
-        "conaffinity": 0,
-        "density": 0.0,
-    }
-    add_mesh_geom(spec, body, model.solid.vertices, model.solid.faces, look)
-
-
-def _add_part(spec: mujoco.MjSpec, body: mujoco.MjsBody, part: ContactPart, look: Fields) -> None:
-    import mujoco
-
-    if part.kind == "mesh":
-        look |= {"meshname": look["name"]}
-        spec.add_mesh(name=look["name"], uservert=part.vertices.ravel())
-    kind = getattr(mujoco.mjtGeom, f"mjGEOM_{part.kind.upper()}")
-    body.add_geom(type=kind, size=part.size, pos=part.position, quat=part.quat_wxyz, **look)

@@ -109,12 +109,11 @@ class ObjectModel:
     @cached_property
     def contact_hash(self) -> str:
         """Hash of contact parts, mass and inertia: all that decides how the object rests."""
-        shapes = [
-            (p.kind, *(_microns(a) for a in (p.size, p.position, p.quat_wxyz, p.vertices)))
-            for p in self.parts
-        ]
+        shapes: list[Any] = []
+        for p in self.parts:
+            shapes += [p.kind, *map(_microns, (p.size, p.position, p.quat_wxyz, p.vertices))]
         inertia = [f"{value:.4e}" for value in np.diag(self.inertia)]
-        return content_hash(*(value for shape in shapes for value in shape), f"{self.mass:.5e}", inertia)
+        return content_hash(*shapes, f"{self.mass:.5e}", inertia)
 
     @cached_property
     def extents(self) -> Array:
@@ -169,9 +168,8 @@ def centred_model(
     centred = mesh.copy()
     centred.apply_translation(-centre)
     inertia = np.array(centred.moment_inertia) * (mass / centred.volume)
-    inertia = 0.5 * (inertia + inertia.T)
     moved = tuple(part.translated(-centre) for part in parts)
-    return ObjectModel(name, Solid.of(centred), moved, mass, inertia, **more)
+    return ObjectModel(name, Solid.of(centred), moved, mass, 0.5 * (inertia + inertia.T), **more)
 
 
 def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:

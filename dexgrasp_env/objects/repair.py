@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import QhullError
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.shapes import from_manifold, union
 from dexgrasp_env.objects.surface import is_solid, is_sound, simplified, welded
@@ -31,7 +31,7 @@ def remeshed(mesh: trimesh.Trimesh) -> trimesh.Trimesh | None:
     return solid if is_solid(solid) else None
 
 
-def _filled_grid(mesh: trimesh.Trimesh) -> tuple[np.ndarray, Array, float]:
+def _filled_grid(mesh: trimesh.Trimesh) -> tuple[Mask, Array, float]:
     """Cells inside the skin, closed over small gaps; the lowest corner of the grid; the side of a cell."""
     from scipy import ndimage
 
@@ -46,13 +46,13 @@ def _filled_grid(mesh: trimesh.Trimesh) -> tuple[np.ndarray, Array, float]:
     return filled & ~(skin & ~ndimage.binary_erosion(filled)), origin, pitch
 
 
-def _level_surface(inside: np.ndarray, origin: Array, pitch: float) -> trimesh.Trimesh:
+def _level_surface(inside: Mask, origin: Array, pitch: float) -> trimesh.Trimesh:
     """Smooth surface half a cell outside the cells `inside`."""
     import manifold3d
     from scipy import ndimage
 
     depth = ndimage.distance_transform_edt(inside) - ndimage.distance_transform_edt(~inside)
-    depth = ndimage.gaussian_filter(depth.astype(float), 0.7) + 0.5
+    depth = ndimage.gaussian_filter(depth, 0.7) + 0.5
 
     cells = depth.ravel().tolist()  # Python's floats: it is called 100,000 times
     _, rows, columns = depth.shape
@@ -72,8 +72,7 @@ def _level_surface(inside: np.ndarray, origin: Array, pitch: float) -> trimesh.T
 
     high = origin + pitch * np.array(inside.shape)
     solid = manifold3d.Manifold.level_set(level, [*origin, *high], 1.5 * pitch)
-    largest = max(solid.decompose(), key=lambda piece: piece.volume(), default=solid)
-    surface = from_manifold(largest)
+    surface = from_manifold(max(solid.decompose(), key=lambda piece: piece.volume(), default=solid))
     return simplified(surface, MOST_FACES) if len(surface.faces) > MOST_FACES else surface
 
 

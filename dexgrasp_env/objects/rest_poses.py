@@ -135,8 +135,8 @@ def find_rest_poses(model: ObjectModel, drops: int = DROPS) -> tuple[RestPose, .
         InputError: if it comes to rest nowhere.
     """
     mj_model = drop_model(model)
-    ends = [_drop_one(mj_model, model, up, _DROP_HEIGHT) for up in fibonacci_directions(drops)]
-    settled = [end for end in ends if end]
+    ways = fibonacci_directions(drops)
+    settled = [end for up in ways if (end := _drop_one(mj_model, model, up, _DROP_HEIGHT))]
     ups, calm = np.reshape([up for up, _ in settled], (-1, 3)), np.array([speed for _, speed in settled])
     normals = _facet_normals(model)
     poses: list[RestPose] = []

@@ -114,12 +114,9 @@ def read_set(path: str) -> dict[str, SetMember]:
 
 
 def _member(entry: Any, folder: Path, before: Mapping[str, SetMember]) -> SetMember:
-    given = (
-        {key: value for key, value in entry.items() if value is not None}
-        if isinstance(entry, dict)
-        else entry
-    )
-    member = read(SetMember, given)
+    if isinstance(entry, dict):
+        entry = {key: value for key, value in entry.items() if value is not None}
+    member = read(SetMember, entry)
     if member.name in {*before, *CATALOGUE, *OBJECT_SETS}:
         raise InputError(f"name {member.name!r} is taken by another object or set: choose another")
     return replace(member, mesh=mesh_file(folder / member.mesh))

@@ -80,9 +80,9 @@ def box(size: Sequence[float]) -> Shape:
     import trimesh
 
     half = np.asarray(size, dtype=float) / 2
-    mesh = trimesh.creation.box(2 * half)
-    mesh.apply_translation([0, 0, half[2]])
-    return Shape(refined(mesh), (ContactPart("box", half, np.array([0, 0, half[2]])),))
+    middle = np.array([0, 0, half[2]])
+    mesh = trimesh.creation.box(2 * half).apply_translation(middle)
+    return Shape(refined(mesh), (ContactPart("box", half, middle),))
 
 
 def rounded_box(size: Sequence[float], corner: float, edge: float) -> Shape:

@@ -50,13 +50,15 @@ def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float |
     notes += split_notes
     narrowest = float(np.min(mesh.bounding_box_oriented.primitive.extents))
     if narrowest > _HAND:
-        size = f"too large for the hand: its narrowest side is {1000 * narrowest:.0f} mm"
-        notes += (f"{size}, the hand spans about 120 mm",)
+        notes += (
+            f"too large for the hand: its narrowest side is {1000 * narrowest:.0f} mm, the hand spans about 120 mm",
+        )
     if mass is None:
         mass, note = _assumed_mass(mesh.volume)
         notes += (note,)
-    centre = np.array(mesh.center_mass)
-    return centred_model(printable_stem(path), mesh, parts, mass, notes=notes, file_centre=centre)
+    return centred_model(
+        printable_stem(path), mesh, parts, mass, notes=notes, file_centre=np.array(mesh.center_mass)
+    )
 
 
 def _assumed_mass(volume: float) -> tuple[float, str]:
@@ -78,11 +80,17 @@ def describe_mesh(path: str | os.PathLike[str], *, scale: float = 1.0) -> list[F
         problem, _, remedy = str(error).partition(": ")
         return [Finding("error", problem, remedy)]
     sides = " x ".join(f"{1000 * side:.0f}" for side in model.extents)
-    faces, parts = len(model.mesh.faces), len(model.parts)
     findings = [
-        Finding("info", f"fit to use: {sides} mm, {faces} faces, {parts} convex parts", "nothing to do")
+        Finding(
+            "info",
+            f"fit to use: {sides} mm, {len(model.mesh.faces)} faces, {len(model.parts)} convex parts",
+            "nothing to do",
+        )
     ]
-    return findings + [_finding(note) for note in model.notes]
+    for note in model.notes:
+        level, remedy = next(known for start, *known in _REMEDIES if note.startswith(start))
+        findings.append(Finding(level, note, remedy))
+    return findings
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:
@@ -106,8 +114,7 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
         raise InputError(
             f"mesh file {path.name!r} is damaged (faces name vertices it does not have): export it again"
         )
-    if not np.isfinite(mesh.vertices).all():
-        bad = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
+    if bad := int((~np.isfinite(mesh.vertices)).any(axis=1).sum()):
         raise InputError(
             f"mesh file {path.name!r} has {bad} vertices that are not finite numbers: export it again"
         )
@@ -125,9 +132,8 @@ def _parsed(path: Path) -> trimesh.Trimesh:
     except InputError:
         raise
     except Exception as error:  # parsers of damaged files raise whatever they trip over
-        reason = first_line(error)[:80]
         raise InputError(
-            f"mesh file {path.name!r} cannot be read as {kind} ({reason}): export it again"
+            f"mesh file {path.name!r} cannot be read as {kind} ({first_line(error)[:80]}): export it again"
         ) from error
     if not isinstance(geometry, trimesh.Trimesh):
         return trimesh.Trimesh()
@@ -193,14 +199,6 @@ _REMEDIES = (
     ("resized", "warning", "look at it with dexgrasp view; close the surface in your modelling program"),
     ("filled", "warning", "done; look at it with dexgrasp view"),
     ("too large", "warning", "check the unit (--mesh-scale), or expect no grasp"),
+    ("", "warning", "done; look at it with dexgrasp view, or mend it in your modelling program"),
 )
-
-
-def _finding(note: str) -> Finding:
-    """Return a note on a loaded object as a finding."""
-    for start, level, remedy in _REMEDIES:
-        if note.startswith(start):
-            return Finding(level, note, remedy)
-    return Finding(
-        "warning", note, "done; look at it with dexgrasp view, or mend it in your modelling program"
-    )
+"""How notes on a loaded object begin, their level, and what to do; the first that fits holds."""

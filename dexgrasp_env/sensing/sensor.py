@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.arrays import Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix, rigid
 from dexgrasp_env.robot.camera import Camera
