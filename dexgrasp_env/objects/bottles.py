@@ -54,18 +54,17 @@ def cone_tower(diameter: float, wall: float, roof_diameter: float, roof: float) 
 def domed_bottle(diameter: float, height: float) -> Shape:
     """A slender spray bottle: a long cylinder, a small shoulder, a cap with a domed end."""
     r, cap = diameter / 2, 0.88 * diameter / 2
-    dome = _arc((cap, 0.905 * height), (0.0, height), 7)
-    return revolve([(r, 0.0), (r, 0.72 * height), (cap, 0.75 * height), *dome])
+    return revolve(
+        [(r, 0.0), (r, 0.72 * height), (cap, 0.75 * height), *_arc((cap, 0.905 * height), (0.0, height), 7)]
+    )
 
 
 def squeeze_bottle(diameter: float, height: float) -> Shape:
     """A squeeze bottle: a cylinder, a round shoulder, a flat cap and a long conical nozzle."""
     r = diameter / 2
     shoulder = _arc((r, 0.58 * height), (0.6 * r, 0.68 * height), 4)
-    cap, nozzle = 0.7 * r, 0.36 * r
-    bottle = [(0.93 * r, 0.0), (r, 0.02 * height), *shoulder]
-    top = [(cap, 0.68 * height), (cap, 0.74 * height), (nozzle, 0.75 * height), (0.09 * r, height)]
-    return revolve(bottle + top)
+    top = [(0.7 * r, 0.68 * height), (0.7 * r, 0.74 * height), (0.36 * r, 0.75 * height), (0.09 * r, height)]
+    return revolve([(0.93 * r, 0.0), (r, 0.02 * height), *shoulder, *top])
 
 
 def pear(diameter: float, height: float) -> Shape:
@@ -95,8 +94,9 @@ def oval_bottle(
     sections = [Section(0.0, 0.93 * a, 0.95 * b, square), Section(0.025 * height, a, b, square)]
     for t in np.linspace(0.0, np.pi / 2, 6):
         mix, z = np.cos(t), height * (body + (shoulder - body) * np.sin(t))
-        exponent = 2.0 + (square - 2.0) * mix
-        sections.append(Section(z, neck + (a - neck) * mix, neck + (b - neck) * mix, exponent))
+        sections.append(
+            Section(z, neck + (a - neck) * mix, neck + (b - neck) * mix, 2.0 + (square - 2.0) * mix)
+        )
     return loft([*sections, *(Section(z * height, r, r) for r, z in top)])
 
 

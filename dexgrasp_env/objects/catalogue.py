@@ -144,8 +144,9 @@ def varied_object(target: str) -> ObjectModel:
     _, builder, drawn = _KINDS[int(rng.choice(len(_KINDS), p=_SHARES))]
     shape = builder(**drawn(rng))
     mass = float(np.clip(shape.mesh.volume * rng.uniform(*_DENSITY), *_MASS))
-    notes = (f"{builder.__name__} of random size",)
-    return centred_model(target, shape.mesh, shape.parts, mass, rgba=_RGBA, notes=notes)
+    return centred_model(
+        target, shape.mesh, shape.parts, mass, rgba=_RGBA, notes=(f"{builder.__name__} of random size",)
+    )
 
 
 _KINDS: tuple[tuple[float, Callable[..., shapes.Shape], Callable[[Generator], Fields]], ...] = (

@@ -51,8 +51,9 @@ def convex_parts(mesh: trimesh.Trimesh) -> tuple[tuple[ContactPart, ...], tuple[
     whole = (_part(np.asarray(hull.vertices)),)
     if mesh.volume > CONVEX * hull.volume:
         return whole, ()
-    faces = np.asarray(mesh.faces, dtype=np.int64)
-    key = content_hash(np.asarray(mesh.vertices, dtype=float), faces, _VERSION)
+    key = content_hash(
+        np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64), _VERSION
+    )
     found = cached_arrays(f"parts/{key}.npy", lambda: joined(decompose(mesh)))
     if not len(found["counts"]):
         return whole, ("could not be split into convex parts: in contact its convex hull stands in",)
@@ -74,16 +75,19 @@ def decompose(mesh: trimesh.Trimesh) -> list[Array]:
     hull = trimesh.Trimesh(whole.corners, np.asarray(whole.hull.to_mesh64().tri_verts, dtype=np.int64))
     axes = _frame(hull)
     normals = _NORMALS @ axes
-    every = 0.2 if sys.stderr.isatty() else 10.0  # seconds; a log file wants fewer lines
     with tqdm(
-        total=2 * _CUTS, desc="convex parts", unit="cut", delay=3.0, mininterval=every, leave=False
+        total=2 * _CUTS,
+        desc="convex parts",
+        unit="cut",
+        delay=3.0,
+        mininterval=0.2 if sys.stderr.isatty() else 10.0,  # seconds; a log file wants fewer lines
+        leave=False,
     ) as bar:
         tries = [_cut_up([whole], normals, whole.volume, bar)]
         if _volume(tries[0]) > (1.0 + 5 * _EXCESS) * whole.volume:
             sectors = _sectors(whole, axes, np.array(hull.center_mass))
             tries.append(_cut_up(sectors, normals, whole.volume, bar))
-    best = min(tries, key=_volume)
-    return [np.asarray(reduced_hull(_points(solid), _VERTICES).vertices) for solid in best]
+    return [np.asarray(reduced_hull(_points(solid), _VERTICES).vertices) for solid in min(tries, key=_volume)]
 
 
 class _Piece:
@@ -111,7 +115,7 @@ class _Piece:
 
 
 def _cut_up(pieces: list[_Piece], normals: Array, volume: float, bar: Any) -> list[manifold3d.Manifold]:
-    """Cut the piece of the most excess, again and again, until `_EXCESS` is reached or enough is cut; merge what is left."""
+    """Cut the piece of the most excess, again and again, until little is left or cuts or pieces are enough, and merge."""
 
     def worth(pieces: list[_Piece]) -> list[float]:
         """Return what cutting each piece would win, 0 for those that are to stay whole."""

@@ -134,11 +134,14 @@ def find_rest_poses(model: ObjectModel, drops: int = DROPS) -> tuple[RestPose, .
     Raises:
         InputError: if it comes to rest nowhere.
     """
+    from trimesh.convex import convex_hull
+
     mj_model = drop_model(model)
     ways = fibonacci_directions(drops)
     settled = [end for up in ways if (end := _drop_one(mj_model, model, up, _DROP_HEIGHT))]
     ups, calm = np.reshape([up for up, _ in settled], (-1, 3)), np.array([speed for _, speed in settled])
-    normals = _facet_normals(model)
+    surfaces = [part.surface().vertices for part in model.parts]
+    normals = np.array(convex_hull(np.concatenate(surfaces)).face_normals)  # (n, 3), outward
     poses: list[RestPose] = []
     for group in sorted(clusters(merge_keys(model, ups)), key=len, reverse=True):
         up = _flat(normals, ups[group[int(np.argmin(calm[group]))]])
@@ -196,16 +199,14 @@ def read_poses(path: Path, contact_hash: str) -> tuple[RestPose, ...] | None:
 
 def write_poses(path: Path, model: ObjectModel, poses: Sequence[RestPose]) -> None:
     """Write the poses of `model` with the hash they were made for."""
-    known = {"schema": _SCHEMA, "name": model.name, "contact_hash": model.contact_hash}
-    write_json(path, known | {"poses": [*map(asdict, poses)]})
-
-
-def _facet_normals(model: ObjectModel) -> Array:
-    """Outward normals (n, 3) of the facets of the contact parts' convex hull."""
-    from trimesh.convex import convex_hull
-
-    return np.array(
-        convex_hull(np.concatenate([part.surface().vertices for part in model.parts])).face_normals
+    write_json(
+        path,
+        {
+            "schema": _SCHEMA,
+            "name": model.name,
+            "contact_hash": model.contact_hash,
+            "poses": [*map(asdict, poses)],
+        },
     )
 
 

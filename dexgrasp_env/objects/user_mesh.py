@@ -54,22 +54,16 @@ def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float |
             f"too large for the hand: its narrowest side is {1000 * narrowest:.0f} mm, the hand spans about 120 mm",
         )
     if mass is None:
-        mass, note = _assumed_mass(mesh.volume)
-        notes += (note,)
+        given = DENSITY * mesh.volume
+        mass = float(np.clip(given, *MASS_RANGE))
+        said = f"mass {mass:.3f} kg assumed from {DENSITY:.0f} kg/m3"
+        if mass != given:
+            said = f"mass {mass:.3f} kg assumed: {DENSITY:.0f} kg/m3 gives {given:.2g} kg, "
+            said += f"outside {MASS_RANGE[0]} to {MASS_RANGE[1]} kg"
+        notes += (f"{said} (set it with --mesh-mass)",)
     return centred_model(
         printable_stem(path), mesh, parts, mass, notes=notes, file_centre=np.array(mesh.center_mass)
     )
-
-
-def _assumed_mass(volume: float) -> tuple[float, str]:
-    """Return a mass by volume, kg, and what to say of it."""
-    given = DENSITY * volume
-    mass = float(np.clip(given, *MASS_RANGE))
-    said = f"mass {mass:.3f} kg assumed from {DENSITY:.0f} kg/m3"
-    if mass != given:
-        low, high = MASS_RANGE
-        said = f"mass {mass:.3f} kg assumed: {DENSITY:.0f} kg/m3 gives {given:.2g} kg, outside {low} to {high} kg"
-    return mass, f"{said} (set it with --mesh-mass)"
 
 
 def describe_mesh(path: str | os.PathLike[str], *, scale: float = 1.0) -> list[Finding]:
@@ -180,8 +174,11 @@ def _repaired(raw: trimesh.Trimesh, name: str) -> tuple[trimesh.Trimesh, tuple[s
             raise InputError(f"mesh {name!r} {error}") from None
         if not mesh.volume > 1e-4 * mesh.convex_hull.volume:
             raise InputError(f"mesh {name!r} encloses no volume: close its surface or give it a thickness")
-        arrays = {"vertices": np.asarray(mesh.vertices), "faces": np.asarray(mesh.faces)}
-        return arrays | {"notes": np.array(notes, dtype=str)}
+        return {
+            "vertices": np.asarray(mesh.vertices),
+            "faces": np.asarray(mesh.faces),
+            "notes": np.array(notes, dtype=str),
+        }
 
     found = cached_arrays(f"meshes/{key}.npy", make)
     mesh = trimesh.Trimesh(found["vertices"], found["faces"], process=False)
