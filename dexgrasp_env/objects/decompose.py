@@ -115,7 +115,7 @@ class _Piece:
 
 
 def _cut_up(pieces: list[_Piece], normals: Array, volume: float, bar: Any) -> list[manifold3d.Manifold]:
-    """Cut the piece of the most excess, again and again, until little is left or cuts or pieces are enough, and merge."""
+    """Cut the piece of the most excess, and again, until `_EXCESS` is reached or it is enough, and merge all pieces."""
 
     def worth(pieces: list[_Piece]) -> list[float]:
         """Return what cutting each piece would win, 0 for those that are to stay whole."""

@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.extras import usable_cores
-from dexgrasp_env.tasks.simulation import Moment, Simulation
-
-_CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
+from dexgrasp_env.tasks.simulation import CONTROL, Moment, Simulation
 
 
 @dataclass
@@ -26,7 +24,7 @@ class _Group:
 
     batch: Batch
     models: list[mujoco.MjModel]
-    first: int = 0  # environment whose state is the batch's first
+    first: int  # environment whose state is the batch's first
     changed: bool = False  # models were exchanged or written to since the batch was told
 
 
@@ -66,7 +64,12 @@ class BatchPhysics:
 
     def load(self, i: int, simulation: Simulation) -> None:
         """Make environment `i` what a scene holds now: model, state and sensors."""
-        group = self._group(simulation, i)
+        if simulation not in self._groups:
+            first, number = (i, 1) if simulation.neighbours else (0, self._number)
+            batch = Batch(simulation.base, number, min(self._share, number))
+            batch.bind("sensordata")
+            self._groups[simulation] = _Group(batch, [simulation.base] * number, first)
+        group = self._groups[simulation]
         self._leave(i, simulation)
         row = i - group.first
         group.models[row], group.changed = simulation.model, True
@@ -120,8 +123,8 @@ class BatchPhysics:
         return warnings
 
     def _advance(self, rows: Array, push: Array | None, scene: Simulation, ids: NDArray[np.intp]) -> Index:
-        group, batch = self._groups[scene], self._groups[scene].batch
-        own = ids - group.first
+        group = self._groups[scene]
+        batch, own = group.batch, ids - group.first
         if group.changed:
             batch.set_models(group.models)
             group.changed = False
@@ -129,21 +132,13 @@ class BatchPhysics:
             batch.bind("xfrc_applied")[own, scene.body, :3] = push[ids]
         before = batch.warning[own, :, 1]  # (n, 7): the batch counts on, after the last info of each
         record = ("sensordata",) if scene.neighbours else ()
-        readings = batch.rollout(rows.shape[1], rows[ids], _CONTROL, record=record, ids=own)
+        readings = batch.rollout(rows.shape[1], rows[ids], CONTROL, record=record, ids=own)
         sensors = batch.bind("sensordata")[own]
         if scene.neighbours:
             sensors[:, scene.touches] = readings["sensordata"][:, :, scene.touches].max(axis=1)
         self._note(ids, batch.bind("qpos")[own], batch.bind("qvel")[own], sensors)
         risen = batch.warning[own, :, 1] > before
         return risen @ (1 << np.arange(risen.shape[1]))
-
-    def _group(self, scene: Simulation, i: int) -> _Group:
-        if scene not in self._groups:
-            first, number = (i, 1) if scene.neighbours else (0, self._number)
-            batch = Batch(scene.base, number, min(self._share, number))
-            batch.bind("sensordata")
-            self._groups[scene] = _Group(batch, [scene.base] * number, first=first)
-        return self._groups[scene]
 
     def close(self) -> None:
         """End the threads."""

@@ -98,15 +98,16 @@ def _slide_out(shape: Array, standing: Sequence[Array], gap: float, rng: Generat
             middles = np.array([other.mean(axis=0) for other in standing])
             begin = (middles - middles[0])[rng.integers(len(standing), size=_HEADINGS)]
         for angle, slid in zip(angles, begin, strict=True):
-            free = _slide(shape, standing, gap, (np.array([np.cos(angle), np.sin(angle)]), slid.copy()))
+            free = _slide(shape, standing, gap, np.array([np.cos(angle), np.sin(angle)]), slid.copy())
             if free is not None:
                 return free
     return None
 
 
-def _slide(shape: Array, standing: Sequence[Array], gap: float, way: tuple[Array, Array]) -> Array | None:
-    """Slide an outline along a direction from a begin, (2,) m both; None where it leaves the table."""
-    direction, slid = way
+def _slide(
+    shape: Array, standing: Sequence[Array], gap: float, direction: Array, slid: Array
+) -> Array | None:
+    """Slide an outline along a direction from where it has `slid` to, (2,) m both; None where it leaves the table."""
     while _on_table(shape + slid).all():
         short = gap - nearest_gap(shape + slid, standing)
         if short <= _NEAR:

@@ -25,6 +25,7 @@ from dexgrasp_env.tasks.constants import (
 )
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.observations import unbounded
 from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Physics, Simulation
@@ -91,12 +92,12 @@ class ClutterEpisodes(Episodes):
 
     def observation_space(self) -> spaces.Dict:
         """Return the space of an observation of `Lift`, and what stands around."""
-        parts, slots = dict(super().observation_space()), self.neighbours
+        parts = dict(super().observation_space())
         if self.settings.obs_mode.startswith("state"):
-            parts["neighbour_poses"] = spaces.Box(-np.inf, np.inf, (slots, 7), np.float32)
-            parts["neighbour_sizes"] = spaces.Box(0.0, np.inf, (slots, 3), np.float32)
+            parts["neighbour_poses"] = unbounded(self.neighbours, 7)
+            parts["neighbour_sizes"] = spaces.Box(0.0, np.inf, (self.neighbours, 3), np.float32)
         if self.settings.obs_mode.endswith("pointcloud"):
-            parts["around"] = spaces.Box(-np.inf, np.inf, (AROUND_POINTS, 3), np.float32)
+            parts["around"] = unbounded(AROUND_POINTS, 3)
             parts["around_normals"] = spaces.Box(-1.0, 1.0, (AROUND_POINTS, 3), np.float32)
             parts["around_labels"] = spaces.Box(-1, np.iinfo(np.int16).max, (AROUND_POINTS,), np.int16)
         return spaces.Dict(parts)

@@ -101,20 +101,21 @@ class Episodes:
             self.fetch()
             options = self.starts(i, rng, self.records[i])
         simulation = self._begin(i, rng, self._check_options(options))
-        part, judge = slice(i, i + 1), not self.slots[i].resumed
-        return simulation, self.conclude(part, simulation, np.zeros(1, np.int64), [rng], judge)
+        judge = not self.slots[i].resumed
+        return simulation, self.conclude(slice(i, i + 1), simulation, np.zeros(1, np.int64), [rng], judge)
 
     def _begin(self, i: int, rng: Generator, options: Mapping[str, Any]) -> Simulation:
         """Start episode `i` by options that are known."""
         settings, names = self.settings, list(self.simulations)
         self.slots[i].resumed = "state" in options
         if self.slots[i].resumed:
-            return self._resume(i, rng, options["state"])
-        drawn = names[int(rng.integers(len(names)))]
-        target = options.get("object", drawn)
+            # Where another was: with what that had achieved, and with time and chance of its own.
+            simulation = self.set_state(i, options["state"], copy.deepcopy(rng))
+            self.records[i]["elapsed"] = 0
+            return simulation
+        target = options.get("object", names[int(rng.integers(len(names)))])
         simulation = self.simulations[target]
-        friction = settings.friction_of(simulation.object)
-        variation = settings.randomisation.sample(rng, settings.mass, friction)
+        variation = settings.randomisation.sample(rng, settings.mass, settings.friction_of(simulation.object))
         pose = self._draw_pose(simulation.object, variation, rng)
         given = options.get("object_pose")
         if given is not None:
@@ -153,12 +154,6 @@ class Episodes:
                 f"reset options {', '.join(beside)} beside state: valid is either, as it has its own"
             )
         return options
-
-    def _resume(self, i: int, rng: Generator, state: EpisodeState) -> Simulation:
-        """Begin episode `i` where another was: with what that had achieved, and with time and chance of its own."""
-        simulation = self.set_state(i, state, copy.deepcopy(rng))
-        self.records[i]["elapsed"] = 0
-        return simulation
 
     def enter(self, i: int) -> Simulation:
         """Mount the model of episode `i` in its scene, which it may share with others."""
@@ -278,12 +273,12 @@ class Episodes:
 
     def infos(self) -> Fields:
         """Return the infos without cameras, arrays (N,) by key: the same at reset and at every step."""
-        told, targets = self.told.T.copy(), [slot.target for slot in self.slots]
+        told = self.told.T.copy()
         infos: Fields = {}
         for (key, kind), numbers in zip(TOLD_AS.items(), told, strict=False):
             named = isinstance(kind, tuple)
             infos[key] = np.array(kind, object)[numbers.astype(int)] if named else numbers.astype(kind)
-        names = [self.simulations[target].object.name if target else "" for target in targets]
+        names = [self.simulations[slot.target].object.name if slot.target else "" for slot in self.slots]
         warnings = [*map(warning_names, infos["mujoco_warnings"].tolist())]
         return infos | {
             "object": np.array(names, object),

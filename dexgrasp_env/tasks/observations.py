@@ -18,12 +18,15 @@ OBS_SUMS = (*OBS_MODES, *(f"state+{mode}" for mode in OBS_MODES[1:]))
 def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
     """Return how many numbers each key has that is not a camera's, in the order of the kernel's row."""
     n, tips = robot.dof, 3 * len(robot.hand.fingers)
-    joints = {"joint_positions": n, "joint_velocities": n, "joint_targets": n}
-    keys = {**joints, "fingertip_positions": tips, "palm_pose": 7}
+    keys = {
+        "joint_positions": n, "joint_velocities": n, "joint_targets": n, "fingertip_positions": tips, "palm_pose": 7
+    }  # fmt: skip
     if not obs_mode.startswith("state"):
         return keys
-    of_object = {"object_pose": 7, "object_velocity": 6, "object_size": 3, "object_mass": 1}
-    return {**keys, **of_object, "fingertip_forces": tips, "progress": 2, "variation": 6}
+    return keys | {
+        "object_pose": 7, "object_velocity": 6, "object_size": 3, "object_mass": 1, "fingertip_forces": tips,
+        "progress": 2, "variation": 6,
+    }  # fmt: skip
 
 
 def layout(obs_mode: str, robot: Robot) -> dict[str, slice]:
@@ -53,10 +56,10 @@ def observation_space(obs_mode: str, image_shape: tuple[int, int, int], robot: R
     }
     seen = obs_mode.removeprefix("state+")
     if seen == "pointcloud":
-        parts["cloud"] = spaces.Box(-np.inf, np.inf, (COUNT, 3), np.float32)
+        parts["cloud"] = unbounded(COUNT, 3)
         parts["cloud_normals"] = spaces.Box(-1.0, 1.0, (COUNT, 3), np.float32)
         parts["cloud_mask"] = spaces.MultiBinary(COUNT)
-        parts["table_plane"] = spaces.Box(-np.inf, np.inf, (5,), np.float32)
+        parts["table_plane"] = unbounded(5)
     if seen in ("depth", "rgbd"):
         parts["depth"] = spaces.Box(0.0, np.inf, image_shape, np.float32)
     if seen == "rgbd":
@@ -64,10 +67,15 @@ def observation_space(obs_mode: str, image_shape: tuple[int, int, int], robot: R
     return spaces.Dict(parts)
 
 
+def unbounded(*shape: int) -> spaces.Box:
+    """Return the space of any numbers in an array of a shape."""
+    return spaces.Box(-np.inf, np.inf, shape, np.float32)
+
+
 def _bounds(key: str, size: int, robot: Robot) -> tuple[Single, Single]:
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
     if key == "joint_targets":
-        low, high = robot.lower.copy(), robot.upper.copy()
+        low, high = robot.lower, robot.upper
     elif key in ("palm_pose", "object_pose"):
         low[3:], high[3:] = -1.0, 1.0
     elif key in ("object_size", "object_mass", "variation"):

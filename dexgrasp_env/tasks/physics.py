@@ -83,8 +83,7 @@ def make_physics(episodes: "Episodes", threads: int | None = None) -> "BatchPhys
         InputError: for what warp does not do, a missing extra or device.
     """
     if episodes.settings.backend == "mujoco":
-        scenes, number = episodes.simulations.values(), len(episodes.slots)
-        return BatchPhysics(scenes, number, threads, episodes.neighbours)
+        return BatchPhysics(episodes.simulations.values(), len(episodes.slots), threads, episodes.neighbours)
     from dexgrasp_env.tasks.warp_batch import WarpPhysics
 
     return WarpPhysics(episodes)

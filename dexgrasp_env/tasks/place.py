@@ -25,7 +25,7 @@ from dexgrasp_env.tasks.constants import (
 )
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
-from dexgrasp_env.tasks.observations import key_sizes
+from dexgrasp_env.tasks.observations import key_sizes, unbounded
 from dexgrasp_env.tasks.records import FAILURES, TOLD
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
@@ -73,7 +73,7 @@ class PlaceEpisodes(Episodes):
         self._size = 3 if first else 4  # numbers of a goal
         low, high = (_GOAL_LOW, _GOAL_HIGH) if first else (_LOWEST, _HIGHEST)
         self._goals = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
-        self._achieved = spaces.Box(-np.inf, np.inf, (3,), np.float32) if first else self._goals
+        self._achieved = unbounded(3) if first else self._goals
         self.truncating[FAILURES.index("object_lost")] = settings.version > 1
         self._distances = np.zeros(number)  # m, of the objects' centres to their goals
 
@@ -81,8 +81,7 @@ class PlaceEpisodes(Episodes):
         """Return the space that goal-conditioned learners want."""
         parts = dict(super().observation_space()) | {"desired_goal": self._goals}
         if self.settings.obs_mode.startswith("state"):
-            size = sum(spaces.flatdim(parts.pop(key)) for key in self._order)
-            parts["observation"] = spaces.Box(-np.inf, np.inf, (size,), np.float32)
+            parts["observation"] = unbounded(sum(spaces.flatdim(parts.pop(key)) for key in self._order))
             parts["achieved_goal"] = self._achieved
         return spaces.Dict(parts)
 

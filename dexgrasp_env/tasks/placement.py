@@ -69,8 +69,9 @@ class Placement:
         poses = rest_poses(model)
         if isinstance(self.rest_pose, int):
             if self.rest_pose >= len(poses):
-                valid = f"valid are 0..{len(poses) - 1}"
-                raise InputError(f"rest_pose {self.rest_pose}: {model.name} has {len(poses)}, {valid}")
+                raise InputError(
+                    f"rest_pose {self.rest_pose}: {model.name} has {len(poses)}, valid are 0..{len(poses) - 1}"
+                )
             pose = poses[self.rest_pose]
         elif self.rest_pose == "likely":
             pose = max(poses, key=lambda p: p.probability)

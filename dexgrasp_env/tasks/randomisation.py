@@ -70,7 +70,7 @@ class Randomisation:
         """
         u = rng.random(3)
 
-        def draw(bounds: tuple[float, float] | None, u: float, default: float) -> float:
+        def draw(bounds: Range, u: float, default: float) -> float:
             """Return the value at `u` in [0, 1] of a range, the default where there is none."""
             return default if bounds is None else bounds[0] + (bounds[1] - bounds[0]) * u
 

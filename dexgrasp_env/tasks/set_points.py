@@ -64,11 +64,10 @@ def control_of(settings: LiftSettings, chain: Array) -> Control:
         raise InputError(f"ee_delta is for arms of less than {ARM_ROOM} joints")
     robot, disturbance, period = settings.cell.robot, settings.disturbance, settings.period
     joints = np.stack([robot.lower, robot.upper, max_step(robot, period), robot.home])
-    shaken = np.array(robot.arm.shaken, dtype=np.int64)
     push = np.array([at_pace(steps, settings.frame_skip) for steps in (PUSH_STEPS, PAUSE_STEPS)])
     return Control(
-        CONTROL_MODES.index(settings.control_mode), chain, joints, shaken, KINDS.index(disturbance.kind),
-        disturbance.size, push, period, settings.action_scale,
+        CONTROL_MODES.index(settings.control_mode), chain, joints, np.array(robot.arm.shaken, np.int64),
+        KINDS.index(disturbance.kind), disturbance.size, push, period, settings.action_scale,
     )  # fmt: skip
 
 

@@ -92,8 +92,7 @@ class LiftSettings:
         """
         cell = make_cell(given.pop("robot", None), given.pop("mount", None))
         settings = read(cls, given | {"cell": cell})
-        cameras = one_of((*SHOW_CAMERAS, *cell.camera_names))
-        check("render_camera", settings.render_camera, cameras)
+        check("render_camera", settings.render_camera, one_of((*SHOW_CAMERAS, *cell.camera_names)))
         latency = settings.randomisation.latency
         if latency and latency[1] > settings.period:
             raise InputError(
@@ -133,10 +132,12 @@ class LiftSettings:
         usual = self.usual_steps, self.usual_steps + self.disturbance.steps_at(CONTROL_STEPS)
         wanted = at_pace(self.usual_steps, self.frame_skip) + self.disturbance_steps
         if limit in usual and limit < wanted:
-            lasts, takes = limit * self.period, wanted * self.period
-            what = f"frame_skip={self.frame_skip} and disturbance {self.disturbance.kind!r}"
-            told = f"{limit} steps are {lasts:g} s of the {takes:g} s that an episode takes with {what}"
-            warnings.warn(f"{told}: pass max_episode_steps={wanted}", stacklevel=3)
+            warnings.warn(
+                f"{limit} steps are {limit * self.period:g} s of the {wanted * self.period:g} s that an episode takes "
+                f"with frame_skip={self.frame_skip} and disturbance {self.disturbance.kind!r}: "
+                f"pass max_episode_steps={wanted}",
+                stacklevel=3,
+            )
 
     @property
     def mount(self) -> str:
@@ -150,8 +151,7 @@ class LiftSettings:
 
     def friction_of(self, model: ObjectModel) -> float:
         """Return the sliding coefficient given, else the object's own, else the default."""
-        given = (self.friction, model.friction, FRICTION)
-        return next(float(value) for value in given if value is not None)
+        return next(float(value) for value in (self.friction, model.friction, FRICTION) if value is not None)
 
     def load_objects(self, names: Objects) -> dict[str, ObjectModel]:
         """Load objects by name; `mesh_scale` and `mesh_mass` apply to meshes of the user's alone."""

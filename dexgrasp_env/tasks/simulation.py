@@ -32,7 +32,7 @@ NO_PHYSICS = warning_mask("BADQPOS", "BADQVEL", "BADQACC", "CONTACTFULL", "CNSTR
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
-_CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
+CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 _FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED | mujoco.mjtState.mjSTATE_XFRC_APPLIED)
 _TOUCH = 1e-4  # m of penetration between object and robot that a pose may have
 
@@ -82,7 +82,7 @@ class Simulation:
             else compiled_scene(model, cell)
         )
         self.model = copy.copy(self.base)
-        self.data = mujoco.MjData(self.model)
+        self.data = data = mujoco.MjData(self.model)
         self.variation = Variation()
         self.physics: Any = None
         """What advances the scene in the place of MuJoCo: a `WarpPhysics` of one environment."""
@@ -91,7 +91,6 @@ class Simulation:
         self.body = int(self.base.body("object").id)
         self.touches = slice(self.base.nsensordata - len(self.neighbours), self.base.nsensordata)
         # Views into `data`, which stays where it is.
-        data = self.data
         self.moment = Moment(data.qpos[None], data.qvel[None], data.sensordata[None])
         self._forces = (data.qfrc_applied, data.xfrc_applied)
         self._rollout = Rollout(nthread=0)
@@ -158,7 +157,7 @@ class Simulation:
         if self.physics is not None:
             return int(self.physics.advance(self, rows))
         model, data = self.model, self.data
-        spec, control = _CONTROL, rows
+        spec, control = CONTROL, rows
         if any(map(np.count_nonzero, self._forces)):  # quicker than numpy's any()
             forces = np.concatenate([force.ravel() for force in self._forces])
             spec |= _FORCES

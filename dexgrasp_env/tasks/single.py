@@ -43,7 +43,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         EzPickle.__init__(self, **given)
         self.settings = self.settings_type.of(**given)
         self.render_mode = self.settings.render_mode
-        self.metadata = {**self.metadata, "render_fps": round(1 / self.settings.period)}
+        self.metadata = {**self.metadata, "render_fps": round(1 / self.dt)}
         self._episodes = self.episodes_type(self.settings, 1)
         self._views = self._episodes.views
         robot = self.settings.cell.robot
@@ -112,8 +112,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
             InputError: before the first reset.
         """
         self.get_state()
-        seen = self._conclude(0, copy.deepcopy(self.np_random), judge=False)
-        return self._told(seen)
+        return self._told(self._conclude(0, copy.deepcopy(self.np_random), judge=False))
 
     def step(self, action: Single) -> tuple[Arrays, float, bool, bool, Fields]:
         """Advance 50 ms.
@@ -147,7 +146,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
             raise InputError("step() called without a running episode: call reset() first")
         rows, push = self._episodes.set_points(check_actions(action, self.action_space.shape)[None])
         if self.settings.disturbance.kind == "pushed":
-            self.simulation.data.xfrc_applied[self.simulation.body, :3] = push[0]
+            self.data.xfrc_applied[self.simulation.body, :3] = push[0]
         return rows
 
     def finish_step(self, bits: int) -> tuple[Arrays, float, bool, bool, Fields]:
@@ -166,14 +165,13 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         return observation, float(episodes.rewards[0]), terminated, truncated, info
 
     def _conclude(self, bits: int, rng: Generator | None = None, judge: bool = True) -> Arrays:
-        warnings, rngs = np.array([bits]), [rng or self.np_random]
-        return self._episodes.conclude(slice(None), self.simulation, warnings, rngs, judge)
+        rngs = [rng or self.np_random]
+        return self._episodes.conclude(slice(None), self.simulation, np.array([bits]), rngs, judge)
 
     def _look(self, observed: Arrays, at_reset: bool) -> tuple[Arrays, Fields]:
-        simulation = self.simulation
         if self.settings.obs_mode != "state":
-            view, qpos, rng = self._episodes.slots[0].view, simulation.data.qpos, self.np_random
-            self._views.observe(view, qpos, lambda: simulation, rng, at_reset)
+            view = self._episodes.slots[0].view
+            self._views.observe(view, self.data.qpos, lambda: self.simulation, self.np_random, at_reset)
         if self.render_mode == "human":
             self.render()
         return self._told(observed)
@@ -193,8 +191,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         """
         if not self._episodes.slots[0].target:
             raise InputError("get_state() called without an episode: call reset() first")
-        physics, sensors = self.simulation.get_state(), self.simulation.data.sensordata
-        return self._episodes.get_state(0, physics, sensors, self.np_random)
+        return self._episodes.get_state(0, self.simulation.get_state(), self.data.sensordata, self.np_random)
 
     def set_state(self, state: EpisodeState) -> None:
         """Go on from a state, of this environment or of another with the same settings.

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Arrays, Fields, Mask
+from dexgrasp_env.arrays import Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.cluttered import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
@@ -91,8 +91,9 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         self._tensors = check("tensors", tensors, instance(bool, "true or false"))
         if tensors and (self.settings.backend != "warp" or self._env_type is not LiftEnv):
             raise InputError("tensors=True is of DexGrasp/Lift with backend='warp'")
-        limit = max_episode_steps
-        self._limit = None if limit is None else check("max_episode_steps", limit, COUNT)
+        self._limit = (
+            None if max_episode_steps is None else check("max_episode_steps", max_episode_steps, COUNT)
+        )
         self._mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
         fps = round(1 / self.settings.period)
         self.metadata = {**LiftEnv.metadata, "render_fps": fps, "autoreset_mode": self._mode}
@@ -141,7 +142,16 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         """
         seeds = _seeds(seed, self.num_envs)
         options = dict(options or {})
-        mask = _check_mask(options.pop("reset_mask", np.ones(self.num_envs, bool)), self.num_envs)
+        mask = options.pop("reset_mask", np.ones(self.num_envs, bool))
+        if not (
+            isinstance(mask, np.ndarray)
+            and mask.shape == self._ended.shape
+            and mask.dtype == bool
+            and mask.any()
+        ):
+            raise InputError(
+                f"reset_mask must be an array of {self.num_envs} booleans, one of them True at least"
+            )
         state = options.pop("state", None)
         states = state if isinstance(state, list) else [state] * self.num_envs
         states = _one_for_each("states", states, self.num_envs)
@@ -348,11 +358,3 @@ def _one_for_each(what: str, values: list[Any], number: int) -> list[Any]:
     if len(values) != number:
         raise InputError(f"{len(values)} {what} given: valid is one, or one for each of {number}")
     return values
-
-
-def _check_mask(mask: Any, number: int) -> Mask:
-    if not (
-        isinstance(mask, np.ndarray) and mask.shape == (number,) and mask.dtype == np.bool_ and mask.any()
-    ):
-        raise InputError(f"reset_mask must be an array of {number} booleans, one of them True at least")
-    return mask

@@ -100,7 +100,13 @@ class Views:
         return tuple(names[k] for k in sorted(rng.permutation(len(names))[:views]))
 
     def _look(self, perception: Perception, simulation: Simulation, rng: Generator) -> tuple[Arrays, Fields]:
-        info: Fields = _calibration(perception.believed) | {"perception_failure": ""}
+        """Return what cameras see, and with it poses as calibrated and pinhole parameters in pixels."""
+        lenses = [camera.intrinsics for camera in perception.believed]
+        info: Fields = {
+            "perception_T_world_camera": np.stack([camera.T_world_camera for camera in perception.believed]),
+            "perception_intrinsics": np.array([[lens.fx, lens.fy, lens.cx, lens.cy] for lens in lenses]),
+            "perception_failure": "",
+        }
         if self._settings.obs_mode.endswith("pointcloud"):
             pointing = self._settings.pointing
             scene = perception.observe(simulation.data, rng, pointing)
@@ -124,10 +130,10 @@ class Views:
         known, key = self._perceptions.get(simulation), (simulation.variation.size, names)
         if known is None or known[0] != key:
             cameras = tuple(camera for camera in self._cameras if camera.name in names)
-            robot = None if known is None else known[1].robot
             perception = Perception(
-                simulation.model, cameras, sensor=self._settings.sensor, rays=self.rays, robot=robot
-            )
+                simulation.model, cameras, sensor=self._settings.sensor, rays=self.rays,
+                robot=None if known is None else known[1].robot,
+            )  # fmt: skip
             known = self._perceptions[simulation] = key, perception
         return known[1]
 
@@ -163,15 +169,6 @@ class Views:
         """Free what draws and close the window."""
         while self._contexts:
             self._contexts.popitem()[1][1].close()
-
-
-def _calibration(cameras: tuple[Camera, ...]) -> Fields:
-    """Return what an agent needs to use depth images: poses as calibrated and pinhole parameters in pixels."""
-    lenses = [camera.intrinsics for camera in cameras]
-    return {
-        "perception_T_world_camera": np.stack([camera.T_world_camera for camera in cameras]),
-        "perception_intrinsics": np.array([[lens.fx, lens.fy, lens.cx, lens.cy] for lens in lenses]),
-    }
 
 
 def _open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:

@@ -104,7 +104,10 @@ class WarpPhysics:
         self._merged = MergedScene(objects, settings.cell, around, neighbours, episodes.walled)
         self._scenes = [scenes[0]] * number
         self._graph: Any = None
-        model = _accepted(self._merged.model)
+        model, flags = self._merged.model, mujoco.mjtDisableBit
+        model.opt.disableflags &= ~int(flags.mjDSBL_AUTORESET)  # unknown to warp, which never resets
+        # Boxes are to meet as in MuJoCo's own function for two boxes.
+        model.opt.disableflags |= int(flags.mjDSBL_NATIVECCD)
         example = self._merged.fields(objects[:1], scenes[0].base)
         worlds = max(number, 2)  # warp looks for absent meshes only where they differ between worlds
         with wp.ScopedDevice(self.device):
@@ -149,9 +152,9 @@ class WarpPhysics:
             InputError: for an object with meshes of another size than its own: worlds share them.
         """
         if simulation.variation.size != 1.0 and any(part.kind == "mesh" for part in simulation.object.parts):
-            name = simulation.object.name
             raise InputError(
-                f"backend='warp' scales no meshes, and {name} has some: leave randomisation size out"
+                f"backend='warp' scales no meshes, and {simulation.object.name} has some: "
+                "leave randomisation size out"
             )
         fields = self._merged.fields((simulation.object, *simulation.neighbours), simulation.model)
         state = {name: filled(self._absent[name], getattr(simulation.data, name)) for name in _LOADED}
@@ -229,13 +232,3 @@ class WarpPhysics:
     def close(self) -> None:
         """Let go of the graph."""
         self._graph = None
-
-
-def _accepted(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return the model as warp takes it."""
-    flags = mujoco.mjtDisableBit
-    model.opt.disableflags &= ~int(flags.mjDSBL_AUTORESET)  # unknown to warp, which never resets
-    model.opt.disableflags |= int(
-        flags.mjDSBL_NATIVECCD
-    )  # boxes meet as in MuJoCo's own function for two boxes
-    return model

@@ -77,11 +77,12 @@ class WarpEpisodes:
         if tensors and physics.device.is_cuda and not _torch_has_gpus():
             raise InputError("tensors=True on a GPU wants a torch that was built for CUDA")
         number, robot = len(episodes.records), episodes.settings.cell.robot
-        size = action_size(episodes.settings.control_mode, robot)
         with wp.ScopedDevice(physics.device):
             self._rows = wp.zeros((number, _ROW.itemsize // 4), dtype=wp.int32)
             self._commands = wp.zeros(episodes.commands.shape, dtype=float)
-            self._actions = wp.zeros((number, size), dtype=float)
+            self._actions = wp.zeros(
+                (number, action_size(episodes.settings.control_mode, robot)), dtype=float
+            )
             self._noise = wp.zeros((number, robot.dof), dtype=float)
             self._told = wp.zeros(episodes.told.shape, dtype=float)
             self.rewards = wp.zeros(number, dtype=float)
@@ -145,8 +146,10 @@ class WarpEpisodes:
         if noise is not None:
             self._noise.assign(noise)
         data = physics.data
-        state = [data.qpos, data.qvel, data.sensordata, self._commands, physics.warnings, self._noise]
-        inputs = [self._records, *state, self._rules, self._told, self.rewards, self.seen]
+        inputs = [
+            self._records, data.qpos, data.qvel, data.sensordata, self._commands, physics.warnings, self._noise,
+            self._rules, self._told, self.rewards, self.seen,
+        ]  # fmt: skip
         wp.launch(_conclude, len(host.records), inputs, device=physics.device)
         host.told[:], host.rewards[:] = self._told.numpy(), self.rewards.numpy()
         host.records["failure"] = host.told[:, _FAILURE]

@@ -81,12 +81,11 @@ def as_struct(name: str, values: Fields) -> Any:
         name: of the struct.
         values: numbers, and arrays of numpy or of warp.
     """
-    arrays = {
+    values = values | {
         key: wp.array(value, dtype=wp.dtype_from_numpy(numbers_of(value.dtype)))
         for key, value in values.items()
         if isinstance(value, np.ndarray)
     }
-    values = values | arrays
     struct = _struct(name, tuple((key, _kind(value)) for key, value in values.items()))()
     for key, value in values.items():
         setattr(struct, key, value)
