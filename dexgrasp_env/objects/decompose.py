@@ -85,7 +85,11 @@ def decompose(mesh: trimesh.Trimesh) -> list[Array]:
     ) as bar:
         tries = [_cut_up([whole], normals, whole.volume, bar)]
         if _volume(tries[0]) > (1.0 + 5 * _EXCESS) * whole.volume:
-            sectors = _sectors(whole, axes, np.array(hull.center_mass))
+            # Sectors about the one of three axes that leaves the least excess.
+            fans = [_fan(whole, axes[k], axes[k - 1], np.array(hull.center_mass)) for k in range(3)]
+            sectors = min(
+                fans, key=lambda pieces: rounded(sum(piece.excess for piece in pieces) / whole.volume)
+            )
             tries.append(_cut_up(sectors, normals, whole.volume, bar))
     return [np.asarray(reduced_hull(_points(solid), _VERTICES).vertices) for solid in min(tries, key=_volume)]
 
@@ -164,13 +168,8 @@ def _frame(hull: trimesh.Trimesh) -> Array:
     return np.array([own, side, np.cross(own, side)])
 
 
-def _sectors(whole: _Piece, axes: Array, centre: Array) -> list[_Piece]:
-    """Cut into `_SECTORS` sectors about the one of three axes that leaves the least excess."""
-    fans = [_fan(whole, axes[k], axes[k - 1], centre) for k in range(3)]
-    return min(fans, key=lambda pieces: rounded(sum(piece.excess for piece in pieces) / whole.volume))
-
-
 def _fan(whole: _Piece, axis: Array, side: Array, centre: Array) -> list[_Piece]:
+    """Cut into `_SECTORS` sectors about an axis, from a side on."""
     pieces = [whole]
     for turn in np.linspace(0.0, np.pi, _SECTORS // 2, endpoint=False):
         normal = np.cos(turn) * side + np.sin(turn) * np.cross(axis, side)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Arrays, Index
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.objects.parts import ContactPart
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.build import pair_friction, scene_spec
 
@@ -58,7 +57,12 @@ class MergedScene:
         """
         every = list({model.contact_hash: model for model in (*objects, *around)}.values())
         kinds = sorted({part.kind for model in every for part in model.parts})
-        slots = tuple(part for kind in kinds for part in _examples(kind, every))
+        # Of each kind as many parts as an object has at most: those of one that has so many.
+        slots = tuple(
+            part
+            for kind in kinds
+            for part in max(([p for p in model.parts if p.kind == kind] for model in every), key=len)
+        )
         self._firsts = {kind: [part.kind for part in slots].index(kind) for kind in kinds}
         first = objects[0]
         example = ObjectModel("objects", first.solid, slots, first.mass, first.inertia)
@@ -122,11 +126,6 @@ class MergedScene:
 def filled(whole: NDArray[Any], part: NDArray[Any]) -> NDArray[Any]:
     """Return the numbers of a scene, (n, ...), and after them those of what it has not got, as `whole` has them."""
     return np.concatenate([part, whole[len(part) :]])
-
-
-def _examples(kind: str, objects: Sequence[ObjectModel]) -> list[ContactPart]:
-    """Return as many parts of a kind as an object has at most: those of one that has so many."""
-    return max(([part for part in model.parts if part.kind == kind] for model in objects), key=len)
 
 
 def _compile(

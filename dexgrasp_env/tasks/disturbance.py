@@ -32,8 +32,8 @@ class Disturbance:
     def steps_at(self, frame_skip: int) -> int:
         """Return how long it lasts, control steps of so many physics steps."""
         push, pause = at_pace(PUSH_STEPS, frame_skip), at_pace(PAUSE_STEPS, frame_skip)
-        lasts = {"none": 0, "pushed": 6 * push + 5 * pause, "shaken": at_pace(SHAKE_STEPS, frame_skip)}
-        return lasts[self.kind]
+        shaken = at_pace(SHAKE_STEPS, frame_skip)
+        return {"none": 0, "pushed": 6 * push + 5 * pause, "shaken": shaken}[self.kind]
 
     @classmethod
     def of(cls, value: "Disturbance | Mapping[str, Any] | str") -> "Disturbance":

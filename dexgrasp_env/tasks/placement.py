@@ -144,9 +144,9 @@ def check_pose(value: Any, hull: Array, cell: Cell) -> Array:
         raise InputError(
             f"object_pose reaches {-1000 * lowest:.1f} mm into the table: its z must be {z - lowest:.4f} m or more"
         )
-    shoulder, reach = cell.shoulder, cell.robot.arm.reach
-    if np.linalg.norm(pose[:3] - shoulder) > reach:
+    if np.linalg.norm(pose[:3] - cell.shoulder) > cell.robot.arm.reach:
         raise InputError(
-            f"object_pose is out of reach: valid is within {reach} m of the arm's shoulder at {shoulder.tolist()}"
+            f"object_pose is out of reach: valid is within {cell.robot.arm.reach} m of the arm's shoulder "
+            f"at {cell.shoulder.tolist()}"
         )
     return np.concatenate([pose[:3], quat])

@@ -120,19 +120,8 @@ def apply_variation(
     contact = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
     model.geom_friction[contact, 0] = variation.friction
     model.pair_friction[:] = pair_friction(base, variation.friction)
-    _set_size(model, base, variation.size)
-    body = model.body("object").id
-    factor = variation.mass * variation.size**3
-    model.body_mass[body] = base.body_mass[body] * factor
-    model.body_inertia[body] = base.body_inertia[body] * factor * variation.size**2
-    model.actuator_gainprm[:, 0] = base.actuator_gainprm[:, 0] * variation.gain
-    model.actuator_biasprm[:, 1] = base.actuator_biasprm[:, 1] * variation.gain
-    mujoco.mj_setConst(model, data)
-
-
-def _set_size(model: mujoco.MjModel, base: mujoco.MjModel, size: float) -> None:
-    """Scale geoms, meshes and bounding volumes of the object about its centre of mass."""
-    body = model.body("object").id
+    body, size = model.body("object").id, variation.size
+    # Geoms, meshes and bounding volumes of the object scale about its centre of mass.
     geoms = np.flatnonzero(model.geom_bodyid == body)
     for field in ("geom_size", "geom_pos", "geom_rbound", "geom_aabb"):
         getattr(model, field)[geoms] = getattr(base, field)[geoms] * size
@@ -142,6 +131,12 @@ def _set_size(model: mujoco.MjModel, base: mujoco.MjModel, size: float) -> None:
         model.mesh_vert[rows] = base.mesh_vert[rows] * size
         model.mesh_pos[mesh] = base.mesh_pos[mesh] * size
         _scale_boxes(model, base, int(model.mesh_bvhadr[mesh]), int(model.mesh_bvhnum[mesh]), size)
+    factor = variation.mass * size**3
+    model.body_mass[body] = base.body_mass[body] * factor
+    model.body_inertia[body] = base.body_inertia[body] * factor * size**2
+    model.actuator_gainprm[:, 0] = base.actuator_gainprm[:, 0] * variation.gain
+    model.actuator_biasprm[:, 1] = base.actuator_biasprm[:, 1] * variation.gain
+    mujoco.mj_setConst(model, data)
 
 
 def _scale_boxes(model: mujoco.MjModel, base: mujoco.MjModel, first: int, number: int, size: float) -> None:

@@ -260,7 +260,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
     def __setstate__(self, kept: Fields) -> None:
         EzPickle.__setstate__(self, kept["made"])
         self.spec, self._episodes.starts = kept["spec"], kept["starts"]
-        self._rngs, self._observation = copy.deepcopy(kept["rngs"]), copy.deepcopy(kept["observation"])
+        self._rngs, self._observation = copy.deepcopy((kept["rngs"], kept["observation"]))
         for i, state in kept["episodes"].items():
             self.set_state(state, [i])
         self._ended = kept["ended"].copy()

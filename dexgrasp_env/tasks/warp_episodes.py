@@ -53,12 +53,6 @@ def _conclude(
     _observe(records, i, qpos[i], qvel[i], sensors[i], commands[i][0], noise[i], rules, seen[i])
 
 
-def _torch_has_gpus() -> bool:
-    with from_extra():
-        import torch
-    return torch.cuda.is_available()
-
-
 class WarpEpisodes:
     """The progress of all episodes: the host begins them, and is told what came of each step."""
 
@@ -74,8 +68,11 @@ class WarpEpisodes:
             InputError: if torch does not know the device.
         """
         self._host, self._physics, self._tensors = episodes, physics, tensors
-        if tensors and physics.device.is_cuda and not _torch_has_gpus():
-            raise InputError("tensors=True on a GPU wants a torch that was built for CUDA")
+        if tensors and physics.device.is_cuda:
+            with from_extra():
+                import torch
+            if not torch.cuda.is_available():
+                raise InputError("tensors=True on a GPU wants a torch that was built for CUDA")
         number, robot = len(episodes.records), episodes.settings.cell.robot
         with wp.ScopedDevice(physics.device):
             self._rows = wp.zeros((number, _ROW.itemsize // 4), dtype=wp.int32)

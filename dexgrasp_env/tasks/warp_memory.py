@@ -44,13 +44,12 @@ class Letters:
     def send(self) -> None:
         """Send what is noted."""
         if self._pending:
-            worlds, rows = np.array(list(self._pending), np.int32), np.stack(list(self._pending.values()))
-            numbers = wp.array(worlds, dtype=wp.int32, device=self._device)
-            values = wp.array(rows, dtype=wp.int32, device=self._device)
+            worlds = wp.array(list(self._pending), dtype=wp.int32, device=self._device)
+            rows = wp.array(np.stack(list(self._pending.values())), dtype=wp.int32, device=self._device)
             first = 0
             for array in self._targets:
                 shape = len(worlds), array.shape[1]
-                wp.launch(_scatter, shape, [values, numbers, first], [array], device=self._device)
+                wp.launch(_scatter, shape, [rows, worlds, first], [array], device=self._device)
                 first += array.shape[1]
             self._pending.clear()
 
