@@ -38,8 +38,7 @@ def _filled_grid(mesh: trimesh.Trimesh) -> tuple[Mask, Array, float]:
     pitch = float(mesh.extents.max()) / GRID
     points = mesh.sample(int(min(40 * mesh.area / pitch**2, 2e6)), seed=0)
     origin = mesh.bounds[0] - 4.5 * pitch
-    shape = np.ceil((mesh.extents + 9 * pitch) / pitch).astype(int)
-    skin = np.zeros(shape, dtype=bool)
+    skin = np.zeros(np.ceil((mesh.extents + 9 * pitch) / pitch).astype(int), dtype=bool)
     skin[tuple(((points - origin) / pitch).astype(int).T)] = True
     thick = ndimage.binary_dilation(skin, iterations=2)
     filled = ndimage.binary_erosion(ndimage.binary_fill_holes(thick), iterations=2)

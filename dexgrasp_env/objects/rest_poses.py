@@ -84,7 +84,7 @@ def _drop_one(
         speed = float(np.linalg.norm(data.qvel[:3]) + radius * np.linalg.norm(data.qvel[3:]))
         still = still + 1 if speed < _STILL and data.ncon > 0 else 0
         if still == _STILL_CHECKS:
-            vertical = data.xmat[1].reshape(3, 3)[2].copy()
+            vertical = data.xmat[1].reshape(3, 3)[2]
             return vertical / np.linalg.norm(vertical), speed
     return None
 
@@ -166,8 +166,7 @@ def symmetry_axis(model: ObjectModel) -> Array | None:
     """Return the axis (3,) about which the object's hull is round within about 1 % of its size, or None."""
     values, vectors = np.linalg.eigh(model.inertia)
     odd = 2 if values[1] - values[0] < values[2] - values[1] else 0
-    others = np.delete(values, odd)
-    if np.ptp(others) > 0.02 * values[2] or np.ptp(values) < 0.02 * values[2]:
+    if np.ptp(np.delete(values, odd)) > 0.02 * values[2] or np.ptp(values) < 0.02 * values[2]:
         return None
     axis, side = vectors[:, odd], vectors[:, (odd + 1) % 3]
     turn = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)[:, None]

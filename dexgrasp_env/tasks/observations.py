@@ -32,7 +32,7 @@ def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
 def layout(obs_mode: str, robot: Robot) -> dict[str, slice]:
     """Return the columns of each key, in alphabetical order, in the row that `kernel.conclude` writes."""
     keys = key_sizes(obs_mode, robot)
-    ends = list(itertools.accumulate(keys.values()))
+    ends = itertools.accumulate(keys.values())
     columns = {key: slice(end - n, end) for (key, n), end in zip(keys.items(), ends, strict=True)}
     return dict(sorted(columns.items()))  # as spaces have them
 

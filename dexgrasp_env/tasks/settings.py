@@ -46,7 +46,6 @@ BACKENDS = ("mujoco", "warp")
 _VIEWS = 4
 OBSERVE = ("step", "reset", "clear")
 RENDER_MODES = ("human", "rgb_array", "depth_array")
-_Sensor = Annotated[SensorModel, Rule("realistic, none, or settings of SensorModel", SensorModel.of)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +68,9 @@ class LiftSettings:
     randomisation: Randomisation = Randomisation()
     views: tuple[str, ...] | int = _VIEWS
     calibration: Calibration = Calibration()
-    sensor: _Sensor = field(default_factory=SensorModel.realistic)
+    sensor: Annotated[SensorModel, Rule("realistic, none, or settings of SensorModel", SensorModel.of)] = (
+        field(default_factory=SensorModel.realistic)
+    )
     observe: Annotated[str, one_of(OBSERVE)] = "step"
     mesh_scale: Positive = 1.0
     mesh_mass: Mass | None = None

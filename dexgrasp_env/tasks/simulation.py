@@ -196,8 +196,8 @@ def arm_chain(model: mujoco.MjModel, robot: Robot) -> Array:
 
     The joints turn about z. Columns are position m and quaternion wxyz.
     """
-    rows = [np.concatenate([model.body(name).pos, model.body(name).quat]) for name in robot.arm.bodies[1:]]
-    site, body = model.site(robot.hand.palm), model.body(robot.hand.palm)
-    if any(site.pos) or model.body(int(body.parentid[0])).name != robot.arm.bodies[-1]:
+    bodies = [model.body(name) for name in (*robot.arm.bodies[1:], robot.hand.palm)]
+    parent = model.body(int(bodies[-1].parentid[0])).name
+    if any(model.site(robot.hand.palm).pos) or parent != robot.arm.bodies[-1]:
         raise RuntimeError("the palm frame is not that of a body on the arm's last link")
-    return np.array([*rows, np.concatenate([body.pos, body.quat])])
+    return np.array([np.concatenate([body.pos, body.quat]) for body in bodies])

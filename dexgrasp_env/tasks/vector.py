@@ -174,13 +174,11 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
             InputError: for actions of a wrong shape or not finite, or if an environment needs a reset first.
         """
         clipped = (check_tensor if self._tensors else check_actions)(actions, self.action_space.shape)
+        running, waiting = np.flatnonzero(~self._ended), np.flatnonzero(self._ended)
         if not self._started.all() or (self._mode is AutoresetMode.DISABLED and self._ended.any()):
-            which = np.flatnonzero(self._ended).tolist()
             raise InputError(
-                f"step() called without running episodes in environments {which}: reset them first"
+                f"step() called without running episodes in environments {waiting.tolist()}: reset them first"
             )
-        running = np.flatnonzero(~self._ended)
-        waiting = np.flatnonzero(self._ended)
         self._advance(clipped, running)
         for i in waiting:
             self._reset_one(int(i))

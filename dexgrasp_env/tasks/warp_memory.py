@@ -44,7 +44,7 @@ class Letters:
     def send(self) -> None:
         """Send what is noted."""
         if self._pending:
-            worlds = wp.array(list(self._pending), dtype=wp.int32, device=self._device)
+            worlds = wp.array(np.array(list(self._pending), np.int32), dtype=wp.int32, device=self._device)
             rows = wp.array(np.stack(list(self._pending.values())), dtype=wp.int32, device=self._device)
             first = 0
             for array in self._targets:
