@@ -7,6 +7,7 @@ import numpy as np
 from dexgrasp.physics.cones import cone_edges
 from dexgrasp.viewer.film import Film
 from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.robot.hulls import colour_of
 from dexgrasp_env.robot.model import compiled_robot
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 
@@ -67,12 +68,11 @@ class Stage:
         for geom in np.flatnonzero(model.geom_group == _VISUAL).tolist():
             mesh, body = geom_mesh(model, geom), int(model.geom_bodyid[geom])
             if mesh is not None:
-                path, material = f"{self._root}/robot/{model.body(body).name}", model.geom_matid[geom]
+                path = f"{self._root}/robot/{model.body(body).name}"
                 if body not in handles:
                     handles[body] = self._scene.add_frame(path, show_axes=False)
-                rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
                 self._mesh(
-                    f"{path}/{geom}", mesh, (255.0 * rgba[:3]).astype(np.uint8),
+                    f"{path}/{geom}", mesh, (255.0 * colour_of(model, geom)[:3]).astype(np.uint8),
                     position=model.geom_pos[geom], wxyz=model.geom_quat[geom],
                 )  # fmt: skip
         return handles

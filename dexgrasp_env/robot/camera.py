@@ -94,7 +94,7 @@ class Camera:
         if np.linalg.norm(forward) < 1e-6:
             raise InputError(f"camera {name!r}: position and target coincide")
         forward /= np.linalg.norm(forward)
-        up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
+        up = [0.0, 0.0, 1.0] if abs(forward[2]) < 0.999 else [1.0, 0.0, 0.0]
         right = np.cross(forward, up)
         right /= np.linalg.norm(right)
         T = rigid(np.stack([right, np.cross(forward, right), forward], axis=1), eye)

@@ -17,6 +17,7 @@ from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import content_hash, expand
+from dexgrasp_env.poses import shifted
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.robot.robot import Hand, Mount, Numbers, Robot, Vector
 from dexgrasp_env.robot.robot_file import find_beside, narrowed, read_content, read_robot, said_of
@@ -122,7 +123,7 @@ class Cell:
     @property
     def shoulder(self) -> Array:
         """Where the arm's reach counts from in the world, (3,) m."""
-        return np.array(self.robot.arm.shoulder) + self.base
+        return self.base + self.robot.arm.shoulder
 
     @property
     def mounts(self) -> Names:
@@ -159,11 +160,10 @@ class Cell:
 
     def _camera(self, camera: CellCamera, lens: CameraIntrinsics) -> Camera:
         if not camera.T_base_camera:
-            position, target = (np.array(end) + self.base for end in (camera.position, camera.look_at))
+            position, target = (self.base + end for end in (camera.position, camera.look_at))
             return Camera.look_at(camera.name, position, target, lens)
-        T_world_camera = np.reshape(camera.T_base_camera, (4, 4)).copy()
-        T_world_camera[:3, 3] += self.base
-        return Camera(camera.name, T_world_camera, lens)
+        T_base_camera = np.reshape(camera.T_base_camera, (4, 4))
+        return Camera(camera.name, shifted(T_base_camera, self.base), lens)
 
 
 Given = Cell | Robot | str | os.PathLike[str] | None

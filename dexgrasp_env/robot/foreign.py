@@ -15,7 +15,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rigid
-from dexgrasp_env.robot.hulls import cut, hull_of, mesh_of
+from dexgrasp_env.robot.hulls import colour_of, cut, hull_of, mesh_of
 from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
 
 FLANGE = 0.107
@@ -60,7 +60,7 @@ class Description:
         if self.model.geom_type[geom] == _GEOM.mjGEOM_MESH:
             return mesh_of(self.model, geom)[0]
         middle, half = np.split(self.model.geom_aabb[geom], 2)
-        return np.asarray(middle + half * _CUBE)
+        return middle + half * _CUBE
 
 
 def pose_of(place: Any) -> Array:
@@ -107,13 +107,13 @@ class _Rebuilt(Description):
     def _check(self) -> None:
         """Refuse a file that is not of the part, or has joints that the part does not name."""
         own = {self.model.joint(j).name for j in range(self.model.njnt)}
-        bodies = {self.model.body(b).name for b in range(self.model.nbody)}
         for what, given, known in (
             ("joint", self.part.joints.names, own),
-            ("body", self.part.bodies, bodies),
+            ("body", self.part.bodies, {self.model.body(b).name for b in range(self.model.nbody)}),
         ):
-            if missing := [name for name in given if name not in known]:
-                raise InputError(f"{self.part.mjcf} has no {what} {missing[0]!r}")
+            for name in given:
+                if name not in known:
+                    raise InputError(f"{self.part.mjcf} has no {what} {name!r}")
         if more := sorted(own - set(self.part.joints.names + self.held)):
             raise InputError(f"joint {more[0]!r} of {self.part.mjcf} is not named: every joint has to be")
         if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
@@ -127,8 +127,8 @@ class _Rebuilt(Description):
             name = self.model.body(body).name
             if name in self.part.bodies:
                 return str(name)
-            joints = np.flatnonzero(self.model.jnt_bodyid == body)
-            if any(self.model.joint(joint).name not in self.held for joint in joints):
+            joints = map(self.model.joint, np.flatnonzero(self.model.jnt_bodyid == body))
+            if any(joint.name not in self.held for joint in joints):
                 raise InputError(f"body {name!r} of {self.part.mjcf} is not named")
             body = self.model.body_parentid[body]
         return self.part.bodies[0]
@@ -211,7 +211,7 @@ class _Rebuilt(Description):
     def _add_geoms(self, body: Any) -> None:
         own = [g for g, b in enumerate(self.model.geom_bodyid) if self.owner.get(b) == body.name]
         solid = [g for g in own if self.model.geom_contype[g] or self.model.geom_conaffinity[g]]
-        for k, g in enumerate([*solid, *(solid if len(solid) == len(own) else set(own) - set(solid))]):
+        for k, g in enumerate([*solid, *(set(own) - set(solid) or solid)]):
             if _GEOM(self.model.geom_type[g]) not in _SHAPES:
                 raise InputError(f"{self.part.mjcf}: body {body.name!r} has a shape that is no solid")
             self._add_geom(body, g, f"{body.name}_{k}", k < len(solid))
@@ -221,22 +221,16 @@ class _Rebuilt(Description):
 
     def _add_geom(self, body: Any, g: int, name: str, collides: bool) -> None:
         local = np.linalg.inv(self.W[body.name]) @ pose_of(self.data.geom(g))
-        look = {"name": name, "rgba": self._colour(g), **_LOOK[collides]}
-        is_mesh = self.model.geom_type[g] == _GEOM.mjGEOM_MESH
-        points, faces = mesh_of(self.model, g) if is_mesh else (self.corners(g), None)
-        if is_mesh and collides:
-            points, faces = hull_of(points)
-        self.reach[name] = points @ local[:3, :3].T + local[:3, 3]
-        if is_mesh:
-            self.reach[name] = add_mesh_geom(self.spec, body, self.reach[name], faces, look)
+        look = {"name": name, "rgba": colour_of(self.model, g), **_LOOK[collides]}
+        kind, points = _GEOM(self.model.geom_type[g]), self.corners(g)
+        if kind == _GEOM.mjGEOM_MESH:
+            points, faces = hull_of(points) if collides else mesh_of(self.model, g)
+        points = points @ local[:3, :3].T + local[:3, 3]
+        if kind == _GEOM.mjGEOM_MESH:
+            points = add_mesh_geom(self.spec, body, points, faces, look)
         else:
-            body.add_geom(
-                type=_GEOM(self.model.geom_type[g]), size=self.model.geom_size[g], **placed(local), **look
-            )
-
-    def _colour(self, g: int) -> Array:
-        material = self.model.geom_matid[g]
-        return self.model.mat_rgba[material] if material >= 0 else self.model.geom_rgba[g]
+            body.add_geom(type=kind, size=self.model.geom_size[g], **placed(local), **look)
+        self.reach[name] = points
 
     def _add_tip(self, body: Any, finger: Finger) -> None:
         """Name the shape that reaches farthest the tip; of a long one, what is before the back of its sphere."""
@@ -296,7 +290,7 @@ def add_mesh_geom(spec: mujoco.MjSpec, body: Any, points: Array, faces: Any, loo
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
     )
     body.add_geom(type=_GEOM.mjGEOM_MESH, meshname=mesh.name, **look)
-    return np.reshape(np.asarray(mesh.uservert, dtype=float), (-1, 3))
+    return np.asarray(mesh.uservert, dtype=float).reshape(-1, 3)
 
 
 def matrix(frame: Frame) -> Array:
@@ -317,7 +311,7 @@ def about(origin: Array, z: Array, x: Array) -> Array:
     """Return the frame (4, 4) at `origin` with axis `z`, and x as near to `x` as can be."""
     across = x - z * (x @ z)
     if np.linalg.norm(across) < 1e-3:
-        across = np.eye(3)[int(np.argmin(np.abs(z)))]
-        across = across - z * (across @ z)
-    across = across / np.linalg.norm(across)
+        across = np.eye(3)[np.argmin(np.abs(z))]
+        across -= z * (across @ z)
+    across /= np.linalg.norm(across)
     return rigid(np.stack([across, np.cross(z, across), z], axis=1), origin)

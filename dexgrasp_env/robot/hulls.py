@@ -14,6 +14,12 @@ def mesh_of(model: Any, geom: int) -> tuple[Array, Any]:
     return model.mesh_vert[vertex : vertex + mesh.vertnum[0]], model.mesh_face[face : face + mesh.facenum[0]]
 
 
+def colour_of(model: Any, geom: int) -> Array:
+    """Return the colour (4,) of a geom of a MuJoCo model: its material's where it has one."""
+    material = model.geom_matid[geom]
+    return model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
+
+
 def hull_of(points: Array) -> tuple[Array, Any]:
     """Return corners (n, 3) m and triangles (m, 3) of the convex hull of points (k, 3) m, seen from outside."""
     from trimesh.convex import convex_hull

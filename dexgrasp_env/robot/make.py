@@ -33,7 +33,7 @@ def _stated(entry: Fields) -> Fields:
 def frame_entry(T_body: Array, T: Array) -> dict[str, list[float]]:
     """Return a frame (4, 4) in that of a body as files state it."""
     found = placed(np.linalg.inv(T_body) @ T)
-    return {"position": np.round(found["pos"], 6).tolist(), "quat_wxyz": np.round(found["quat"], 9).tolist()}
+    return {"position": found["pos"].round(6).tolist(), "quat_wxyz": found["quat"].round(9).tolist()}
 
 
 class HandMaker(Part):
@@ -56,7 +56,8 @@ class HandMaker(Part):
         if len(self.chains) < 3:
             raise InputError(f"{path} has {len(self.chains)} fingers: valid are three or more")
         self._tips = [self._tip(chain) for chain in self.chains]
-        thumb = self._find_thumb()
+        ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
+        thumb = int(np.argmin((ways @ ways.T).sum(1)))  # points and faces least as the others do
         self.chains.append(self.chains.pop(thumb))  # the thumb comes last
         self._tips.append(self._tips.pop(thumb))
         self.bases = self.data.xanchor[[self.model.body_jntadr[chain[0]] for chain in self.chains]]
@@ -100,11 +101,6 @@ class HandMaker(Part):
         T[:3, 3] -= self.radius * (T[:3, 0] + T[:3, 2])
         return T
 
-    def _find_thumb(self) -> int:
-        """The finger that points and faces least as the others do."""
-        ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
-        return int(np.argmin((ways @ ways.T).sum(1)))
-
     def _palm_frame(self) -> Array:
         others = [T for T, _ in self._tips[:-1]]
         z = np.mean([T[:3, 2] for T in others], axis=0)
@@ -128,10 +124,12 @@ class HandMaker(Part):
                 "frame": frame_entry(self.pose(chain[-1]), self.tip(k)),
                 "aside": self._aside(k, self.bases[near].mean(0)) if idle else (),
             }))  # fmt: skip
+        # How far the last links reach back from their ends, m.
+        lengths = [np.ptp(self.points(chain[-1]) @ self.tip(k)[:3, 2]) for k, chain in enumerate(self.chains)]
         return _stated({
             **self.head(), "palm": self.model.body(self.palm).name,
             "frame": frame_entry(self.pose(self.palm), self.frame), "tip_radius": self.radius,
-            "tip_length": self._longest() if self.radius < _NARROW else (),
+            "tip_length": float(np.round(max(lengths), 4)) if self.radius < _NARROW else (),
             **self._driven(joints), "held": self.held,
             "fingers": fingers, "grasp": ["thumb", *(names[k] for k in near)],
             "mounts": {"palm_normal": self._mount()},
@@ -142,7 +140,7 @@ class HandMaker(Part):
         joints = self.model.body_jntadr[self.chains[k]]
         low, high = self.ranges(joints).T
         away = self.data.xanchor[joints[0]] - others
-        away -= away @ self.frame[:3, :3][:, 2] * self.frame[:3, 2]
+        away -= away @ self.frame[:3, 2] * self.frame[:3, 2]
         moves = np.cross(self.data.xaxis[joints], self.tip(k)[:3, 3] - self.data.xanchor[joints]) @ away
         moves /= np.linalg.norm(away)
         straight, spreads = np.clip(0.0, low, high), int(np.argmax(np.abs(moves)))
@@ -151,10 +149,10 @@ class HandMaker(Part):
 
     def _driven(self, joints: list[str]) -> Fields:
         """Return limits, gains and tendons as the file says them."""
-        limits, m = self.limits(joints, "hand"), self.model
+        limits = self.limits(joints, "hand")
         tendons = [
             {
-                "joints": [m.joint(j).name for j in own],
+                "joints": [self.model.joint(j).name for j in own],
                 "coefs": [coef / own[max(own)] for coef in own.values()],
             }
             for own in self.tendons().values()
@@ -174,19 +172,14 @@ class HandMaker(Part):
         beside = [round(float(np.linalg.norm(tip - tips[0])), 2) for tip in tips]
         return [near[k] for k in np.argsort(beside, kind="stable")[:2]]
 
-    def _longest(self) -> float:
-        """How far any last link reaches back from its end, m."""
-        lengths = [np.ptp(self.points(chain[-1]) @ self.tip(k)[:3, 2]) for k, chain in enumerate(self.chains)]
-        return float(np.round(max(lengths), 4))
-
     def _mount(self) -> dict[str, list[float]]:
         """The back of the hand on the flange, the palm's middle on the flange's axis."""
-        palm, *fingers = (
+        solids = [
             (self.points(b) - self.frame[:3, 3]) @ self.frame[:3, :3]
             for b in (self.palm, *(chain[0] for chain in self.chains))
-        )
-        back = min(points[:, 0].min() for points in (palm, *fingers))
-        _, y, z = middle(palm)
+        ]
+        back = min(points[:, 0].min() for points in solids)
+        _, y, z = middle(solids[0])
         position = [-z, y, FLANGE + _BEHIND - back]
         return {"position": np.round(position, 6).tolist(), "quat_wxyz": list(_PALM_DOWN)}
 
@@ -202,8 +195,8 @@ def hand_entry(path: Path) -> tuple[Fields, list[str]]:
     value = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
     near = always_near(value, described(value).compile())
     value = replace(value, excluded=near)
-    found = {"excluded": near, "open": open_posture(value, described(value).compile())}
-    return entry | _stated(found), maker.notes
+    open_at = open_posture(value, described(value).compile())
+    return entry | _stated({"excluded": near, "open": open_at}), maker.notes
 
 
 def arm_entry(path: Path) -> tuple[Fields, list[str]]:
@@ -250,10 +243,10 @@ def _reach(part: Part, flange: Array, last: int, shoulder: int) -> float:
     local = np.linalg.inv(part.pose(last)) @ flange[:, 3]
     low, high = part.ranges().T
     drawn = np.random.default_rng(0).uniform(low, high, (4000, len(low)))
-    ways = (
-        (pose_of(data.body(last)) @ local)[:3] - data.xanchor[shoulder] for data in swept(part.model, drawn)
+    return max(
+        float(np.linalg.norm((pose_of(data.body(last)) @ local)[:3] - data.xanchor[shoulder]))
+        for data in swept(part.model, drawn)
     )
-    return max(float(np.linalg.norm(way)) for way in ways)
 
 
 def make_robot(hand: Path | None, arm: Path | None, out: Path) -> list[str]:

@@ -33,7 +33,7 @@ class Part(Description):
         super().__init__(path)
         self.notes = list[str]()
         if self.model.njnt == 0:
-            raise InputError(f"{self.path} has no joints: it is no hand and no arm")
+            raise InputError(f"{path} has no joints: it is no hand and no arm")
         if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
             raise InputError(
                 f"{path} has joints that are no hinges: valid is a hand or an arm of hinges that does not float"
@@ -56,8 +56,8 @@ class Part(Description):
 
     def below(self, body: int) -> list[int]:
         """Return the bodies that hang on a body and have or lead to joints."""
-        children = [b for b in range(1, self.model.nbody) if self.model.body_parentid[b] == body]
-        return [b for b in children if self.model.body_jntnum[b] or self.below(b)]
+        children = np.flatnonzero(self.model.body_parentid == body).tolist()
+        return [b for b in children if b and (self.model.body_jntnum[b] or self.below(b))]
 
     def chain(self, body: int) -> list[int]:
         """Return the jointed bodies from a body to the end of its chain.
@@ -67,11 +67,10 @@ class Part(Description):
         """
         found = []
         while True:
-            if self.model.body_jntnum[body] > 1:
-                raise InputError(
-                    f"body {self._name(body)} has {self.model.body_jntnum[body]} joints: valid is one"
-                )
-            found += [body] if self.model.body_jntnum[body] else []
+            count = self.model.body_jntnum[body]
+            if count > 1:
+                raise InputError(f"body {self._name(body)} has {count} joints: valid is one")
+            found += [body] if count else []
             following = self.below(body)
             if not following:
                 return found
@@ -129,7 +128,7 @@ class Part(Description):
             self.notes.append(f"{kind} stiffness: {_STIFFNESS[kind]} Nm/rad assumed")
             gains = [_STIFFNESS[kind]] * len(numbers)
         self.notes.append(f"{kind} velocity, acceleration, jerk: an MJCF has none, {_RATES[kind]} assumed")
-        low, high = np.round(self.ranges(numbers), 6).T.tolist()
+        low, high = self.ranges(numbers).round(6).T.tolist()
         stiffness = gains[0] if kind == "hand" else gains
         return {"lower": low, "upper": high, **_RATES[kind], "torque": torque, "stiffness": stiffness}
 

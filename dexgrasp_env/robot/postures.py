@@ -37,7 +37,7 @@ def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
             if finger.aside and finger.name not in hand.grasp:
                 drawn[:, [hand.joints.names.index(name) for name in finger.joints]] = finger.aside
         best, free = _widest(hand, model, drawn)
-    return list(np.clip(np.round(best, 4), low, high).tolist())
+    return np.clip(best.round(4), low, high).tolist()
 
 
 def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, bool]:
@@ -80,9 +80,8 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
 
 def _together(hand: Hand, drawn: Array) -> None:
     """Let all fingers but the opposing one bend alike, as far as they are alike."""
-    names = list(hand.joints.names)
-    first = hand.finger(hand.grasp[1])
-    source = [names.index(name) for name in first.joints]
+    names = hand.joints.names
+    source = [names.index(name) for name in hand.finger(hand.grasp[1]).joints]
     for finger in hand.fingers:
         if finger.name != hand.grasp[0] and len(finger.joints) == len(source):
             drawn[:, [names.index(name) for name in finger.joints]] = drawn[:, source]
@@ -100,12 +99,11 @@ def _merit(hand: Hand, data: mujoco.MjData) -> float:
     span = float(np.linalg.norm(between))
     pads = frames[:, :, 0] @ (between / max(span, 1e-6))
     facing = pads[0] - pads[1:].mean()
-    level = np.ptp(tips[:, 0]) / _LENGTH
     return float(
         facing
         + frames[:, 0, 2].min()
         - abs(span - _SPAN) / _LENGTH
-        - level
+        - np.ptp(tips[:, 0]) / _LENGTH
         - 20.0 * (tips[:, 0].min() < 0.02)
     )
 
@@ -127,7 +125,7 @@ def home_posture(arm: Arm, model: mujoco.MjModel) -> tuple[list[float], bool]:
         q = _flange_down(arm, data, start, (low, high))
         if q is not None and (merit := _room(arm, data) - _strain(q, low, high).max()) > best:
             best, found = merit, q
-    return list(np.round(found, 4).tolist()), bool(np.isfinite(best))
+    return found.round(4).tolist(), bool(np.isfinite(best))
 
 
 def _flange_down(arm: Arm, data: mujoco.MjData, q: Array, limits: Any) -> Array | None:

@@ -16,7 +16,7 @@ from dexgrasp_env.valid import NAMES, WORD, Names, Word, check, read
 SCHEMA = 1
 _HEAD = ("schema", "kind", "licence")
 SETTINGS = tuple(field.name for field in fields(Joints) if field.name != "names")
-_GAINS = ("stiffness", "damping")
+_GAINS = {"stiffness", "damping"}
 
 
 def read_joints(part: str, given: Mapping[str, Any], names: Names) -> Joints:
@@ -54,7 +54,7 @@ def narrowed(part: str, given: Mapping[str, Any], maker: Joints, home: Numbers) 
         if key not in own:
             raise unknown_name(f"setting of {part}", key, own)
     joints = read_joints(part, {**own, **given}, maker.names)
-    for key in own.keys() - set(_GAINS):
+    for key in own.keys() - _GAINS:
         sign, most = (-1.0, "least") if key == "lower" else (1.0, "most")
         for joint, (value, bound) in enumerate(zip(getattr(joints, key), own[key], strict=True)):
             if sign * value > sign * bound:
