@@ -86,8 +86,8 @@ def _cell_of(points: Array) -> float:
 
 def _means(which: Index, rows: Array) -> Array:
     """Return the mean row of each number."""
-    sums = [np.bincount(which, column) for column in rows.T]
-    return np.stack(sums, axis=1) / np.maximum(np.bincount(which), 1)[:, None]
+    sums = np.stack([np.bincount(which, column) for column in rows.T], axis=1)
+    return sums / np.maximum(np.bincount(which), 1)[:, None]
 
 
 def _to_the_air(points: Array, normals: Array, cell: float) -> Array:
@@ -125,7 +125,7 @@ def _patches(points: Array, normals: Array, cell: float) -> Index:
 
 def _seams(
     points: Array, normals: Array, patches: Index, plane: Plane, cell: float
-) -> tuple[NDArray[Any], Array, NDArray[Any]]:
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return pairs of patches (S, 2) that lie close, the sum of what parts them, and over how many pairs of points."""
     from scipy.spatial import cKDTree
 
@@ -146,9 +146,8 @@ def _seams(
     )
     low, high = np.sort(patches[pairs], axis=1).T
     seams, which = np.unique(low * len(points) + high, return_inverse=True)
-    both = np.stack([seams // len(points), seams % len(points)], axis=1)
-    sums: NDArray[Any] = np.bincount(which, parts, len(seams))
-    return both, sums, np.bincount(which, minlength=len(seams))
+    both = np.stack(np.divmod(seams, len(points)), axis=1)
+    return both, np.bincount(which, parts, len(seams)), np.bincount(which, minlength=len(seams))
 
 
 def _join(
@@ -189,9 +188,8 @@ def _join(
 
     while heap and heap[0][0] < 0.0:
         mean, i, j, link = heapq.heappop(heap)
-        if seams[i].get(j, (0.0, 0))[1] != link:  # one of them has grown since
-            continue
-        if bridge(mean, i, j, link):
+        has_grown = seams[i].get(j, (0.0, 0))[1] != link  # one of them, since
+        if has_grown or bridge(mean, i, j, link):
             continue
         weakest[i] = max(weakest[i], weakest[j], mean if min(sizes[i], sizes[j]) >= LEAST_POINTS else -np.inf)
         sizes[i] += sizes[j]

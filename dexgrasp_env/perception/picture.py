@@ -81,8 +81,9 @@ def _draw(
 
     drawn = [points] if len(points) else []
     if true_mesh is not None:
-        triangles = np.asarray(true_mesh.triangles)
-        axes.add_collection3d(Poly3DCollection(triangles, facecolor="0.45", alpha=0.35, label="true mesh"))
+        axes.add_collection3d(
+            Poly3DCollection(np.asarray(true_mesh.triangles), facecolor="0.45", alpha=0.35, label="true mesh")
+        )
         drawn.append(np.asarray(true_mesh.vertices))
     if hull is not None:
         edges = np.asarray(hull.vertices)[np.asarray(hull.edges_unique)]

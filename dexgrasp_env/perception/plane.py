@@ -86,8 +86,7 @@ def fit_plane(
         return None
     normals = normals[fit] / (length * np.sign(normals[:, 2]))[fit, None]
     offsets = (normals * triples[fit, 0]).sum(-1)
-    score = (np.abs(pool @ normals.T - offsets) < TOLERANCE).sum(0)
-    best = int(score.argmax())
+    best = (np.abs(pool @ normals.T - offsets) < TOLERANCE).sum(0).argmax()
     return refine_plane(near, normals[best], float(offsets[best]), TOLERANCE, min_inliers)
 
 
@@ -95,16 +94,14 @@ def refine_plane(
     points: Array, normal: Array, offset: float, tolerance: float = TOLERANCE, min_inliers: int = 200
 ) -> Plane | None:
     """Return the least-squares plane of the points within `tolerance` m of a first guess, None if too few."""
-    rms, count = np.inf, 0
     for _ in range(3):
         distance = np.einsum("ij,j->i", points, normal) - offset
         inliers = points[np.abs(distance) < tolerance]
-        count = len(inliers)
-        if count < min_inliers:
+        if len(inliers) < min_inliers:
             return None
         normal, offset, rms = _least_squares(inliers)
         tolerance = min(tolerance, max(3.0 * rms, 5e-4))
-    return Plane(normal, offset, rms, count)
+    return Plane(normal, offset, rms, len(inliers))
 
 
 def _least_squares(points: Array) -> tuple[Array, float, float]:
@@ -153,8 +150,6 @@ def view_corrections(cloud: Cloud, plane: Plane, views: int) -> Array:
     table = np.abs(plane.heights(cloud.points)) < _COMMON
     for k in range(views):
         own = cloud.points[table & (cloud.camera == k)]
-        if len(own) < _LEAST_VIEW:
-            continue
         fit = refine_plane(own, plane.normal, plane.offset, _COMMON, _LEAST_VIEW)
         if fit is not None:
             corrections[k] = _onto(fit, plane, own.mean(0))

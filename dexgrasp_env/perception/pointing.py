@@ -55,8 +55,8 @@ class Pointing:
             InputError: for a mask of another shape than the cloud's images or rows.
         """
         if self.mask is not None:
-            rows = " x ".join(map(str, cloud.shape))
             if np.size(self.mask) != np.prod(cloud.shape, dtype=int):
+                rows = " x ".join(map(str, cloud.shape))
                 raise InputError(
                     f"the mask has shape {np.shape(self.mask)}: valid is one value each of {rows}"
                 )
@@ -114,11 +114,12 @@ def point_of_pixel(folder: Path, camera: str, u: int, v: int) -> Array:
     images = {image.camera.name: image for image in read_cameras(folder / CAMERAS_FILE)}
     if camera not in images:
         raise unknown_name("camera", camera, images)
-    lens = images[camera].camera.intrinsics
+    image = images[camera]
+    lens = image.camera.intrinsics
     if not (0 <= u < lens.width and 0 <= v < lens.height):
         last = f"{lens.width - 1} {lens.height - 1}"
         raise InputError(f"pixel {u} {v} is outside camera {camera}: valid is 0 0 to {last}")
-    point: Array = deproject(images[camera].read(folder), images[camera].camera)[v, u]
+    point = deproject(image.read(folder), image.camera)[v, u]
     if not np.isfinite(point).all():
         raise InputError(f"camera {camera} has no depth at pixel {u} {v}: point at one beside it")
     return point

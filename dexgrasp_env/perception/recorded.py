@@ -132,7 +132,7 @@ def _in_metres(cloud: Cloud) -> Cloud:
     """Return what is around the base, thinned to one point a voxel, the first of each."""
     if len(cloud) < MIN_POINTS:
         raise _NoObjectError(EMPTY, f"{len(cloud)} points")
-    if float(np.median(np.abs(cloud.points).max(axis=1))) > _LARGEST:
+    if np.median(np.abs(cloud.points).max(axis=1)) > _LARGEST:
         raise _NoObjectError(UNIT, f"median distance from the base {np.median(np.abs(cloud.points)):.0f}")
     cloud = crop(cloud, (-_ROOM,) * 3, (_ROOM,) * 3)
     _, first = np.unique(cells_of(cloud.points, _VOXEL), return_index=True)
@@ -162,7 +162,7 @@ def _levelled(
     middle = 0.5 * (np.array(CROP_LOW) + CROP_HIGH)
     middle[2] = (leaning.offset - leaning.normal[:2] @ middle[:2]) / leaning.normal[2]
     height = leaning.offset - leaning.normal @ cell.base
-    about = np.array(cell.base) if abs(height - cell.table_height) < _TABLE_OFF else middle
+    about = cell.base if abs(height - cell.table_height) < _TABLE_OFF else middle
     turned = cloud.moved((cloud.points - about) @ R.T + about)
     plane = _find_table(turned, rng)
     _check_height(plane, cell)

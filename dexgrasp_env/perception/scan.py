@@ -48,34 +48,30 @@ def read_pcd(path: Path) -> Array:
         table = np.loadtxt(file, ndmin=2, max_rows=count)
         if len(table) < count:
             raise InputError(f"{path} ends after {len(table)} of {count} points: it was cut off")
-        return np.asarray(table[:, [sum(repeats[:k]) for k in columns]])
+        return table[:, [sum(repeats[:k]) for k in columns]]
     packed, body = kind == "binary_compressed", file.read()
     if not packed and kind != "binary":
         raise InputError(f"{path}: PCD data {kind!r} is none of ascii, binary and binary_compressed")
     kinds = zip(header["TYPE"], map(int, header["SIZE"]), repeats, strict=True)
-    row = np.dtype([(f"f{i}", f"<{_KINDS[letter]}{size}", (n,)) for i, (letter, size, n) in enumerate(kinds)])
-    check_bytes(count * row.itemsize, f"{path} unpacked", ".pcd")
+    row = np.dtype([(f"f{i}", f"<{_KINDS[letter]}{wide}", (n,)) for i, (letter, wide, n) in enumerate(kinds)])
+    size = count * row.itemsize
+    check_bytes(size, f"{path} unpacked", ".pcd")
     if packed:  # the fields follow each other, instead of the points
-        body, row = _unpacked(body, count * row.itemsize, path), _whole(row, count)
-    elif len(body) < count * row.itemsize:
+        body = _unpacked(body, size, path)
+        row = np.dtype([(name, row[name], (count,)) for name in row.names or ()])
+    elif len(body) < size:
         raise InputError(f"{path} ends after {len(body) // row.itemsize} of {count} points: it was cut off")
-    records: NDArray[Any] = np.frombuffer(body, row, 1 if packed else count)
-    fields = [records[f"f{k}"].reshape(count, -1)[:, 0] for k in columns]
-    return np.stack(fields, axis=1).astype(float)
-
-
-def _whole(row: np.dtype[Any], count: int) -> np.dtype[Any]:
-    """Return what holds `count` rows, one field after the other."""
-    return np.dtype([(name, row[name], (count,)) for name in row.names or ()])
+    records = np.frombuffer(body, row, 1 if packed else count)
+    return np.stack([records[f"f{k}"].reshape(count, -1)[:, 0] for k in columns], axis=1).astype(float)
 
 
 def _unpacked(body: bytes, size: int, path: Path) -> bytes:
     """Return `size` bytes that were packed by LZF."""
     from dexgrasp_env.perception.lzf import unpack
 
-    sizes = np.frombuffer(body, "<u4", 2)
-    data = unpack(np.frombuffer(body[8 : 8 + int(sizes[0])], np.uint8), size)
-    if data is None or int(sizes[1]) != size:
+    packed, whole = np.frombuffer(body, "<u4", 2).tolist()
+    data = unpack(np.frombuffer(body[8 : 8 + packed], np.uint8), size)
+    if data is None or whole != size:
         raise InputError(f"{path}: its compressed points are damaged or cut off")
     return data.tobytes()
 
@@ -157,8 +153,9 @@ class DepthImage:
         """Return the depth (H, W) m."""
         path, lens = folder / self.depth, self.camera.intrinsics
         check_scan(path)
-        is_png = path.suffix.lower() == ".png"
-        scale = (0.001 if is_png else 1.0) if self.depth_scale is None else self.depth_scale
+        scale = self.depth_scale
+        if scale is None:
+            scale = 0.001 if path.suffix.lower() == ".png" else 1.0
         with understood(path, "a depth image"):
             image = _array(path)
             if image.shape != (lens.height, lens.width):
@@ -229,13 +226,14 @@ def read_scan(path: Path, unit: str = "m") -> Cloud:
                 f"{path} is a folder: depth_scale in its {CAMERAS_FILE} gives the unit of its images"
             )
         return read_views(path)
-    if path.suffix.lower() not in READERS:
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
         raise InputError(f"{path}: valid clouds are {', '.join(READERS)}, or a folder with {CAMERAS_FILE}")
     check_scan(path)
     with understood(path, "a point cloud"):
-        points = READERS[path.suffix.lower()](path)
+        points = reader(path)
     cloud = cloud_of(points, str(path))
-    return replace(cloud, points=cloud.points * UNITS[unit])
+    return cloud.moved(cloud.points * UNITS[unit])
 
 
 def cloud_of(points: Any, source: str = "points") -> Cloud:
@@ -259,12 +257,11 @@ def cloud_of(points: Any, source: str = "points") -> Cloud:
     except (TypeError, ValueError):
         raise InputError(f"{source}: a cloud is an array of numbers, (N, 3) in metres") from None
     known = np.flatnonzero(np.isfinite(rows).all(1)).astype(np.int32)
-    shape, rows = rows.shape[:1], np.ascontiguousarray(rows[known])
-    if not len(rows):
+    n = len(known)
+    if not n:
         raise InputError(f"{source} holds no finite point")
-    n = len(rows)
-    up = np.tile([0.0, 0.0, 1.0], (n, 1))
-    return Cloud(rows, up, np.ones(n), np.zeros(n, np.int32), known, shape)
+    up, shape = np.tile([0.0, 0.0, 1.0], (n, 1)), rows.shape[:1]
+    return Cloud(np.ascontiguousarray(rows[known]), up, np.ones(n), np.zeros(n, np.int32), known, shape)
 
 
 def _read_ply(path: Path) -> Array:

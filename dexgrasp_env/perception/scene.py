@@ -160,6 +160,6 @@ def _around(observation: Mapping[str, Any]) -> tuple[tuple[ObjectCloud, ...], Ob
         return (), ObjectCloud()
     points, normals, finite = _read(observation, "around")
     labels = np.where(finite, observation["around_labels"], 0)
-    numbers = [number for number in np.unique(labels) if number > 0]
-    *neighbours, rest = (ObjectCloud(points[labels == k], normals[labels == k]) for k in [*numbers, REST])
+    numbers = [*np.unique(labels[labels > 0]), REST]
+    *neighbours, rest = (ObjectCloud(points[labels == k], normals[labels == k]) for k in numbers)
     return tuple(neighbours), rest

@@ -1,6 +1,5 @@
 """Depth images to the scene with one object, or the reason why there is none, and what else stands on the table."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -49,10 +48,8 @@ TOO_FEW = "too_few_points"
 NO_PLANE = "plane_not_found"
 COUNT = 1024  # points of an object that is meant, at most
 MIN_POINTS = 40  # fewer raw points are no object
-CROP_LOW, CROP_HIGH = (
-    (0.28, -0.40, -0.03),
-    (0.78, 0.40, 0.30),
-)  # m, of the box in which objects are looked for
+# m, of the box in which objects are looked for
+CROP_LOW, CROP_HIGH = (0.28, -0.40, -0.03), (0.78, 0.40, 0.30)
 SIGMAS = 4.5  # points lower than this many times the table's noise, at their depth, are table
 LINK = 0.015  # m: an object's points are linked by steps of at most this
 STRIDE = 7  # every so many-th pixel goes into the fits of the table
@@ -127,19 +124,17 @@ def in_words(place: Array, sides: Array) -> str:
 
 def listed(scene: Scene, base: Array) -> list[Seen]:
     """Return the objects that a scene shows, `base` (3,) m being where the robot's base is in the world."""
+    from scipy.spatial import cKDTree
+
     shown = [one for one in (scene.target, *scene.neighbours) if len(one)]
-    clouds: Sequence[Array] = [one.points for one in shown]
-    gaps = np.array([[_gap(a, b) if a is not b else np.inf for b in clouds] for a in clouds])
+    clouds = [one.points for one in shown]
+    gaps = np.array(
+        [[cKDTree(a).query(b)[0].min() if a is not b else np.inf for b in clouds] for a in clouds]
+    )
     return [
         Seen(k, middle(points) - base, np.ptp(points, axis=0), float(own.min()), float(own[0]), one.doubtful)
         for k, (one, points, own) in enumerate(zip(shown, clouds, gaps, strict=True), start=1)
     ]
-
-
-def _gap(a: Array, b: Array) -> float:
-    from scipy.spatial import cKDTree
-
-    return float(cKDTree(a).query(b)[0].min())
 
 
 def segment(
