@@ -7,7 +7,7 @@ import numpy as np
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.shape.completion import completed_corners
 from dexgrasp.shape.target import PART_FACES, Parts, corners_of
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import cells_of
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
@@ -74,8 +74,8 @@ def _smaller(corners: Array, give: float) -> Array:
     """Return corners (N, 3) m of a part whose sides and top are `give` m farther in, its foot where it was."""
     if not give:
         return corners
-    low, high = corners.min(0), corners.max(0)
-    foot, half = np.array([*0.5 * (low + high)[:2], low[2]]), np.array([0.5, 0.5, 1.0]) * (high - low)
+    foot = np.array([*middle(corners)[:2], corners[:, 2].min()])
+    half = np.ptp(corners, axis=0) * [0.5, 0.5, 1.0]
     return foot + np.maximum(half - give, np.minimum(half, _THICK)) / half * (corners - foot)
 
 
@@ -88,9 +88,8 @@ def columns(points: Array) -> Parts:
         held = points[squares == square]
         if len(held) < _LEAST:
             continue
-        low, high = held.min(0), held.max(0)
-        middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), _THICK)
-        low, high = middle - half, middle + half
+        centre, half = middle(held), np.maximum(0.5 * np.ptp(held, axis=0), _THICK)
+        low, high = centre - half, centre + half
         low[2] = 0.0
         boxes.append(np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T)
     return tuple(boxes)

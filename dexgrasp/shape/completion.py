@@ -64,14 +64,13 @@ def completed_corners(
         network: that completes; the shipped one by default.
     """
     points, normals = cloud.points, cloud.normals
-    if plane is None or len(points) < _LEAST_POINTS or one_sidedness(normals) < ONE_SIDED:
-        return cloud_corners(points, plane), None
-    view = View.of(points, normals, plane)
-    support, spread = (network or shipped_network()).complete(view)
-    corners = _corners(support)
-    if corners is None:
-        return cloud_corners(points, plane), None
-    return cloud_corners(corners * UNIT @ view.R + view.origin), Spread(WRITTEN @ view.R, spread)
+    if plane is not None and len(points) >= _LEAST_POINTS and one_sidedness(normals) >= ONE_SIDED:
+        view = View.of(points, normals, plane)
+        support, spread = (network or shipped_network()).complete(view)
+        corners = _corners(support)
+        if corners is not None:
+            return cloud_corners(corners * UNIT @ view.R + view.origin), Spread(WRITTEN @ view.R, spread)
+    return cloud_corners(points, plane), None
 
 
 def _corners(support: Array) -> Array | None:
@@ -86,7 +85,7 @@ def _corners(support: Array) -> Array | None:
     if not ball.success or ball.x[3] < _LEAST_INSIDE:
         return None
     try:
-        corners: Array = HalfspaceIntersection(np.c_[normals, -most], ball.x[:3]).intersections
+        corners = HalfspaceIntersection(np.c_[normals, -most], ball.x[:3]).intersections
     except QhullError:
         return None
     return corners[np.isfinite(corners).all(1)]

@@ -45,7 +45,7 @@ def cloud_corners(points: Array, plane: Plane | None = None) -> Array | None:
         dropped = points - heights[:, None] * plane.normal
         points = np.concatenate([points, dropped[heights < REACH], np.median(dropped, axis=0, keepdims=True)])
     try:
-        return np.asarray(points[ConvexHull(points).vertices])
+        return points[ConvexHull(points).vertices]
     except QhullError:  # all points in a plane or on a line
         return None
 
@@ -108,7 +108,7 @@ def _moved(points: Array, excess: Array, outward: Array) -> Array:
     """Move points (M, 3) back by the most that they stick out of limits in directions (K, 3): `excess` (K, M)."""
     worst = excess.argmax(axis=0)
     back = np.maximum(excess[worst, np.arange(len(points))], 0.0)
-    return np.asarray(points - back[:, None] * outward[worst])
+    return points - back[:, None] * outward[worst]
 
 
 @cache

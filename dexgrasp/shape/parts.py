@@ -85,7 +85,7 @@ class _Piece:
 
     def depths(self) -> Array:
         """Return how far the points lie inside the hull (N,) m."""
-        return np.asarray(-(self.points @ self.planes[:, :3].T + self.planes[:, 3]).max(1))
+        return -(self.points @ self.planes[:, :3].T + self.planes[:, 3]).max(1)
 
     def notches(self) -> Array:
         """Return the deepest points (K, 3) inside the hull, apart from each other, deepest first."""

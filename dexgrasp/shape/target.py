@@ -124,8 +124,7 @@ class GraspTarget:
         """
         if self.seen is None:
             return np.ones(points.shape[:-1], bool)
-        distance: Array = self._seen_tree.query(_raised(points))[0]
-        return distance < _GAP
+        return self._seen_tree.query(_raised(points))[0] < _GAP
 
     @cached_property
     def _seen_tree(self) -> "cKDTree":
@@ -226,7 +225,7 @@ def hull_volume(distance: ConvexDistance) -> tuple[float, Array]:
 def volume_centre(distance: ConvexDistance) -> Array:
     """Return the centre of mass (3,) m of parts of one density; where they overlap, both count."""
     volumes, centres = map(np.array, zip(*map(volume_and_centre, distance.parts), strict=True))
-    return np.asarray(centres[0] if len(centres) == 1 else volumes @ centres / volumes.sum())
+    return centres[0] if len(centres) == 1 else volumes @ centres / volumes.sum()
 
 
 def assumed_mass(volume: float) -> float:
