@@ -38,7 +38,7 @@ def array(*shape: int | None) -> Rule:
 
 def _has_words(value: Any) -> bool:
     if isinstance(value, list):
-        return any(_has_words(item) for item in value)
+        return any(map(_has_words, value))
     return isinstance(value, str | bool)
 
 
@@ -53,8 +53,7 @@ def fibonacci_directions(count: int) -> Array:
 
 def unit(vectors: Array) -> Array:
     """Return vectors (..., n) at length 1; those without a length stay about 0."""
-    lengths: Array = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.maximum(lengths, 1e-9)
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
 
 
 def middle(points: Array) -> Array:

@@ -31,8 +31,6 @@ with from_extra():
     from dm_control.rl import control
     from dm_env import specs
 
-_PREFIX = "DexGrasp/"
-
 
 def load(
     objects: str | list[str] | tuple[str, ...] = "ycb6",
@@ -57,10 +55,9 @@ def load(
     Raises:
         InputError: if an argument is wrong.
     """
-    if env_id not in gym.registry or not env_id.startswith(_PREFIX):
-        raise unknown_name(
-            "env_id", env_id, sorted(name for name in gym.registry if name.startswith(_PREFIX))
-        )
+    known = sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
+    if env_id not in known:
+        raise unknown_name("env_id", env_id, known)
     task = Task(gym.make(env_id, objects=objects, disable_env_checker=True, **kwargs), seed)
     return control.Environment(
         Physics(task.inner.simulation), task, n_sub_steps=task.inner.settings.frame_skip,
@@ -79,11 +76,11 @@ class Physics(dm_mujoco.Physics):
 
     def __init__(self, simulation: Simulation) -> None:
         super().__init__(MjData(simulation.data))
-        self._shown = (simulation, simulation.variation.size)
+        self._shown = simulation, simulation.variation.size
 
     def show(self, simulation: Simulation) -> None:
         """Take over the scene of a new episode; a GL context holds meshes in the size that they had."""
-        shown = (simulation, simulation.variation.size)
+        shown = simulation, simulation.variation.size
         if shown != self._shown:
             self._shown = shown
             self._reload_from_data(MjData(simulation.data))

@@ -205,7 +205,7 @@ def content_hash(*parts: object) -> str:
     for part in parts:
         if isinstance(part, np.ndarray):
             digest.update(f"{part.dtype}{part.shape}".encode())
-            digest.update(np.ascontiguousarray(part).tobytes())
+            digest.update(part.tobytes())
         else:
             digest.update(repr(part).encode())
     return digest.hexdigest()[:16]
@@ -343,7 +343,7 @@ def printable_stem(path: Path) -> str:
 
 def jsonable(value: Any) -> Any:
     """Return a value as JSON can hold it: arrays as lists, NaN and infinities as None, the unknown as text."""
-    if value is None or isinstance(value, bool | str):
+    if isinstance(value, bool | str | None):
         return value
     if isinstance(value, np.generic | np.ndarray):
         return jsonable(value.tolist())

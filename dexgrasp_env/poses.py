@@ -77,8 +77,7 @@ def matrix_to_quat(R: Array) -> Array:
 
 def frame_of_z(z: Array) -> Array:
     """Return a rotation matrix (3, 3) whose last column is a unit vector (3,)."""
-    helper = np.eye(3)[int(np.argmin(np.abs(z)))]
-    x = np.cross(helper, z)
+    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z], axis=-1)
 

@@ -137,19 +137,14 @@ def _use(backend: str) -> None:
         return
     added = [name for name in ("MUJOCO_GL", "PYOPENGL_PLATFORM") if not os.environ.get(name)]
     os.environ.update(dict.fromkeys(added, backend))
-    try:
-        _reload_context_module()
+    try:  # MuJoCo reads MUJOCO_GL when it is imported; we know the answer only now
+        from mujoco.rendering.classic import gl_context
+
+        importlib.reload(gl_context)
     except BaseException:
         for name in added:
             del os.environ[name]
         raise
-
-
-def _reload_context_module() -> None:
-    """MuJoCo reads MUJOCO_GL when it is imported; we know the answer only now."""
-    from mujoco.rendering.classic import gl_context
-
-    importlib.reload(gl_context)
 
 
 SHOW_CAMERAS = ("front", "grasp")
@@ -170,12 +165,8 @@ def show_camera(
     if name not in SHOW_CAMERAS:
         return name
     camera = mujoco.MjvCamera()
-    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (
-        [0.36, 0.0, 0.30],
-        1.45,
-        146.0,
-        -20.0,
-    )
+    camera.lookat[:] = 0.36, 0.0, 0.30
+    camera.distance, camera.azimuth, camera.elevation = 1.45, 146.0, -20.0
     if name == "grasp":
         assert data is not None and robot is not None
         camera.lookat[:] = np.mean([data.site(site).xpos for site in (robot.hand.palm, *robot.tips)], axis=0)

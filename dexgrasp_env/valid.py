@@ -181,11 +181,12 @@ def hints(kind: Any) -> dict[str, Hint]:
 
 def hint_of(annotation: Any) -> Hint:
     """Return what an annotation says."""
-    optional, marks = False, cast(tuple[Any, ...], ())
+    optional = False
+    marks: tuple[Any, ...] = ()
     while True:
         parts = get_args(annotation)
         if get_origin(annotation) is Annotated:
-            annotation, marks = parts[0], (*parts[1:], *marks)
+            annotation, marks = parts[0], parts[1:] + marks
         elif get_origin(annotation) in (Union, types.UnionType) and types.NoneType in parts:
             optional, annotation = True, reduce(or_, (part for part in parts if part is not types.NoneType))
         else:
