@@ -124,7 +124,7 @@ def use_offscreen_gl() -> None:
     """Settle on a backend before another library does, where there is no screen; nothing without a backend."""
     backend = choose_gl()
     if (
-        backend is not None
+        backend
         and backend not in _OFF
         and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
     ):

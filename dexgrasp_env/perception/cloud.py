@@ -209,8 +209,7 @@ def smooth(cloud: Cloud, queries: Cloud, noise: float, radius: float = 0.010) ->
 
     points, at = np.ascontiguousarray(cloud.points), np.ascontiguousarray(queries.points)
     centres, normals, residuals = local_planes(at, points, cloud.depth**-4.0, radius, _FEWEST)
-    facing = (normals * queries.views).sum(-1, keepdims=True)
-    normals = np.where(facing < 0, -normals, normals)
+    normals = np.where((normals * queries.views).sum(-1, keepdims=True) < 0, -normals, normals)
     normals = np.where((normals**2).sum(-1, keepdims=True) < 0.5, queries.views, normals)
     offset = ((queries.points - centres) * normals).sum(-1)
     # Where the spread across the plane is more than noise, the surface is bent: trust the point more.

@@ -80,7 +80,7 @@ def _cell_of(points: Array) -> float:
     from scipy.spatial import cKDTree
 
     few = points[:: max(1, len(points) // _JUDGED)]
-    spacing = float(np.median(cKDTree(points).query(few, k=2)[0][:, 1]))
+    spacing = np.median(cKDTree(points).query(few, k=2)[0][:, 1])
     return float(np.clip(_SPACINGS * spacing, *_CELLS))
 
 

@@ -248,7 +248,7 @@ def _choose(found: list[Cloud], points: int, near: Array | None, base: Array) ->
         raise _NoObjectError(NO_OBJECT, f"{points} points above the table")
     inside = [k for k, one in enumerate(found) if _in_reach(one)]
     if near is not None:
-        gaps = [float(np.linalg.norm(c.points - near, axis=1).min()) for c in found]
+        gaps = [np.linalg.norm(c.points - near, axis=1).min() for c in found]
         best = int(np.argmin(gaps))
         if gaps[best] > _NEAR:
             raise _NoObjectError(NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away")

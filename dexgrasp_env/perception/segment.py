@@ -60,11 +60,11 @@ REASONS = (OUT_OF_VIEW, TOO_FEW, NO_PLANE)
 def objects_of(cloud: Cloud, parting: Parting) -> list[int]:
     """Return the numbers of those things on the table that are objects, the largest first."""
     counts = np.bincount(parting.labels)
-    sides = {
-        int(k): longest_side(cloud.points[parting.labels == k])
-        for k in np.flatnonzero(counts >= LEAST_POINTS)
-    }
-    found = [k for k, side in sides.items() if LEAST_EXTENT <= side <= MOST_EXTENT]
+    found = [
+        k
+        for k in np.flatnonzero(counts >= LEAST_POINTS).tolist()
+        if LEAST_EXTENT <= longest_side(cloud.points[parting.labels == k]) <= MOST_EXTENT
+    ]
     return sorted(found, key=lambda k: -counts[k])
 
 
@@ -86,8 +86,7 @@ def object_cloud(
         return ObjectCloud()
     if not cameras_known:
         cloud = replace(cloud, views=unit(cloud.points - middle(cloud.points)))
-    rng = rng or np.random.default_rng(len(cloud))
-    chosen = cloud.select(downsample(cloud.points, count, rng))
+    chosen = cloud.select(downsample(cloud.points, count, rng or np.random.default_rng(len(cloud))))
     points, normals = smooth(cloud, chosen, 0.0 if plane is None else plane.rms)
     return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubtful)
 

@@ -113,13 +113,13 @@ class _Rebuilt(Description):
         ):
             for name in given:
                 if name not in known:
-                    raise InputError(f"{self.part.mjcf} has no {what} {name!r}")
+                    raise InputError(f"{self.path} has no {what} {name!r}")
         if more := sorted(own - set(self.part.joints.names + self.held)):
-            raise InputError(f"joint {more[0]!r} of {self.part.mjcf} is not named: every joint has to be")
+            raise InputError(f"joint {more[0]!r} of {self.path} is not named: every joint has to be")
         if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
-            raise InputError(f"{self.part.mjcf} has joints that are no hinges: they are not supported yet")
+            raise InputError(f"{self.path} has joints that are no hinges: they are not supported yet")
         if self.model.neq or (self.model.ntendon and not (self.hand and self.hand.tendons)):
-            raise InputError(f"{self.part.mjcf} couples joints (equality, tendon): that is not supported yet")
+            raise InputError(f"{self.path} couples joints (equality, tendon): that is not supported yet")
 
     def _owner(self, body: int) -> str:
         """The named body that a body is, or hangs on without a joint; empty for what the part does not begin with."""
@@ -129,7 +129,7 @@ class _Rebuilt(Description):
                 return str(name)
             joints = map(self.model.joint, np.flatnonzero(self.model.jnt_bodyid == body))
             if any(joint.name not in self.held for joint in joints):
-                raise InputError(f"body {name!r} of {self.part.mjcf} is not named")
+                raise InputError(f"body {name!r} of {self.path} is not named")
             body = self.model.body_parentid[body]
         return self.part.bodies[0]
 
@@ -141,7 +141,8 @@ class _Rebuilt(Description):
             W[part.palm] = end
             for finger in part.fingers:
                 assert finger.frame is not None
-                W[finger.bodies[-1]][:3, :3] = (W[finger.bodies[-1]] @ matrix(finger.frame))[:3, :3]
+                T = W[finger.bodies[-1]]
+                T[:3, :3] = (T @ matrix(finger.frame))[:3, :3]
             return W
         W[part.bodies[0]] = np.eye(4)
         for name, joint in zip(part.bodies[1:], part.joints.names, strict=True):
@@ -181,7 +182,8 @@ class _Rebuilt(Description):
             R, away = self.data.ximat[b].reshape(3, 3), self.data.xipos[b] - centre
             inertia += R @ np.diag(self.model.body_inertia[b]) @ R.T
             inertia += m * (away @ away * np.eye(3) - np.outer(away, away))
-        R, p = self.W[body.name][:3, :3], self.W[body.name][:3, 3]
+        W = self.W[body.name]
+        R, p = W[:3, :3], W[:3, 3]
         inertia = R.T @ inertia @ R
         body.explicitinertial, body.mass, body.ipos = True, mass.sum(), R.T @ (centre - p)
         body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
@@ -191,7 +193,8 @@ class _Rebuilt(Description):
         if not old.jntnum[0] or body.name == self.part.bodies[0]:
             return
         joint = self.model.joint(old.jntadr[0])
-        R, p = self.W[body.name][:3, :3], self.W[body.name][:3, 3]
+        W = self.W[body.name]
+        R, p = W[:3, :3], W[:3, 3]
         at, dof = self.data.joint(joint.id), joint.dofadr[0]
         named = self.part.joints
         k = named.names.index(joint.name)
@@ -213,7 +216,7 @@ class _Rebuilt(Description):
         solid = [g for g in own if self.model.geom_contype[g] or self.model.geom_conaffinity[g]]
         for k, g in enumerate([*solid, *(set(own) - set(solid) or solid)]):
             if _GEOM(self.model.geom_type[g]) not in _SHAPES:
-                raise InputError(f"{self.part.mjcf}: body {body.name!r} has a shape that is no solid")
+                raise InputError(f"{self.path}: body {body.name!r} has a shape that is no solid")
             self._add_geom(body, g, f"{body.name}_{k}", k < len(solid))
         for finger in self.hand.fingers if self.hand else ():
             if finger.bodies[-1] == body.name:
@@ -241,7 +244,7 @@ class _Rebuilt(Description):
         solid = [geom for geom in body.geoms if geom.contype]
         if not solid:
             raise InputError(
-                f"{self.part.mjcf}: nothing of body {body.name!r} collides: tip {finger.tip!r} has no shape"
+                f"{self.path}: nothing of body {body.name!r} collides: tip {finger.tip!r} has no shape"
             )
         tip = max(solid, key=lambda geom: self.reach[geom.name][:, 2].max())
         radius = self.hand.tip_radius

@@ -89,7 +89,7 @@ class HandMaker(Part):
             top = local[:, 2].max()
             above, _ = cut(local, top - radius)
             section = above[np.abs(above[:, 2] - (top - radius)) < 1e-9][:, :2]
-            radius = float(np.clip(0.5 * np.ptp(section, axis=0).min(), 0.005, 0.02))
+            radius = np.clip(0.5 * np.ptp(section, axis=0).min(), 0.005, 0.02)
             x, y = middle(section)
             way = T[:3, :3] @ [x, 0.0, top - radius]
         T[:3, 3] += T[:3, :3] @ [section[:, 0].max(), y, top]
@@ -241,8 +241,7 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
 def _reach(part: Part, flange: Array, last: int, shoulder: int) -> float:
     """How far the flange gets from a joint in random postures, m."""
     local = np.linalg.inv(part.pose(last)) @ flange[:, 3]
-    low, high = part.ranges().T
-    drawn = np.random.default_rng(0).uniform(low, high, (4000, len(low)))
+    drawn = np.random.default_rng(0).uniform(*part.ranges().T, (4000, part.model.njnt))
     return max(
         float(np.linalg.norm((pose_of(data.body(last)) @ local)[:3] - data.xanchor[shoulder]))
         for data in swept(part.model, drawn)

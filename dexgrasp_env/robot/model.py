@@ -28,23 +28,23 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
     Raises:
         InputError: for a description that lacks what its file names.
     """
-    robot = cell.robot
-    arm, hand = described(robot.arm), described(robot.hand)
-    _check_names(arm, robot.arm, body=robot.arm.bodies)
-    boxes = [robot.hand.palm] if robot.hand.frame is None else []
-    boxes += [robot.hand.beside_palm] if robot.hand.beside_palm else []
-    sites = [robot.hand.palm, *robot.tips]
-    _check_names(hand, robot.hand, body=robot.hand.bodies, site=sites, geom=[*robot.tips, *boxes])
-    arm.modelname, hand.option = robot.name, arm.option  # a hand may be of other options than an arm
-    link = arm.body(robot.arm.bodies[-1])
-    if robot.arm.adapter:
-        _add_adapter(arm, link, robot.arm.adapter)
-    attach(arm, hand, link.add_frame(pos=robot.mount.position, quat=robot.mount.quat_wxyz))
-    arm.add_exclude(bodyname1=link.name, bodyname2=robot.hand.palm)
-    arm.body(robot.arm.bodies[0]).pos = cell.base
-    set_limits(arm, robot.arm.joints)
-    set_drives(arm, robot.hand)
-    return arm
+    robot, arm, hand = cell.robot, cell.robot.arm, cell.robot.hand
+    spec, other = described(arm), described(hand)
+    _check_names(spec, arm, body=arm.bodies)
+    boxes = [hand.palm] if hand.frame is None else []
+    boxes += [hand.beside_palm] if hand.beside_palm else []
+    sites = [hand.palm, *robot.tips]
+    _check_names(other, hand, body=hand.bodies, site=sites, geom=[*robot.tips, *boxes])
+    spec.modelname, other.option = robot.name, spec.option  # a hand may be of other options than an arm
+    link = spec.body(arm.bodies[-1])
+    if arm.adapter:
+        _add_adapter(spec, link, arm.adapter)
+    attach(spec, other, link.add_frame(pos=robot.mount.position, quat=robot.mount.quat_wxyz))
+    spec.add_exclude(bodyname1=link.name, bodyname2=hand.palm)
+    spec.body(arm.bodies[0]).pos = cell.base
+    set_limits(spec, arm.joints)
+    set_drives(spec, hand)
+    return spec
 
 
 def set_drives(spec: mujoco.MjSpec, hand: Hand) -> None:
@@ -111,12 +111,12 @@ def _check_physical(model: mujoco.MjModel, robot: Robot) -> None:
         ("an inertia", HEAVIEST, (model.body_inertia, model.dof_armature)),
         ("a damping or friction", STIFFEST, (model.dof_damping, model.dof_frictionloss, model.jnt_stiffness)),
     ):
-        worst = max(float(np.abs(np.nan_to_num(v, nan=np.inf)).max(initial=0.0)) for v in values)
+        worst = max(np.abs(np.nan_to_num(v, nan=np.inf)).max(initial=0.0) for v in values)
         if worst > most:
             raise InputError(
                 f"robot {robot.name!r}: {what} of {worst:.3g} in its descriptions: at most {most:g}"
             )
-        least = min(float(v.min(initial=0.0)) for v in values)
+        least = min(v.min(initial=0.0) for v in values)
         if least < 0.0 and most != FARTHEST:
             raise InputError(f"robot {robot.name!r}: {what} of {least:.3g} in its descriptions: at least 0")
 

@@ -156,12 +156,11 @@ class Part(Description):
         """The torque Nm with which any joint bears twice what hangs on it and a load at the end, in any posture."""
         m, data, most = self.model, mujoco.MjData(self.model), 0.0
         end, J = m.nbody - 1, np.zeros((3, m.nv))
-        low, high = self.ranges().T
-        for q in np.random.default_rng(0).uniform(low, high, (500, m.njnt)):
+        for q in np.random.default_rng(0).uniform(*self.ranges().T, (500, m.njnt)):
             data.qpos[:] = q
             mujoco.mj_forward(m, data)
             mujoco.mj_jacBody(m, data, J, None, end)
-            most = max(most, float(np.abs(data.qfrc_bias - data.qfrc_gravcomp + _LOAD * J[2]).max()))
+            most = max(most, np.abs(data.qfrc_bias - data.qfrc_gravcomp + _LOAD * J[2]).max())
         return float(np.ceil(2.0 * most))
 
     def _servos(self) -> dict[int, tuple[int, float]]:
@@ -199,7 +198,7 @@ class Part(Description):
                     m.actuator_ctrlrange[actuator]
                 )
                 found.append(lever * most)
-        return float(min(found)) if found and min(found) > 0 else None
+        return min(found) if found and min(found) > 0 else None
 
 
 _AT_JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)

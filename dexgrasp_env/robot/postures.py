@@ -68,7 +68,7 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
         for a, b in combinations(hand.bodies, 2)
         if model.body_parentid[number[b]] != number[a]
     }
-    drawn = np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (_LOOKS, model.nq))
+    drawn = np.random.default_rng(0).uniform(*hand.joints.ranges, (_LOOKS, model.nq))
     for data in swept(model, drawn):
         for (a, b), least in list(near.items()):
             apart = bodies_apart(data, number[a], number[b], _ALWAYS)
@@ -117,11 +117,11 @@ def home_posture(arm: Arm, model: mujoco.MjModel) -> tuple[list[float], bool]:
         arm: whose limits count.
         model: of the arm alone, frames as here.
     """
-    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    data = mujoco.MjData(model)
     low, high = arm.joints.ranges
     low, high = np.maximum(low, -np.pi) + _EDGE, np.minimum(high, np.pi) - _EDGE
     best, found = -np.inf, 0.5 * (low + high)
-    for start in rng.uniform(low, high, (_STARTS, len(low))):
+    for start in np.random.default_rng(0).uniform(low, high, (_STARTS, len(low))):
         q = _flange_down(arm, data, start, (low, high))
         if q is not None and (merit := _room(arm, data) - _strain(q, low, high).max()) > best:
             best, found = merit, q
@@ -153,6 +153,6 @@ def _room(arm: Arm, data: mujoco.MjData) -> float:
     places = np.array([data.body(name).xpos for name in arm.bodies[2:]])
     J = np.zeros((6, model.nv))
     mujoco.mj_jacBody(model, data, J[:3], J[3:], model.body(arm.bodies[-1]).id)
-    freedom = float(np.linalg.svd(J)[1][-1])
-    aside = 2.0 * float(np.abs(places[:, 1]).max())
+    freedom = np.linalg.svd(J)[1][-1]
+    aside = 2.0 * np.abs(places[:, 1]).max()
     return min(places[:, 2].min(), 0.4) + 5.0 * freedom - aside - 10.0 * bool(data.ncon)
