@@ -52,8 +52,10 @@ def check_file(path: Path, kind: str = "") -> int:
     if not stat.S_ISREG(about.st_mode):
         raise InputError(f"{path} is no regular file: copy what it gives into one")
     kind = kind or path.suffix.lower()
-    if kind == ".ply" and _is_text(path):
-        kind = "ascii .ply"
+    if kind == ".ply":
+        with path.open("rb") as file:
+            if b"format ascii" in file.read(_HEADER):
+                kind = "ascii .ply"
     check_bytes(about.st_size, str(path), kind)
     return about.st_size
 
@@ -101,11 +103,6 @@ def file_hash(path: Path) -> str:
     """Return the SHA-256 of a file, 64 digits."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _is_text(ply: Path) -> bool:
-    with ply.open("rb") as file:
-        return b"format ascii" in file.read(_HEADER)
 
 
 def read_npz(path: Path) -> Arrays:

@@ -66,8 +66,8 @@ def parted(cloud: Cloud, plane: Plane) -> Parting:
     if not np.ptp(cloud.views, axis=0).any():  # nobody knows who saw the points
         normals = _to_the_air(points, normals, cell)
     patches = _patches(points, normals, cell)
-    sizes = np.bincount(patches[which])
-    things, doubtful = _join(sizes, points, patches, *_seams(points, normals, patches, plane, cell))
+    seams = _seams(points, normals, patches, plane, cell)
+    things, doubtful = _join(np.bincount(patches[which]), points, patches, *seams)
     things = things[patches[which]]
     labels = _with_walls(_with_crumbs(cloud.points, things), cloud, _LINK * cell)
     _, labels = np.unique(labels, return_inverse=True)
@@ -164,7 +164,7 @@ def _join(
     sides of a sheet, which is seen from both, hang together by no more.
 
     Args:
-        sizes: (K,) points of each patch.
+        sizes: (K,) points of each patch; those of things when it returns.
         points: (N, 3) m, thinned.
         patches: (N,) of each of these.
         pairs, parts, links: of the seams, as `_seams` returns them.
@@ -177,7 +177,7 @@ def _join(
     ]
     heapq.heapify(heap)
     things, weakest = np.arange(len(sizes)), np.full(len(sizes), -np.inf)
-    sizes, cells = sizes.copy(), np.bincount(patches)
+    cells = np.bincount(patches)
 
     def bridge(mean: float, i: int, j: int, link: int) -> bool:
         """Whether a seam between patches is of stray points alone; the sides of a sheet are joined by few, too."""

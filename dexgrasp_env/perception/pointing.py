@@ -56,9 +56,9 @@ class Pointing:
         """
         if self.mask is not None:
             if np.size(self.mask) != np.prod(cloud.shape, dtype=int):
-                rows = " x ".join(map(str, cloud.shape))
                 raise InputError(
-                    f"the mask has shape {np.shape(self.mask)}: valid is one value each of {rows}"
+                    f"the mask has shape {np.shape(self.mask)}: "
+                    f"valid is one value each of {' x '.join(map(str, cloud.shape))}"
                 )
             return np.asarray(self.mask, dtype=bool).ravel()[cloud.pixel]
         if self.box is not None:
@@ -117,8 +117,9 @@ def point_of_pixel(folder: Path, camera: str, u: int, v: int) -> Array:
     image = images[camera]
     lens = image.camera.intrinsics
     if not (0 <= u < lens.width and 0 <= v < lens.height):
-        last = f"{lens.width - 1} {lens.height - 1}"
-        raise InputError(f"pixel {u} {v} is outside camera {camera}: valid is 0 0 to {last}")
+        raise InputError(
+            f"pixel {u} {v} is outside camera {camera}: valid is 0 0 to {lens.width - 1} {lens.height - 1}"
+        )
     point = deproject(image.read(folder), image.camera)[v, u]
     if not np.isfinite(point).all():
         raise InputError(f"camera {camera} has no depth at pixel {u} {v}: point at one beside it")

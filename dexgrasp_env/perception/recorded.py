@@ -115,7 +115,11 @@ def find_object(
         objects = [(above.select(parting.labels == k), bool(parting.doubtful[k])) for k in numbers]
         if (marked := pointing.marks(above)) is not None:
             parting, number = parting.with_marked(marked)
-            _check_marked(above.select(marked), cell.base)
+            found = above.select(marked)
+            if len(found) < MIN_POINTS:
+                raise _NoObjectError(NOTHING_MARKED, f"{len(found)} points")
+            if not _in_reach(found):
+                raise _NoObjectError(OUT_OF_REACH, _places([found], cell.base))
         else:
             number = numbers[_choose([one for one, _ in objects], len(above), pointing.near, cell.base)]
     except _NoObjectError as refused:
@@ -232,14 +236,6 @@ def _below(cloud: Cloud, plane: Plane) -> float:
     heights = plane.heights(cloud.points)
     off = heights[np.abs(heights) > 0.015]
     return float((off < 0).mean()) if len(off) >= MIN_POINTS else 0.0
-
-
-def _check_marked(found: Cloud, base: Array) -> None:
-    """Raise where what box or mask hold is no object that is in reach."""
-    if len(found) < MIN_POINTS:
-        raise _NoObjectError(NOTHING_MARKED, f"{len(found)} points")
-    if not _in_reach(found):
-        raise _NoObjectError(OUT_OF_REACH, _places([found], base))
 
 
 def _choose(found: list[Cloud], points: int, near: Array | None, base: Array) -> int:

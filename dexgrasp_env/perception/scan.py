@@ -96,13 +96,12 @@ CAMERAS_FILE = "cameras.yaml"
 def check_scan(path: Path) -> None:
     """Raise `InputError` where a file cannot be read, is none, is empty, or is too large for a scan."""
     try:
-        size = check_file(path)
+        if not check_file(path):
+            raise InputError(f"{path} is empty: record it again")
     except InputError:
         raise
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
-    if size == 0:
-        raise InputError(f"{path} is empty: record it again")
 
 
 @contextmanager

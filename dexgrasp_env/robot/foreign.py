@@ -198,7 +198,7 @@ class _Rebuilt(Description):
         at, dof = self.data.joint(joint.id), joint.dofadr[0]
         named = self.part.joints
         k = named.names.index(joint.name)
-        limits = joint.range if joint.limited[0] else [named.lower[k], named.upper[k]]
+        limits = joint.range if joint.limited[0] else named.ranges[:, k]
         rotor = self.model.dof_armature[dof] or _ROTOR["hand" if self.hand else "arm"]
         body.add_joint(
             name=joint.name, axis=np.round(R.T @ at.xaxis, 12),  # so that an axis along z is one

@@ -138,7 +138,7 @@ def set_limits(spec: mujoco.MjSpec, part: Joints) -> None:
     """Give joints and servos their ranges, torques and gains; dampings that none states stay critical."""
     for k, name in enumerate(part.names):
         joint, servo, most = spec.joint(name), spec.actuator(name), part.torque[k]
-        joint.range = [part.lower[k], part.upper[k]]
+        joint.range = part.ranges[:, k]
         joint.actfrcrange = servo.forcerange = [-most, most]
         servo.gainprm[0], servo.biasprm[1] = part.stiffness[k], -part.stiffness[k]
         if part.damping:
