@@ -241,7 +241,8 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
 def _reach(part: Part, flange: Array, last: int, shoulder: int) -> float:
     """How far the flange gets from a joint in random postures, m."""
     local = np.linalg.inv(part.pose(last)) @ flange[:, 3]
-    drawn = np.random.default_rng(0).uniform(*part.ranges().T, (4000, part.model.njnt))
+    low, high = part.ranges().T
+    drawn = np.random.default_rng(0).uniform(low, high, (4000, len(low)))
     return max(
         float(np.linalg.norm((pose_of(data.body(last)) @ local)[:3] - data.xanchor[shoulder]))
         for data in swept(part.model, drawn)

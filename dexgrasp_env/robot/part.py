@@ -156,7 +156,8 @@ class Part(Description):
         """The torque Nm with which any joint bears twice what hangs on it and a load at the end, in any posture."""
         m, data, most = self.model, mujoco.MjData(self.model), 0.0
         end, J = m.nbody - 1, np.zeros((3, m.nv))
-        for q in np.random.default_rng(0).uniform(*self.ranges().T, (500, m.njnt)):
+        low, high = self.ranges().T
+        for q in np.random.default_rng(0).uniform(low, high, (500, m.njnt)):
             data.qpos[:] = q
             mujoco.mj_forward(m, data)
             mujoco.mj_jacBody(m, data, J, None, end)

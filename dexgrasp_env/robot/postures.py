@@ -68,7 +68,7 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
         for a, b in combinations(hand.bodies, 2)
         if model.body_parentid[number[b]] != number[a]
     }
-    drawn = np.random.default_rng(0).uniform(*hand.joints.ranges, (_LOOKS, model.nq))
+    drawn = np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (_LOOKS, model.nq))
     for data in swept(model, drawn):
         for (a, b), least in list(near.items()):
             apart = bodies_apart(data, number[a], number[b], _ALWAYS)
