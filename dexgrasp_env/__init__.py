@@ -39,7 +39,7 @@ def _register(name: str, max_episode_steps: int = _LIMIT, **kwargs: Any) -> None
         register(
             id=f"DexGrasp/{name}-v{version}", entry_point="dexgrasp_env.tasks.lift:LiftEnv",
             vector_entry_point="dexgrasp_env.tasks.vector:LiftVectorEnv", max_episode_steps=max_episode_steps,
-            reward_threshold=threshold, kwargs={**kwargs, **({"version": 1} if version == 1 else {})},
+            reward_threshold=threshold, kwargs=kwargs | {"version": 1} if version == 1 else kwargs,
         )  # fmt: skip
 
 

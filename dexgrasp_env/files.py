@@ -228,7 +228,7 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 def write_json(path: Path, content: object) -> None:
     """Write JSON as a whole."""
-    write_atomically(path, (json.dumps(content, indent=1) + "\n").encode())
+    write_atomically(path, f"{json.dumps(content, indent=1)}\n".encode())
 
 
 def lock(file: IO[bytes], busy: str | None = None) -> None:

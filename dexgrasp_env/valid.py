@@ -13,17 +13,7 @@ from dataclasses import MISSING, fields, is_dataclass
 from functools import cache, reduce
 from operator import or_
 from pathlib import Path
-from typing import (
-    Annotated,
-    Any,
-    NamedTuple,
-    TypeVar,
-    Union,
-    cast,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import Annotated, Any, NamedTuple, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from dexgrasp_env.errors import InputError, unknown_name
 
@@ -62,7 +52,7 @@ def number(
         return plain(value) if known and gt < value < lt and ge <= value <= le else _refuse()
 
     noun = "a whole number" if whole else "a finite number"
-    return Rule(" ".join([noun, " and ".join(bounds)]).strip(), admit, plain)
+    return Rule(f"{noun} {' and '.join(bounds)}".strip(), admit, plain)
 
 
 def one_of(names: Iterable[str]) -> Rule:

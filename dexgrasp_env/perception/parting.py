@@ -151,12 +151,7 @@ def _seams(
 
 
 def _join(
-    sizes: Index,
-    points: Array,
-    patches: Index,
-    pairs: NDArray[Any],
-    parts: Array,
-    links: NDArray[Any],
+    sizes: Index, points: Array, patches: Index, pairs: NDArray[Any], parts: Array, links: NDArray[Any]
 ) -> tuple[Index, Mask]:
     """Join patches; return which thing each is of (K,), and whether thing k is doubtful (K,).
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, middle
 
 if TYPE_CHECKING:
     import trimesh
@@ -97,10 +97,10 @@ def _draw(
 
 
 def _frame(axes: Any, drawn: Array) -> None:
-    centre, half = 0.5 * (drawn.max(0) + drawn.min(0)), 0.5 * np.maximum(np.ptp(drawn, axis=0), 0.02)
+    centre, half = middle(drawn), 0.5 * np.maximum(np.ptp(drawn, axis=0), 0.02)
     half[:2] = half[:2].max()
-    for name, middle, away in zip("xyz", centre, half, strict=True):
-        getattr(axes, f"set_{name}lim")(middle - away, middle + away)
+    for name, place, away in zip("xyz", centre, half, strict=True):
+        getattr(axes, f"set_{name}lim")(place - away, place + away)
         getattr(axes, f"set_{name}label")(f"{name}, m", fontsize=8)
     axes.set_box_aspect(half, zoom=1.0)
     axes.tick_params(labelsize=6)

@@ -55,12 +55,7 @@ class Plane:
 
 
 def fit_plane(
-    points: Array,
-    rng: np.random.Generator,
-    *,
-    off: float = 0.05,
-    min_inliers: int = 200,
-    tilt: float = _TILT,
+    points: Array, rng: np.random.Generator, *, off: float = 0.05, min_inliers: int = 200, tilt: float = _TILT
 ) -> Plane | None:
     """Fit the table by RANSAC (Fischler and Bolles 1981) and least squares on its inliers.
 

@@ -81,7 +81,7 @@ def mask_of(values: Any, label: int | None = None) -> Mask:
         array = array.astype(int)
     if array.dtype.kind not in "iu":
         raise InputError(f"a mask holds bool or whole numbers, not {array.dtype}")
-    found = [int(value) for value in np.unique(array) if value]
+    found = np.unique(array[array != 0]).tolist()
     if label is None and len(found) == 1:
         label = found[0]
     if not found:

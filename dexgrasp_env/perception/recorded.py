@@ -80,12 +80,7 @@ class _NoObjectError(Exception):
 
 
 def find_object(
-    cloud: Cloud,
-    rng: Generator,
-    cell: Cell,
-    *,
-    pointing: Pointing | None = None,
-    own: Own | None = None,
+    cloud: Cloud, rng: Generator, cell: Cell, *, pointing: Pointing | None = None, own: Own | None = None
 ) -> Scene:
     """Return the scene of a cloud: the object that is meant, and what stands around it.
 

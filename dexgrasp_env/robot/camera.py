@@ -82,11 +82,7 @@ class Camera:
 
     @classmethod
     def look_at(
-        cls,
-        name: str,
-        position: ArrayLike,
-        target: ArrayLike,
-        intrinsics: CameraIntrinsics | None = None,
+        cls, name: str, position: ArrayLike, target: ArrayLike, intrinsics: CameraIntrinsics | None = None
     ) -> "Camera":
         """Return a camera at `position` looking at `target`, rows level; both (3,) m, world frame."""
         eye = np.array(position, dtype=float)

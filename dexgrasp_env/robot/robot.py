@@ -16,18 +16,7 @@ from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.robot.coupled import Coupling, Tendon
 from dexgrasp_env.robot.described import described
-from dexgrasp_env.valid import (
-    Names,
-    Natural,
-    Positive,
-    Positives,
-    Rule,
-    Word,
-    list_of,
-    number,
-    read,
-    several,
-)
+from dexgrasp_env.valid import Names, Natural, Positive, Positives, Rule, Word, list_of, number, read, several
 
 Numbers = tuple[float, ...]
 Vector = Annotated[Numbers, several(number(), 3)]
@@ -348,8 +337,8 @@ class Robot:
     @cached_property
     def stamp(self) -> str:
         """What learned policies call the robot: names, and hashes of arm and hand; limits do not count."""
-        shape = content_hash(described(self.arm.mjcf), self.arm.frame)[:8]
-        return f"{self.arm.name}-{shape}-{self.hand.stamp}"
+        arm = self.arm
+        return f"{arm.name}-{content_hash(described(arm.mjcf), arm.frame)[:8]}-{self.hand.stamp}"
 
     @property
     def arm_columns(self) -> slice:
