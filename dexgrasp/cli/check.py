@@ -2,9 +2,8 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
-from dexgrasp.cli.command import Answer, Argument, Command, InCell
+from dexgrasp.cli.command import Answer, Argument, Command, InCell, Seed
 from dexgrasp.cli.output import check_lines, coloured
 from dexgrasp_env.valid import Natural
 
@@ -28,7 +27,7 @@ class Check(Command, InCell):
 
     trajectory: Argument[Path]
     replay: Natural = 0
-    seed: Annotated[Natural, "S"] = 0
+    seed: Seed = 0
 
     def run(self) -> Answer:
         """Check, and replay if asked for."""

@@ -28,6 +28,8 @@ Argument = Annotated[T, POSITIONAL]
 """A field that is given by its place, not by its name."""
 Folder = Annotated[Path, "DIR"]
 File = Annotated[Path, "FILE"]
+Seed = Annotated[Natural, "S"]
+Scale = Annotated[Positive, "F"]
 
 
 @dataclass(frozen=True)
@@ -131,10 +133,10 @@ class Scene(InCell):
         mesh_mass: mass of a mesh, kg (default: by its volume).
     """
 
-    seed: Annotated[Natural, "S"] = 0
+    seed: Seed = 0
     mount: Mount = None
     friction: Annotated[Friction | None, "MU"] = None
-    mesh_scale: Annotated[Positive, "F"] = 1.0
+    mesh_scale: Scale = 1.0
     mesh_mass: Annotated[Mass | None, "KG"] = None
 
     @property

@@ -96,7 +96,9 @@ def run_script(
 
 
 def _run(name: str, parse: Callable[[], argparse.Namespace]) -> int:
-    _put_gl_aside()
+    if "MUJOCO_GL" in os.environ and "mujoco" not in sys.modules:
+        # `import mujoco` raises where its value is bad; a command that draws nothing does its work whatever it says.
+        os.environ["DEXGRASP_GL"] = os.environ.pop("MUJOCO_GL")  # `rendering` knows the wish
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files need not be text
             stream.reconfigure(errors="backslashreplace")
@@ -115,23 +117,15 @@ def _run(name: str, parse: Callable[[], argparse.Namespace]) -> int:
         return _stopped(name, error)
 
 
-def _put_gl_aside() -> None:
-    """Keep MUJOCO_GL from `import mujoco`, which raises where its value is bad; `rendering` knows the wish.
-
-    A command that draws nothing does its work whatever the variable says.
-    """
-    if "MUJOCO_GL" in os.environ and "mujoco" not in sys.modules:
-        os.environ["DEXGRASP_GL"] = os.environ.pop("MUJOCO_GL")
-
-
 def make_parser(*named: str) -> Parser:
     """Return the parser with the options of the commands that are named; others have their names alone."""
     parser = Parser(
         prog="dexgrasp", epilog=_EPILOG,
         description="Dexterous grasping on a table: plan, execute, evaluate, learn.",
     )  # fmt: skip
-    version = f"dexgrasp {__version__}"
-    parser.add_argument("--version", action="version", version=version, help="print the version and exit")
+    parser.add_argument(
+        "--version", action="version", version=f"dexgrasp {__version__}", help="print the version and exit"
+    )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", parser_class=Parser)
     for name, line in COMMANDS.items():
         if name in named:

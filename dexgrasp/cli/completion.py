@@ -58,8 +58,7 @@ def completion_script(shell: str) -> str:
         else:
             functions.append(f"_dexgrasp_{own}() {{ compadd {words}{'' if only else '; _files'} }}")
     for action in _actions(parser):
-        shown = str(action.metavar).partition("|")[0]
-        if kind := _KINDS.get(shown):
+        if kind := _KINDS.get(str(action.metavar).partition("|")[0]):
             action.complete = known[kind]
     return str(shtab.complete(parser, shell=shell, preamble="\n".join(functions)))
 

@@ -68,7 +68,7 @@ class Info(Command, InCell):
         figures = summary(self.folder)
         path = self.picture or self.folder / "dataset.png"
         picture(self.folder, path)
-        figures["picture"] = str(path)
+        figures["picture"] = path
         no = False
         if self.verify:
             figures["verify"] = check_sample(self.folder, self.verify, self.robot)

@@ -73,11 +73,10 @@ class Demo(Command, Scene):
         seen.env.close()
         if missing and not self.no_video:
             note(f"no video and no demo.png: {missing}")
-        good = bool(outcome["is_success"])
-        whole = result | {"outcome": outcome, "success": good, "out": self.out}
+        whole = result | {"outcome": outcome, "success": outcome["is_success"], "out": self.out}
         files = ", ".join(sorted(file.name for file in self.out.iterdir()))
         text = f"{result['object']}: {_sentence(outcome)}; {outcome['seconds']:.1f} s in all\n{self.out}: {files}"
-        return Answer(whole, text, not good)
+        return Answer(whole, text, not outcome["is_success"])
 
 
 def _result(agent: "Agent") -> "PlanResult":

@@ -7,13 +7,12 @@ import tempfile
 from pathlib import Path
 from typing import Annotated, Any
 
-from dexgrasp.cli.command import Answer, Argument, Command
+from dexgrasp.cli.command import Answer, Argument, Command, Scale
 from dexgrasp.cli.output import coloured, note
 from dexgrasp.runs.versions import package_version
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.findings import Finding
-from dexgrasp_env.valid import Positive
 
 _NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "gymnasium", "numba", "trimesh", "manifold3d")
 _OPTIONAL = {
@@ -49,7 +48,7 @@ class Doctor(Command):
     """
 
     meshes: Argument[Annotated[tuple[Path, ...], "MESH"]] = ()
-    mesh_scale: Annotated[Positive, "F"] = 1.0
+    mesh_scale: Scale = 1.0
 
     def run(self) -> Answer:
         """Look; 1 if one of the findings is an error."""
@@ -87,9 +86,9 @@ def check_versions() -> list[Finding]:
 
 def _judged(package: str) -> Finding:
     found = package_version(package)
-    if found is None and package in _OPTIONAL:
-        return Finding("info", f"no {package}", _OPTIONAL[package])
     if found is None:
+        if package in _OPTIONAL:
+            return Finding("info", f"no {package}", _OPTIONAL[package])
         return Finding("error", f"{package} is not installed", f"pip install {package}")
     if package == "mujoco" and int(found.split(".")[0]) >= 4:
         problem = f"mujoco {found}: 4.0 breaks dm-control 1.0.50 and solves sparse systems wrongly"

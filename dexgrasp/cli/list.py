@@ -113,8 +113,8 @@ class List(Command, InCell):
                 "control_mode": {mode: action_size(mode, robot) for mode in CONTROL_MODES},
                 "observations": key_sizes("state", robot),
             }  # fmt: skip
-            parts = ["\n".join(columns(row)) for row in [*rows, own]]
-            return Answer({"envs": rows, "robot": own}, "\n\n".join(parts))
+            text = "\n\n".join("\n".join(columns(row)) for row in [*rows, own])
+            return Answer({"envs": rows, "robot": own}, text)
         if self.what != "objects":
             return Answer({self.what: rows}, record_table(rows))
         sets = "; ".join(f"{name} ({len(members)})" for name, members in OBJECT_SETS.items())

@@ -80,7 +80,8 @@ def _add(place: Any, path: str, field: "Field[Any]", hint: Hint, line: str) -> N
     default = field.default if field.default_factory is MISSING else field.default_factory()
     settings = {"help": _help(line, default)} | _value(field.name, hint)
     for mark in hint.marks:
-        settings |= mark if isinstance(mark, dict) else {}
+        if isinstance(mark, dict):
+            settings |= mark
     settings["default"] = os.environ.get(settings.pop("variable", ""), argparse.SUPPRESS)
     if POSITIONAL in hint.marks:
         if default is not MISSING:

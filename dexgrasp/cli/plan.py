@@ -218,7 +218,12 @@ def plan_target(
     Raises:
         InputError: for an unknown agent, or one that plans no grasps.
     """
-    _import_mujoco()
+    if "mujoco" not in sys.modules:
+        # Without the window library that it would bring: what draws chooses its own, MUJOCO_GL was put aside.
+        os.environ["MUJOCO_GL"] = "disable"
+        import mujoco  # noqa: F401
+
+        del os.environ["MUJOCO_GL"]
     from dexgrasp.planning.look import look_at
     from dexgrasp.planning.result import PlansGrasps
     from dexgrasp.registry import agent_for
@@ -230,15 +235,6 @@ def plan_target(
         )
     look = look_at(target, agent, scene.seed, **scene.env_settings)
     return look, agent.plan(look.observation, look.info, count, progress)
-
-
-def _import_mujoco() -> None:
-    """Import MuJoCo without the window library that it would bring; what draws chooses its own, see `rendering`."""
-    if "mujoco" not in sys.modules:  # MUJOCO_GL was put aside
-        os.environ["MUJOCO_GL"] = "disable"
-        import mujoco  # noqa: F401
-
-        del os.environ["MUJOCO_GL"]
 
 
 def scan_name(path: Path) -> str:

@@ -27,7 +27,7 @@ class Report(Command):
         out = self.out or self.folders[0]
         text = write_report(self.folders, out)
         note(f"report and plots are in {out}")
-        pages = {"report": str(out / "report.md"), "html": str(out / "report.html")}
+        pages = {"report": out / "report.md", "html": out / "report.html"}
         return Answer({**pages, "agents": read_agents(self.folders)}, text.rstrip("\n"))
 
 

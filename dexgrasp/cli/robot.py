@@ -16,10 +16,8 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.findings import Finding
 
-_SHOWN, _GRASPS = (
-    ("soda", "sugar_box", "pear", "mustard_bottle", "lego"),
-    3,
-)  # objects that are tried, and drawn
+_SHOWN = ("soda", "sugar_box", "pear", "mustard_bottle", "lego")  # objects that are tried
+_GRASPS = 3  # of them, that are drawn
 _SEARCH = "see why: dexgrasp plan OBJECT --robot FILE"
 
 
@@ -72,7 +70,7 @@ class Make(Command):
         assumed = make_robot(self.hand, self.arm, self.out)
         lines = [f"{self.out} is written; test it with: dexgrasp robot check {self.out}"]
         lines += ["assumed:"] * bool(assumed) + [f"  {line}" for line in assumed]
-        return Answer({"robot": str(self.out), "assumed": assumed}, lines)
+        return Answer({"robot": self.out, "assumed": assumed}, lines)
 
 
 class CheckRobot(Command):

@@ -45,9 +45,10 @@ class Scan(Options):
     @property
     def of_cloud(self) -> list[str]:
         """Options that were given and apply to clouds alone."""
-        given = {name: getattr(self, name) for name in Scan.__annotations__ if name != "cloud"}
         return [
-            f"--{name.replace('_', '-')}" for name, value in given.items() if value not in (None, False, "m")
+            f"--{name.replace('_', '-')}"
+            for name in Scan.__annotations__
+            if name != "cloud" and getattr(self, name) not in (None, False, "m")
         ]
 
     def pointing(self) -> "Pointing":

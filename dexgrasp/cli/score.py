@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from dexgrasp.cli.command import Answer, Argument, Command, File, Folder, InCell
+from dexgrasp.cli.command import Answer, Argument, Command, File, Folder, InCell, Scale, Seed
 from dexgrasp.cli.figures import tables
 from dexgrasp.cli.output import note
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.files import write_json
-from dexgrasp_env.valid import Count, Natural, Positive
+from dexgrasp_env.valid import Count
 
 
 class Score(Command, InCell):
@@ -40,9 +40,9 @@ class Score(Command, InCell):
     files: Argument[tuple[File, ...]]
     protocol: Annotated[tuple[str, ...], "PROTOCOL"] = ("dgb_fc",)
     mesh: Annotated[tuple[Path, ...], "PATH"] = ()
-    mesh_scale: Annotated[Positive, "F"] = 1.0
+    mesh_scale: Scale = 1.0
     hand: str = "allegro"
-    seed: Annotated[Natural, "S"] = 0
+    seed: Seed = 0
     workers: Annotated[Count, "W"] = 1
     out: Folder | None = None
 

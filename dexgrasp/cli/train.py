@@ -135,7 +135,7 @@ class PolicyCommand(TrainingCommand, Tried):
             out = self.out if len(seeds) == 1 else self.out / f"seed-{seed}"
             seeded = partial(make, settings=replace(settings, seed=seed))
             state = self.train(seeded, unit, of=f", seed {seed}", out=out, tester=tester, **course).state
-            policies.append({"policy": str(out), **state.curve[-1], "seconds": state.seconds})
+            policies.append({"policy": out, **state.curve[-1], "seconds": state.seconds})
         lines = [
             "; ".join(f"{key.replace('_', ' ')} {shown(value)}" for key, value in row.items())
             for row in policies

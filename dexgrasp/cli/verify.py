@@ -34,7 +34,7 @@ class Verify(Command, InCell):
         records = [read_grasp(path, cell) for path in self.grasps]
         found: list[Fields] = [
             {
-                "file": str(path),
+                "file": path,
                 "object": record.object.name,
                 "holds": all(check.holds for check in checks),
                 "checks": checks,

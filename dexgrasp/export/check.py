@@ -5,7 +5,7 @@ The limits are the makers' tables, typed again: a wrong number in the exporter's
 
 import numpy as np
 
-from dexgrasp.export.read import Recording, Rows, Segment
+from dexgrasp.export.read import Recording, Rows
 from dexgrasp.grasp.path import limit_shares
 from dexgrasp.verify.check import Check, at_least, at_most, flag
 from dexgrasp.verify.scene import Scene
@@ -50,13 +50,12 @@ def check_trajectory(recording: Recording, cell: Cell) -> list[Check]:
         InputError: if the files name a mount that the cell has not.
     """
     facts, arm, hand = recording.facts, recording.arm, recording.hand
-    cell, planned = cell.mounted(facts.mount), facts.cell
-    apart = abs(arm.times[-1] - hand.times[-1])
+    cell, apart = cell.mounted(facts.mount), abs(arm.times[-1] - hand.times[-1])
     return [
-        flag("cell: of another one", cell.stamp == planned, f"this is {cell.stamp}"),
+        flag("cell: of another one", cell.stamp == facts.cell, f"this is {cell.stamp}"),
         _timing("arm", arm), _timing("hand", hand),
         at_most("arm and hand end together, apart by (s)", apart, _PERIODS["hand"], "", _TIME),
-        _order(list(facts.segments.values()), float(arm.times[-1])),
+        _order(recording),
         *_limits("arm", arm, cell.robot.arm), *_limits("hand", hand, cell.robot.hand),
         *_collisions(recording, cell),
         *_grasp(recording),
@@ -73,13 +72,18 @@ def _grasp(recording: Recording) -> list[Check]:
 
 def _timing(name: str, rows: Rows) -> Check:
     period = _PERIODS[name]
-    off = float(np.abs(rows.times - period * np.arange(len(rows.times))).max())
+    off = np.abs(rows.times - period * np.arange(len(rows.times))).max()
     return at_most(f"{name}: times are multiples of {1000 * period:g} ms from 0, off by (s)", off, _TIME)
 
 
-def _order(segments: list[Segment], last: float) -> Check:
-    """Segments follow each other, from the first row to the last, at `last` s."""
-    starts, ends = ([getattr(one, which) for one in segments] for which in ("start", "end"))
+def _order(recording: Recording) -> Check:
+    """Segments follow each other, from the first row to the last."""
+    segments = recording.facts.segments.values()
+    starts, ends, last = (
+        [one.start for one in segments],
+        [one.end for one in segments],
+        recording.arm.times[-1],
+    )
     off = max(np.abs(np.subtract([*starts, last], [0.0, *ends])).max(), np.subtract(starts, ends).max())
     return at_most("segments follow each other to the end, off by (s)", off, _PERIODS["arm"], "", _TIME)
 
@@ -94,12 +98,14 @@ def _tighter(part: Arm | Hand) -> dict[str, Array]:
 
 def _limits(name: str, rows: Rows, part: Arm | Hand) -> list[Check]:
     q, period, limits = rows.positions, _PERIODS[name], _tighter(part)
-    room = float(np.minimum(q - limits["lower"], limits["upper"] - q).min())
+    room = np.minimum(q - limits["lower"], limits["upper"] - q).min()
     used = limit_shares(q, period, *(limits[quantity] for quantity in _QUANTITIES))
-    shares = zip(_QUANTITIES, used, strict=True)
     return [
         at_least(f"{name}: inside the joint limits by (rad)", room, 0.0),
-        *(at_most(f"{name}: share of the {quantity} limits", share, SHARE) for quantity, share in shares),
+        *(
+            at_most(f"{name}: share of the {quantity} limits", share, SHARE)
+            for quantity, share in zip(_QUANTITIES, used, strict=True)
+        ),
     ]
 
 
@@ -121,7 +127,7 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
                 least[kind] = min(least[kind], value)
     checks = [at_least(f"{words[kind]} (m)", value, 0.0, "", _CLEAR) for kind, value in least.items()]
     if around:
-        lift = rows[min(int(np.searchsorted(times, facts.segments["lift"].start)), len(rows) - 1) :]
+        lift = rows[min(np.searchsorted(times, facts.segments["lift"].start), len(rows) - 1) :]
         lying, nearest = scene.carried(lift[_looks(lift)])
         checks.append(
             at_least("object to what stands around, once lifted (m)", nearest, min(lying, 0.0), "", _DEEPER)

@@ -17,11 +17,13 @@ _ROS_EVERY = {"arm": 10, "hand": 5}  # rows to a point of a ROS trajectory: its 
 
 def write_csv(folder: Path, trajectory: Trajectory, facts: Fields) -> list[Path]:
     """Write `arm.csv` (1 kHz), `hand.csv` (333 Hz), s and rad with 17 digits, and `segments.json` with the rest."""
-    tables = [
-        _write(folder / f"{name}.csv", _table(joints, period, rows))
-        for name, joints, period, rows in _parts(trajectory)
+    return [
+        *(
+            _write(folder / f"{name}.csv", _table(joints, period, rows))
+            for name, joints, period, rows in _parts(trajectory)
+        ),
+        _write(folder / "segments.json", json.dumps(_head(trajectory, facts), indent=1)),
     ]
-    return [*tables, _write(folder / "segments.json", json.dumps(_head(trajectory, facts), indent=1))]
 
 
 def write_json(folder: Path, trajectory: Trajectory, facts: Fields) -> list[Path]:
@@ -56,8 +58,8 @@ def joint_trajectory(joints: Names, rows: Array, period: float, base: str) -> Fi
     """Return a trajectory_msgs/JointTrajectory: positions (T, n) rad with velocities by central differences."""
     velocities = np.gradient(rows, period, axis=0) if len(rows) > 1 else np.zeros_like(rows)
     velocities[0] = velocities[-1] = 0.0
-    both = zip(rows.tolist(), velocities.tolist(), strict=True)
-    points = [_point(k * period, q, v) for k, (q, v) in enumerate(both)]
+    both = enumerate(zip(rows.tolist(), velocities.tolist(), strict=True))
+    points = [_point(k * period, q, v) for k, (q, v) in both]
     return {"header": _header(base), "joint_names": list(joints), "points": points}
 
 
@@ -67,8 +69,8 @@ def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
 
     def posture(hand: list[float], torque: Sequence[float] = ()) -> Fields:
         """Return a `trajectory_msgs/JointTrajectory` of one point."""
-        point = _point(0.0, hand, effort=torque)
-        return {"header": _header(base), "joint_names": list(joints), "points": [point]}
+        points = [_point(0.0, hand, effort=torque)]
+        return {"header": _header(base), "joint_names": list(joints), "points": points}
 
     def translation(z: float, distance: float) -> Fields:
         """Return a `GripperTranslation` along the base's z, up (1) or down (-1), m."""
@@ -79,7 +81,7 @@ def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
         }
 
     return {
-        "id": str(facts["object"]),
+        "id": facts["object"],
         "pre_grasp_posture": posture(facts["open"]),
         "grasp_posture": posture(facts["closed"], facts["squeeze"]["torque"]),
         "grasp_pose": {
@@ -91,10 +93,10 @@ def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
         },
         "grasp_quality": float(facts["quality"]),
         "pre_grasp_approach": translation(-1.0, 0.10),
-        "post_grasp_retreat": translation(1.0, float(facts["lift_height"])),
+        "post_grasp_retreat": translation(1.0, facts["lift_height"]),
         "post_place_retreat": translation(1.0, 0.10),
-        "max_contact_force": float(facts["largest_force"]),
-        "allowed_touch_objects": [str(facts["object"])],
+        "max_contact_force": facts["largest_force"],
+        "allowed_touch_objects": [facts["object"]],
     }
 
 
@@ -125,10 +127,8 @@ def _head(trajectory: Trajectory, facts: Fields) -> Fields:
 
 
 def _table(joints: Names, period: float, rows: Array) -> str:
-    lines = [",".join(("t", *joints))]
-    for k, row in enumerate(rows):
-        lines.append(",".join([f"{k * period:.6f}", *(f"{value:.17g}" for value in row)]))
-    return "\n".join(lines)
+    lines = [[f"{k * period:.6f}", *(f"{value:.17g}" for value in row)] for k, row in enumerate(rows)]
+    return "\n".join(map(",".join, [["t", *joints], *lines]))
 
 
 def _yaml(content: Fields) -> str:

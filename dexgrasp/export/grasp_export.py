@@ -76,7 +76,7 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:
     torque = np.einsum("frj,fr->j", J, record.forces)  # presses with the planned forces
     share = cell.robot.stiffness[hand] / tree.stiffness  # of each servo where others follow it
     torque = cell.robot.drive[0][hand, hand] @ (share * torque)
-    facts = {
+    return jsonable({
         "object": record.object.name,
         "mount": record.mount,
         "cell": cell.stamp,
@@ -102,8 +102,7 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:
         "parts": [part - base for part in record.parts],
         "around": [part - base for part in record.around],
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
-    }
-    return dict(jsonable(facts))
+    })  # fmt: skip
 
 
 def _scene(record: GraspRecord, cell: Cell, folder: Path) -> list[Path]:

@@ -114,7 +114,7 @@ def _part(part: Any, key: str, names: Names, path: Path) -> Rows:
         raise InputError(f"{path}: {key!r} must have joints {', '.join(names)}")
     period = check(f"{path}: the period of {key!r}, s,", part.get("period"), number(gt=0, lt=1))
     positions = _numbers(part.get("positions"), len(names), f"{path}: positions of {key!r}")
-    return Rows(period * np.arange(len(positions), dtype=float), positions)
+    return Rows(period * np.arange(len(positions)), positions)
 
 
 def _read_csv(path: Path, names: Names) -> Rows:

@@ -52,7 +52,7 @@ def replay(recording: Recording, scene: Path, rng: np.random.Generator | None = 
     body = model.body("object").id
     mujoco.mj_forward(model, data)
     start, least = float(data.xpos[body, 2]), np.inf
-    end = float(recording.arm.times[-1])
+    end = recording.arm.times[-1]
     while data.time < end + HOLD:
         data.ctrl[:] = set_points(recording, data.time)
         mujoco.mj_step(model, data)

@@ -46,7 +46,7 @@ def timed(path: Array, limits: Limits, tick: float, multiple: int = 1) -> Array:
     Raises:
         InputError: if no law keeps the limits.
     """
-    points = _thinned(np.asarray(path, dtype=float))
+    points = _thinned(path)
     if len(points) < 2:
         return points[:0]
     spline, length = _spline(points)

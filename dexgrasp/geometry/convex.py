@@ -77,7 +77,7 @@ class ConvexDistance:
     @cached_property
     def parts(self) -> list[Array]:
         """Triangles (F, 3, 3) of each part."""
-        return np.split(self.triangles, np.cumsum(self.sizes)[:-1]) if self.sizes else [self.triangles]
+        return np.split(self.triangles, np.cumsum(self.sizes)[:-1])
 
     @cached_property
     def obstacle(self) -> Obstacle:

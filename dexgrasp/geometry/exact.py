@@ -71,7 +71,7 @@ def closest_on_mesh(mesh: trimesh.Trimesh, points: ArrayLike) -> Closest:
 def _pseudonormal(mesh: trimesh.Trimesh, corners: Array) -> Array:
     """Return the unit pseudonormal (3,) of a vertex, or of the edge between two."""
     if len(corners) == 1:
-        return np.asarray(mesh.vertex_normals[corners[0]])
+        return mesh.vertex_normals[corners[0]]
     beside = np.isin(mesh.faces, corners).sum(1) == 2
     total = mesh.face_normals[beside].sum(0)
     return total / np.sqrt((total * total).sum())

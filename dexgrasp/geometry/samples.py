@@ -47,8 +47,7 @@ def triangle_samples(triangles: Array, n: int, rng: np.random.Generator | int) -
     if n < 1:
         raise InputError(f"n is {n}: valid are integers of at least 1")
     normals, areas = _face_data(triangles)
-    uniform = np.random.default_rng(rng).random((OVERSAMPLING * n, 3))
-    points, faces = _place(triangles, areas, uniform)
+    points, faces = _place(triangles, areas, np.random.default_rng(rng).random((OVERSAMPLING * n, 3)))
     # The radius of n discs packed as densely as can be (Yuksel, Eq. 1 for surfaces).
     reach = 2.0 * np.sqrt(areas.sum() / (2.0 * np.sqrt(3.0) * n))
     kept = _thin(points, normals[faces], n, reach)

@@ -74,7 +74,7 @@ def planned_record(
         here=grasp.cell,
         mount=grasp.cell.robot.mount.name,
         object=_told(ObjectIdentity(name) if isinstance(name, str) else name, target),
-        T_world_object=None if pose is None else np.asarray(pose.T_world_object, dtype=float),
+        T_world_object=None if pose is None else pose.T_world_object,
         hull_offset=None if pose is None else pose.hull_offset(target),
         parts=target.corners,
         centre=target.centre,

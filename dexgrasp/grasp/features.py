@@ -66,7 +66,7 @@ def _nearest(parts: Iterable[Array], points: Array) -> Array:
     out = [points @ part[:, :3].T + part[:, 3] for part in faces]
     normals = np.stack([part[values.argmax(-1), :3] for part, values in zip(faces, out, strict=True)])
     first = np.stack([values.max(-1) for values in out]).argmin(0)
-    return np.asarray(np.take_along_axis(normals, first[None, ..., None], 0)[0])
+    return np.take_along_axis(normals, first[None, ..., None], 0)[0]
 
 
 def _drawn(record: GraspRecord, place: float) -> Draws:
@@ -112,4 +112,4 @@ def _borne(forces: Array, draws: Draws, weight: float, friction: float) -> tuple
         first = np.where(b * b < a * c, np.inf, -c / (b + root))
     first = np.where((first > 0.0) & np.isfinite(first), first, _MOST).min((-1, -2))
     short = (friction * press - np.linalg.norm(slide, axis=-1)).min((-1, -2)) / weight
-    return held[:, 0], np.asarray(np.clip(np.where(short < 0.0, short, first), -2.0, _MOST))
+    return held[:, 0], np.clip(np.where(short < 0.0, short, first), -2.0, _MOST)

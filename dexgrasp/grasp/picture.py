@@ -22,7 +22,7 @@ _CONE_LENGTH, _CONE_SIDES = 0.03, 24  # m
 _NEWTON = 0.008  # m that a newton is drawn as
 
 
-def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str = "") -> Path:
+def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str) -> Path:
     """Write a PNG with three views of a grasp.
 
     Args:
@@ -73,7 +73,7 @@ def hand_picture(
 def _figure(width: float, height: float) -> Any:
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height))
+    return Figure((width, height))
 
 
 def _hand_triangles(cell: Cell, q: Array) -> Array:

@@ -70,7 +70,7 @@ class Model(NamedTuple):
         found = {}
         for name, (trees, (offset, slope)) in self.outcomes.items():
             odds = offset + slope * trees.log_odds(x)
-            middle, around = float(odds.mean()), _SPREAD * float(odds.std())
+            middle, around = odds.mean(), _SPREAD * odds.std()
             found[name] = Chance(*(_share(each) for each in (middle, middle - around, middle + around)))
         return found
 

@@ -174,7 +174,7 @@ class GraspRecord:
         robot, known = self.here.robot, self.T_world_object is not None
         joints = robot.dof
         rows = [self.q, self.pregrasp, self.grasp, self.squeeze]
-        phases = [] if self.script is None else list(self.script.phases)
+        phases = () if self.script is None else self.script.phases
         fits = {
             f"q, pregrasp, grasp and squeeze have {joints} numbers": all(len(row) == joints for row in rows),
             f"phases are {APPROACH} and {LIFT}": [p.name for p in phases] in ([], [APPROACH, LIFT]),
@@ -230,15 +230,13 @@ class GraspRecord:
         Raises:
             InputError: where the grasp is of another cell: the same joint angles would be another place.
         """
-        places = []
-        for stated in (self.__dict__, conventions(self.here)):
-            robot = stated["robot"]
-            places.append(
-                f"{stated['cell']!r} ({robot.name}-{robot.hash}, table at {stated['table_height']:g} m)"
-            )
-        if places[0] != places[1]:
+        planned, here = (
+            f"{of['cell']!r} ({of['robot'].name}-{of['robot'].hash}, table at {of['table_height']:g} m)"
+            for of in (vars(self), conventions(self.here))
+        )
+        if planned != here:
             raise InputError(
-                f"the grasp was planned for cell {places[0]}, and this is {places[1]}: give its --cell file"
+                f"the grasp was planned for cell {planned}, and this is {here}: give its --cell file"
             )
         return self.here
 

@@ -33,4 +33,4 @@ class ActionScript:
 
     def at(self, step: int) -> Array:
         """Return the set-points (n,) rad of a step from 0 on; the last are held."""
-        return np.asarray(self.targets[min(step, len(self.targets) - 1)])
+        return self.targets[min(step, len(self.targets) - 1)]

@@ -14,12 +14,12 @@ Numbers = Any
 
 def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
     """Return `value` as a contiguous float array of `shape` (None: any length), or raise `InputError`."""
-    return np.asarray(check(name, value, array(*shape)))
+    return check(name, value, array(*shape))
 
 
 def check_positive(name: str, value: Any) -> float:
     """Return `value` as a float above zero, or raise `InputError`."""
-    return float(check(name, value, POSITIVE))
+    return check(name, value, POSITIVE)
 
 
 def check_contacts(points: object, normals: object) -> tuple[Array, Array]:

@@ -43,7 +43,7 @@ def tangent_basis(normals: Numbers) -> tuple[Array, Array]:
     return bases[:, 0], bases[:, 1]
 
 
-def cone_edges(normals: Numbers, mu: float, edges: int = 4) -> Array:
+def cone_edges(normals: Numbers, mu: float, edges: int) -> Array:
     """Return the edges (N, edges, 3) of pyramids inside the exact cones, each with a pressing force of 1.
 
     Args:

@@ -26,7 +26,7 @@ def ferrari_canny(points: Numbers, normals: Numbers, mu: float, torque_scale: fl
     scale = rms_radius(points) if torque_scale is None else check_positive("torque_scale", torque_scale)
     if len(points) < 2:
         raise InputError(f"epsilon needs at least 2 contacts, got {len(points)}")
-    force = cone_edges(normals, check_positive("mu", mu), _EDGES)
+    force = cone_edges(normals, mu, _EDGES)
     torque = np.cross((points - points.mean(0))[:, None], force) / scale
     wrenches = np.concatenate([force, torque], axis=-1).reshape(-1, 6)
     if np.linalg.matrix_rank(wrenches - wrenches[0], tol=1e-9) < 6:

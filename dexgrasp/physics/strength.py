@@ -72,7 +72,7 @@ def load_of(contacts: Contacts, forces: Array, stiffness: Array | None = None) -
     strayed = float(np.linalg.norm(wrench)) > BALANCED * contacts.weight
     if strayed or share <= 0.0 or torque_fraction(contacts, forces) > 1.0 + _ROUNDING:
         return 0.0
-    push = _push(contacts, forces, np.asarray(np.linalg.pinv(G, rcond=1e-9)[:, :3], dtype=np.float64))
+    push = _push(contacts, forces, np.linalg.pinv(G, rcond=1e-9)[:, :3])
     if push < -_ROUNDING:
         return 0.0
     if share <= 1.0 - BALANCED:

@@ -94,8 +94,9 @@ def solve_wrench_qp(
 
 def _by_daqp(H: Array, A: Array, b: Array) -> Array | None:
     """Return the minimiser of x H x / 2 subject to A x >= b, None where none is found."""
-    sense = np.zeros(len(b), dtype=np.int32)
-    x, _, flag, _ = daqp.solve(H, np.zeros(len(H)), -A, -b, np.full(len(b), -1e30), sense)
+    x, _, flag, _ = daqp.solve(
+        H, np.zeros(len(H)), -A, -b, np.full(len(b), -1e30), np.zeros(len(b), np.int32)
+    )
     return x if flag > 0 else None
 
 

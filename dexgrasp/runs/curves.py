@@ -24,7 +24,7 @@ def numbers(row: Fields) -> Iterator[tuple[str, str, float]]:
                 yield (name, key, number) if name else (key, "", number)
 
 
-def draw_curves(curve: Sequence[Fields], path: Path, best: int = 0) -> None:
+def draw_curves(curve: Sequence[Fields], path: Path, best: int) -> None:
     """Draw what there is of losses, errors, returns and successes.
 
     Args:
@@ -37,9 +37,10 @@ def draw_curves(curve: Sequence[Fields], path: Path, best: int = 0) -> None:
     lines: dict[str, dict[str, list[tuple[int, float]]]] = {}
     for row in curve:
         for name, split, number in numbers(row):
-            for title in (title for title, names in _PANELS.items() if name in names):
-                label = (split or name).replace("_", " ")
-                lines.setdefault(title, {}).setdefault(label, []).append((row["epoch"], number))
+            for title, names in _PANELS.items():
+                if name in names:
+                    label = (split or name).replace("_", " ")
+                    lines.setdefault(title, {}).setdefault(label, []).append((row["epoch"], number))
     figure = Figure((4.5 * max(len(lines), 1), 3.3), layout="constrained")
     axes = figure.subplots(1, max(len(lines), 1), squeeze=False)
     for axis, (title, drawn) in zip(axes[0], lines.items(), strict=False):

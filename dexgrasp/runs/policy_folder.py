@@ -47,5 +47,4 @@ def read_policy(folder: Path) -> tuple[dict[str, Any], Weights]:
     env = about.get("env")
     if not isinstance(env, dict) or any(key not in ENV_KEYS for key in env):
         raise InputError(f"{path}: valid keys of env are {', '.join(ENV_KEYS)}")
-    arrays, _ = read_arrays(folder / WEIGHTS)
-    return about, arrays
+    return about, read_arrays(folder / WEIGHTS)[0]

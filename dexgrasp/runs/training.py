@@ -127,8 +127,8 @@ class Training(ABC):
 
         Those of `packages` stand behind ours, numpy's and torch's.
         """
-        versions = package_versions(("dexgrasp", "numpy", "torch", *packages))
-        return {**own, **self.state.curve[-1], "versions": versions}
+        packages = ("dexgrasp", "numpy", "torch", *packages)
+        return {**own, **self.state.curve[-1], "versions": package_versions(packages)}
 
     def run(
         self, progress: Callable[[Progress], object] | None = None, stop_after: int | None = None
@@ -143,8 +143,10 @@ class Training(ABC):
             InputError: other settings or another process in the folder, a damaged checkpoint.
         """
         torch.set_num_threads(self.settings.threads)
-        course = {"minutes": self.course.minutes, "trials": self.course.tester and asdict(self.course.tester)}
-        run = {"schema": 1, **self.identity(), "settings": asdict(self.settings), **course}
+        run = {
+            "schema": 1, **self.identity(), "settings": asdict(self.settings), "minutes": self.course.minutes,
+            "trials": self.course.tester and asdict(self.course.tester),
+        }  # fmt: skip
         with RunFolder(self.out, self.about, "training").claim(run), self.open:
             self.begin()
             self._go_on(progress, stop_after)
@@ -164,11 +166,10 @@ class Training(ABC):
         try:
             self.state = Progress(**note["progress"])
             whole = [row["epoch"] for row in self.state.curve] == list(range(1, self.state.epoch + 1))
-            whole &= self.state.epoch <= self.state.epochs and self.state.seconds >= 0.0
-        except (LookupError, TypeError):
+            if not (whole and self.state.epoch <= self.state.epochs and self.state.seconds >= 0.0):
+                raise ValueError
+        except (LookupError, TypeError, ValueError):
             raise damaged(path) from None
-        if not whole:
-            raise damaged(path)
         return note
 
     def _go_on(self, progress: Callable[[Progress], object] | None, stop_after: int | None) -> None:
@@ -185,8 +186,7 @@ class Training(ABC):
             if self.course.tester:
                 row |= self.course.tester.after(self.out, state)
             with held():
-                note = {"progress": asdict(state), **self.note()}
-                write_state(self.out / CHECKPOINT, self.parts(), note)
+                write_state(self.out / CHECKPOINT, self.parts(), {"progress": asdict(state), **self.note()})
                 lines = "".join(json.dumps(row) + "\n" for row in state.curve)
                 write_atomically(self.out / CURVE, lines.encode())
             board.add(row, row.get("steps", state.epoch))

@@ -40,8 +40,12 @@ class Case:
     @cached_property
     def idle(self) -> list[int]:
         """The joints of the fingers that make no contact."""
-        columns = [own for finger, own in self.robot.columns.items() if finger not in self.record.fingers]
-        return [joint for own in columns for joint in range(own.start, own.stop)]
+        return [
+            joint
+            for finger, own in self.robot.columns.items()
+            if finger not in self.record.fingers
+            for joint in range(own.start, own.stop)
+        ]
 
     @cached_property
     def servos(self) -> tuple[Array, Array]:

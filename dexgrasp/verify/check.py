@@ -58,4 +58,4 @@ def claim(
         return []
     off = np.abs(claimed - value)
     bound = float(np.max(tolerance + relative * np.abs(value)))
-    return [at_most(f"{key} as claimed", float(np.max(off)), bound, unit)]
+    return [at_most(f"{key} as claimed", np.max(off), bound, unit)]

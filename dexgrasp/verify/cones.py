@@ -109,7 +109,7 @@ def _into_cones(forces: Array, normals: Array, mu: float) -> Array:
 
 def _lower(G: Array, wrench: Array, normals: Array, mu: float) -> float:
     """Bound |G f|^2 from below, by f's least component along `wrench` (6,)."""
-    size = float(np.linalg.norm(wrench))
+    size = np.linalg.norm(wrench)
     if size == 0.0:
         return 0.0
     h = (G.T @ (wrench / size)).reshape(-1, 3)
@@ -144,7 +144,7 @@ def conic_margin(points: Array, normals: Array, mu: float, torsion: float = 0.0)
     total = press.sum()
     if not np.isfinite(x).all() or total < 1e-9 or np.linalg.norm(G @ x[:-1]) > _IMBALANCE * total:
         return None
-    return N * float((press - np.linalg.norm(across, axis=0)).min()) / float(total)
+    return N * (press - np.linalg.norm(across, axis=0)).min() / total
 
 
 def pyramid_forces(points: Array, normals: Array, mu: float) -> Array:

@@ -39,8 +39,7 @@ def _ways(forces: Array, moves: Array, normals: Array, mu: float) -> Array:
     low, high = np.zeros(len(moves)), np.full(len(moves), _FAR)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        f = forces + middle[:, None, None] * moves
-        press, sliding = slides(f, normals)
+        press, sliding = slides(forces + middle[:, None, None] * moves, normals)
         inside = (sliding <= mu * press).all(1)
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     return low

@@ -40,7 +40,7 @@ UNEXECUTED = tuple(part for part in PARTS if part not in ("conventions", "approa
 """What can be checked of a grasp that was planned without a way to it."""
 
 
-def verify(record: GraspRecord, parts: Collection[str] | None = None) -> list[Check]:
+def verify(record: GraspRecord, parts: Collection[str] = PARTS) -> list[Check]:
     """Compute every claim of a grasp again, from its joint positions, forces, hull and object alone.
 
     Args:
@@ -51,4 +51,4 @@ def verify(record: GraspRecord, parts: Collection[str] | None = None) -> list[Ch
         All checks; the grasp is good only if every one of them holds.
     """
     case = Case(record)
-    return [check for part in (PARTS if parts is None else parts) for check in _CHECKS[part](case)]
+    return [check for part in parts for check in _CHECKS[part](case)]

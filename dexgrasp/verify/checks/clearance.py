@@ -32,11 +32,10 @@ def clearance_checks(case: Case) -> list[Check]:
         return checks
     found.pop("hand_neighbour", None)
     counted = [value for kind, value in found.items() if kind != "self" or value < _ALWAYS_APART]
-    off = abs(claimed - cover_clearance(case))
     return [
         *checks,
         at_most("min_clearance_m over the true one", claimed - min(counted), 0.0, "m", _TRUE),
-        at_most("min_clearance_m as claimed", off, LENGTH, "m"),
+        at_most("min_clearance_m as claimed", abs(claimed - cover_clearance(case)), LENGTH, "m"),
     ]
 
 
@@ -67,12 +66,12 @@ def cover_clearance(case: Case) -> float:
 
 def _object(tree: RobotTree, body: Index, centres: Array, scene: Scene) -> float:
     counted = (body >= 2) & ~tree.sphere_is_tip
-    return float((scene.closest(centres[counted]).distances - tree.sphere_radius[counted]).min())
+    return (scene.closest(centres[counted]).distances - tree.sphere_radius[counted]).min()
 
 
 def _table(tree: RobotTree, body: Index, centres: Array) -> float:
     over = (body >= 2) & ~((centres[:, 0] < _TABLE_FROM) & (body < tree.base))
-    return float((centres[:, 2] - tree.sphere_radius)[over].min())
+    return (centres[:, 2] - tree.sphere_radius)[over].min()
 
 
 def _self(tree: RobotTree, centres: Array) -> float:
@@ -81,7 +80,7 @@ def _self(tree: RobotTree, centres: Array) -> float:
         one, two = slice(first[a], first[a + 1]), slice(first[b], first[b + 1])
         apart = np.linalg.norm(centres[one][:, None] - centres[two][None], axis=-1)
         apart = apart - tree.sphere_radius[one][:, None] - tree.sphere_radius[two][None]
-        least = min(least, float(apart.min(initial=COVER_FAR)))
+        least = min(least, apart.min(initial=COVER_FAR))
     return least
 
 
@@ -92,4 +91,4 @@ def _palm(tree: RobotTree, R: Array, p: Array) -> float:
     points = tree.beside_edges @ R[tree.beside].T + p[tree.beside]
     out = np.abs((points - p[tree.palm]) @ R[tree.palm] - tree.palm_box_centre) - tree.palm_box_half
     outside = np.linalg.norm(np.maximum(out, 0.0), axis=1)
-    return float(np.where(outside > 0.0, outside, out.max(1)).min()) - _EDGE_ERROR
+    return np.where(outside > 0.0, outside, out.max(1)).min() - _EDGE_ERROR

@@ -16,9 +16,9 @@ _OF_FRICTION = ("friction", "friction_hold")
 
 def convention_checks(case: Case) -> list[Check]:
     """Check the stated conventions, the thresholds, who planned, and that nothing is stated that is not looked at."""
-    record, here = case.record, conventions(case.cell)
+    record = case.record
     return [
-        *(flag(name, getattr(record, name) == stated) for name, stated in here.items()),
+        *(flag(name, getattr(record, name) == stated) for name, stated in conventions(case.cell).items()),
         *threshold_checks(case),
         *_exact_thresholds(case.limits, frozen_for(case.robot.hand)),
         flag("agent", _AGENT.fullmatch(record.agent) is not None),

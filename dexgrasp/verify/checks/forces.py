@@ -44,8 +44,8 @@ def closure_checks(case: Case) -> list[Check]:
 
 def _ratio(vectors: Array) -> float:
     """|sum of vectors| in percent of the sum of their lengths."""
-    total = float(np.linalg.norm(vectors, axis=1).sum())
-    return 100.0 * float(np.linalg.norm(vectors.sum(0))) / total if total > 0.0 else 0.0
+    total = np.linalg.norm(vectors, axis=1).sum()
+    return float(100.0 * np.linalg.norm(vectors.sum(0)) / total) if total > 0.0 else 0.0
 
 
 def force_checks(case: Case) -> list[Check]:
@@ -107,8 +107,7 @@ def _way(hold: Hold, compliance: Array) -> float:
     wanted = -hold.weight * np.eye(6, 3)
     scaled, n = compliance / np.abs(compliance).max(), len(compliance)
     system = np.block([[scaled, hold.G.T], [hold.G, np.zeros((6, 6))]])
-    found = np.linalg.lstsq(system, np.concatenate([np.zeros((n, 3)), wanted]), rcond=1e-12)[0]
-    answer: Array = np.asarray(found[:n], dtype=np.float64)
+    answer = np.linalg.lstsq(system, np.concatenate([np.zeros((n, 3)), wanted]), rcond=1e-12)[0][:n]
     if np.abs(hold.G @ answer - wanted).max() > 1e-6 * hold.weight:
         return 0.0
     return least_way(hold.forces, answer, hold.normals, hold.mu)

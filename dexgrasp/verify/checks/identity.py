@@ -104,7 +104,7 @@ def _pose_checks(case: Case, model: ObjectModel) -> list[Check]:
 
 def _outside(hull: Any, other: Any) -> float:
     """Return how far another mesh stands out of a convex one, m."""
-    return float(closest_on_mesh(hull, other.vertices).distances.max())
+    return closest_on_mesh(hull, other.vertices).distances.max()
 
 
 def _overlap(hull: Any, other: Any) -> float:
@@ -112,7 +112,7 @@ def _overlap(hull: Any, other: Any) -> float:
     low, high = np.minimum(hull.bounds[0], other.bounds[0]), np.maximum(hull.bounds[1], other.bounds[1])
     points = low + (high - low) * np.random.default_rng(0).random((_POINTS, 3))
     one, two = _within(hull, points), _within(other, points)
-    return float((one & two).sum() / (one | two).sum())
+    return (one & two).sum() / (one | two).sum()
 
 
 def _within(convex: Any, points: Array) -> Mask:

@@ -61,7 +61,7 @@ def _mendable(case: Case, missed: Array) -> Array:
 
 
 def _farthest(offsets: Array) -> float:
-    return float(np.linalg.norm(offsets, axis=1).max())
+    return np.linalg.norm(offsets, axis=1).max()
 
 
 def _press_error(case: Case) -> float:
@@ -71,7 +71,7 @@ def _press_error(case: Case) -> float:
     torque = np.einsum("frj,fr->j", scene.jacobians(record.points, record.normals), record.forces)
     pressed, (C, c) = record.grasp.copy(), robot.drive
     pressed[hand] = np.clip(pressed[hand] + torque / case.servos[1], robot.lower[hand], robot.upper[hand])
-    return float(np.abs(record.squeeze - C @ pressed - c)[hand].max())
+    return np.abs(record.squeeze - C @ pressed - c)[hand].max()
 
 
 def approach_checks(case: Case) -> list[Check]:
@@ -80,12 +80,12 @@ def approach_checks(case: Case) -> list[Check]:
         return [flag("approach given", False, "in the file")]
     phase, _ = case.record.script.phases
     rows = phase.setpoints
-    found, depth = bend(rows), case.scene.first_contact(densify(rows, _DENSE))
+    found = bend(rows)
     return [
         *_phase_checks(phase, case.robot),
         same("approach starts at home", np.abs(rows[0] - case.robot.home).max(), SETPOINT, "rad"),
         same("approach ends at the pregrasp", np.abs(rows[-1] - case.record.pregrasp).max(), ROUNDING),
-        at_most("approach: collision", depth, 0.0, "m"),
+        at_most("approach: collision", case.scene.first_contact(densify(rows, _DENSE)), 0.0, "m"),
         at_most("approach: bend", found, BEND, "rad"),
         same("approach: bend", abs(found - phase.measure), _SAME_BEND, "rad"),
     ]  # fmt: skip
