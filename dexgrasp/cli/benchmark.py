@@ -41,8 +41,7 @@ class Benchmark(Command):
             figures = {**found["by_object"], "all": found["all"]}
         else:
             figures = run_benchmark(self.name, quick=self.quick)
-        content = {"benchmark": self.name, "quick": self.quick, "figures": figures}
-        return Answer(content, tables(figures))
+        return Answer({"benchmark": self.name, "quick": self.quick, "figures": figures}, tables(figures))
 
 
 _LINES = (f"  {name:<12} {line}" for name, line in BENCHMARKS.items())

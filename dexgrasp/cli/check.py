@@ -57,8 +57,9 @@ class Check(Command, InCell):
             lines.append(
                 f"held in {sum(held)} of {len(held)} open-loop replays, the object 3 mm and 1 deg off"
             )
-        content = {"holds": good, "checks": checks, "replays": len(held), "held": sum(held)}
-        return Answer(content, lines, not good)
+        return Answer(
+            {"holds": good, "checks": checks, "replays": len(held), "held": sum(held)}, lines, not good
+        )
 
 
 COMMAND = Check

@@ -171,8 +171,9 @@ def _stopped(name: str, error: BaseException) -> int:
     said: object = None
     if interrupt.requested() or isinstance(error, KeyboardInterrupt):  # libraries make other exceptions of it
         interrupt.acknowledge()
-        kept = str(error) if isinstance(error, KeyboardInterrupt) else ""
-        code, said = INTERRUPTED, "; ".join(filter(None, ("interrupted", kept)))
+        code, said = INTERRUPTED, "interrupted"
+        if isinstance(error, KeyboardInterrupt) and str(error):  # what is kept
+            said = f"interrupted; {error}"
     elif isinstance(error, InputError):
         said = error
     elif isinstance(error, ModuleNotFoundError):

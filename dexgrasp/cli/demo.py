@@ -110,8 +110,10 @@ def _execute(agent: "Agent", seen: "Look", folder: Path) -> Fields:
                 frames.append(picture)
     if frames:
         _contact_sheet(folder / "demo.png", frames)
-    outcome = {key: info[key] for key in _OUTCOME} | {"failure": info["failure"] or None}
-    return outcome | {"simulated_seconds": round(0.05 * steps, 2)}
+    return {key: info[key] for key in _OUTCOME} | {
+        "failure": info["failure"] or None,
+        "simulated_seconds": round(0.05 * steps, 2),
+    }
 
 
 def _contact_sheet(path: Path, frames: list[Any]) -> None:

@@ -134,21 +134,21 @@ def _renders(backend: str) -> str:
 
 def _python(code: str, timeout: float, **where: Any) -> "subprocess.CompletedProcess[str] | None":
     """Run code in a process of its own; None if it takes longer than the timeout, s."""
-    command = [sys.executable, "-c", code]
     try:
-        return subprocess.run(command, capture_output=True, text=True, timeout=timeout, **where)
+        return subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, timeout=timeout, **where
+        )
     except subprocess.TimeoutExpired:
         return None
 
 
 def check_machine() -> list[Finding]:
     """Look at processors, thread settings and the cache."""
-    usable = usable_cores()
     limits = [
         f"{key}={os.environ[key]}" for key in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if os.environ.get(key)
     ]
     return [
-        Finding("info", f"{usable} processors" + (f" ({', '.join(limits)})" if limits else "")),
+        Finding("info", f"{usable_cores()} processors" + (f" ({', '.join(limits)})" if limits else "")),
         _check_cache(),
         *_check_torch(),
     ]
@@ -177,8 +177,9 @@ def _check_torch() -> list[Finding]:
     if done is None:
         return [Finding("warning", "torch does not import within two minutes")]
     if done.returncode:
-        remedy = "reinstall it: pip install --force-reinstall torch"
-        return [Finding("error", "torch does not import", remedy)]
+        return [
+            Finding("error", "torch does not import", "reinstall it: pip install --force-reinstall torch")
+        ]
     device, _, threads = done.stdout.strip().rpartition(" ")
     return [Finding("info", f"torch works: {device}, {threads} threads")]
 

@@ -37,14 +37,14 @@ def list_envs() -> Rows:
     from dexgrasp_env.tasks.control import CONTROL_MODES
     from dexgrasp_env.tasks.settings import REWARD_MODES
 
-    choices = {"control_mode": CONTROL_MODES, "reward_mode": REWARD_MODES, "mount": default_cell().mounts}
-    specs = [spec for id, spec in sorted(gym.registry.items()) if id.startswith("DexGrasp/")]
     return [
         {
-            "id": spec.id, "max_episode_steps": spec.max_episode_steps, "preset": spec.kwargs,
-            "obs_mode": resolve_name(str(spec.entry_point)).obs_modes, **choices,
+            "id": id, "max_episode_steps": spec.max_episode_steps, "preset": spec.kwargs,
+            "obs_mode": resolve_name(str(spec.entry_point)).obs_modes, "control_mode": CONTROL_MODES,
+            "reward_mode": REWARD_MODES, "mount": default_cell().mounts,
         }
-        for spec in specs
+        for id, spec in sorted(gym.registry.items())
+        if id.startswith("DexGrasp/")
     ]  # fmt: skip
 
 

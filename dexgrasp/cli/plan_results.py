@@ -67,9 +67,13 @@ def _describe_set(result: Fields) -> str:
     speed = f"{result['grasps_per_cpu_second']:.0f} a second of one core"
     lines = [f"{result['object']}: {found} in {seconds:.2f} s, {speed}"]
     if result["grasps"]:
-        rows = [figures_of(grasp["certificate"], _SET) | _sure(grasp) for grasp in result["grasps"]]
+        rows = []
+        for k, grasp in enumerate(result["grasps"]):
+            rows.append({"grasp": f"{k:03d}", **figures_of(grasp["certificate"], _SET)})
+            if (known := grasp["holds_probability"]) is not None:
+                rows[-1]["holds"] = _chance(known["lifted"])
         lines += [
-            record_table([{"grasp": f"{k:03d}", **row} for k, row in enumerate(rows)]),
+            record_table(rows),
             f"each bears the {1000 * result['certificate']['mass']:.0f} g that the object is assumed to weigh",
         ]
     if result["diversity"]:
@@ -77,11 +81,6 @@ def _describe_set(result: Fields) -> str:
     if count < asked:
         lines.append(f"no more were found [{result['reason']}]\n  {_why(result)}")
     return "\n".join(lines)
-
-
-def _sure(grasp: Fields) -> dict[str, str]:
-    known = grasp["holds_probability"]
-    return {} if known is None else {"holds": _chance(known["lifted"])}
 
 
 def _chance(chance: dict[str, float]) -> str:

@@ -51,11 +51,11 @@ class Replay(Command, InCell):
         )
         if found.stale:
             note(f"note: the evaluation was made with other {' and '.join(found.stale)}")
+        again = found.again
         content = {
-            "same": not found.changed, "changed": found.changed, "stale": found.stale, "trial": found.again,
+            "same": not found.changed, "changed": found.changed, "stale": found.stale, "trial": again,
             "recorded": found.row, "grasp": found.grasp, "video": found.video,
         }  # fmt: skip
-        again = found.again
         outcome = "lifted and held" if again["success"] else f"failed: {again['reason']}"
         lines = [
             f"{self.agent} on {self.object}, trial {self.trial}: {outcome}, after {again['steps']} steps",

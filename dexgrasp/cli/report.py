@@ -27,8 +27,10 @@ class Report(Command):
         out = self.out or self.folders[0]
         text = write_report(self.folders, out)
         note(f"report and plots are in {out}")
-        pages = {"report": out / "report.md", "html": out / "report.html"}
-        return Answer({**pages, "agents": read_agents(self.folders)}, text.rstrip("\n"))
+        content = {
+            "report": out / "report.md", "html": out / "report.html", "agents": read_agents(self.folders)
+        }  # fmt: skip
+        return Answer(content, text.rstrip("\n"))
 
 
 COMMAND = Report

@@ -110,7 +110,6 @@ def _draw(cell: Any, path: Path) -> list[str]:
     from dexgrasp.grasp.picture import hand_picture
     from dexgrasp.kinematics.robot_check import closed_posture
 
-    postures = {"open": cell.robot.home, "closed": closed_posture(cell)[0]}
     grasps, missed = Fields(), list[str]()
     for name in _SHOWN:
         plan = plan_target(name, "bilevel", Scene(robot=cell))[1]
@@ -120,7 +119,7 @@ def _draw(cell: Any, path: Path) -> list[str]:
             grasps[name] = plan.grasp, plan.target
         if len(grasps) == _GRASPS:
             break
-    hand_picture(path, cell, postures, grasps)
+    hand_picture(path, cell, {"open": cell.robot.home, "closed": closed_posture(cell)[0]}, grasps)
     return missed
 
 

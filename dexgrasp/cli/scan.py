@@ -77,11 +77,13 @@ class Scan(Options):
 
 def list_lines(seen: "list[Seen]") -> list[str]:
     """Return a line for each object."""
-    near = ["none" if one.next > 1e3 else f"{100 * one.next:.1f} cm" for one in seen]
-    return [
-        f"  {one.number}: {one}, the next {gap} away{'; ' * one.doubtful}{_DOUBT * one.doubtful}"
-        for one, gap in zip(seen, near, strict=True)
-    ]
+    lines = []
+    for one in seen:
+        gap = "none" if one.next > 1e3 else f"{100 * one.next:.1f} cm"
+        lines.append(
+            f"  {one.number}: {one}, the next {gap} away{'; ' * one.doubtful}{_DOUBT * one.doubtful}"
+        )
+    return lines
 
 
 def tilt_line(tilt: float) -> str:

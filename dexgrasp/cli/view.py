@@ -53,8 +53,10 @@ class View(Command, Scene):
             (identity, pose), seen = look.subject, Perceived.of_observation(look.observation).target.points
             if not found.success:
                 note(f"{identity.name}: no grasp ({found.reason}), so there is nothing to show")
-            contents = found.contents(identity, "bilevel", pose)
-            films = [film_of(record_of(content, cell=cell), seen) for content in contents]
+            films = [
+                film_of(record_of(content, cell=cell), seen)
+                for content in found.contents(identity, "bilevel", pose)
+            ]
         if not films:
             return 1
         if self.html is None:

@@ -79,12 +79,9 @@ def _timing(name: str, rows: Rows) -> Check:
 def _order(recording: Recording) -> Check:
     """Segments follow each other, from the first row to the last."""
     segments = recording.facts.segments.values()
-    starts, ends, last = (
-        [one.start for one in segments],
-        [one.end for one in segments],
-        recording.arm.times[-1],
-    )
-    off = max(np.abs(np.subtract([*starts, last], [0.0, *ends])).max(), np.subtract(starts, ends).max())
+    starts, ends = [one.start for one in segments], [one.end for one in segments]
+    apart = np.subtract([*starts, recording.arm.times[-1]], [0.0, *ends])
+    off = max(np.abs(apart).max(), np.subtract(starts, ends).max())
     return at_most("segments follow each other to the end, off by (s)", off, _PERIODS["arm"], "", _TIME)
 
 

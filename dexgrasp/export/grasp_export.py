@@ -74,8 +74,8 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:
     R, p = palm_frame(record.q, tree)
     J = hand_contact_jacobian(record.grasp, record.points, record.normals, tree)
     torque = np.einsum("frj,fr->j", J, record.forces)  # presses with the planned forces
-    share = cell.robot.stiffness[hand] / tree.stiffness  # of each servo where others follow it
-    torque = cell.robot.drive[0][hand, hand] @ (share * torque)
+    # Each servo has its share where others follow it.
+    torque = cell.robot.drive[0][hand, hand] @ (cell.robot.stiffness[hand] / tree.stiffness * torque)
     return jsonable({
         "object": record.object.name,
         "mount": record.mount,

@@ -45,7 +45,7 @@ def replay(recording: Recording, scene: Path, rng: np.random.Generator | None = 
 
     model, data = load_scene(scene, recording)
     mujoco.mj_resetDataKeyframe(model, data, 0)
-    free = int(model.joint("object").qposadr[0])
+    free = model.joint("object").qposadr[0]
     if rng is not None:
         displace(data.qpos[free : free + 7], rng)
     data.qpos[: model.nu] = data.ctrl[:] = set_points(recording, 0.0)
@@ -77,7 +77,7 @@ def load_scene(scene: Path, recording: Recording) -> tuple[Any, Any]:
         model.joint("object")
     except (ValueError, KeyError) as error:
         raise InputError(f"{scene} is no scene of a trajectory: {' '.join(str(error).split())}") from None
-    joints = recording.arm.positions.shape[1] + recording.hand.positions.shape[1]
+    joints = len(set_points(recording, 0.0))
     if model.nkey < 1 or model.nu != joints:
         raise InputError(f"{scene} is no scene of a trajectory: {joints} actuators and a keyframe are needed")
     return model, mujoco.MjData(model)
@@ -85,14 +85,15 @@ def load_scene(scene: Path, recording: Recording) -> tuple[Any, Any]:
 
 def set_points(recording: Recording, time: float) -> Array:
     """The set-points that the controllers hold at a time: each takes its last row."""
-    parts = recording.arm, recording.hand
-    rows = [np.searchsorted(part.times, time + 1e-9, side="right") - 1 for part in parts]
-    return np.concatenate([part.positions[row] for part, row in zip(parts, rows, strict=True)])
+    return np.concatenate([
+        part.positions[np.searchsorted(part.times, time + 1e-9, side="right") - 1]
+        for part in (recording.arm, recording.hand)
+    ])  # fmt: skip
 
 
 def displace(pose: Array, rng: np.random.Generator) -> None:
     """Move a free joint's pose (7,), in place, by the error that is stated."""
-    direction, axis = rng.normal(size=3), rng.normal(size=3)
+    direction, axis = rng.normal(size=(2, 3))
     pose[:3] += OFFSET * direction / np.linalg.norm(direction)
     turn = Rotation.from_rotvec(TURN * axis / np.linalg.norm(axis))
     pose[3:] = (turn * Rotation.from_quat(pose[3:], scalar_first=True)).as_quat(scalar_first=True)

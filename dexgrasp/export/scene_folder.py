@@ -32,12 +32,10 @@ def write_scene(folder: Path, model: ObjectModel, T_world_object: Array, cell: C
     from dexgrasp_env.scene.build import scene_spec
 
     spec = scene_spec(model, cell)
-    free = [*T_world_object[:3, 3], *matrix_to_quat(T_world_object[:3, :3])]
-    home = cell.robot.home.tolist()
-    spec.add_key(name="start", qpos=[*home, *free], ctrl=home)
+    home, R = cell.robot.home.tolist(), T_world_object[:3, :3]
+    spec.add_key(name="start", qpos=[*home, *T_world_object[:3, 3], *matrix_to_quat(R)], ctrl=home)
     spec.compile()
-    text = _portable(spec.to_xml(), folder / MESHES)
-    write_atomically(folder / SCENE, text.encode())
+    write_atomically(folder / SCENE, _portable(spec.to_xml(), folder / MESHES).encode())
     try:
         mujoco.MjModel.from_xml_path(str(folder / SCENE))
     except ValueError as error:

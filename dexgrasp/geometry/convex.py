@@ -1,7 +1,5 @@
 """Convex polyhedra from points or meshes, simplified on request, and the signed distance to one or to their union."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
@@ -38,7 +36,7 @@ class ConvexDistance:
     sizes: tuple[int, ...] = ()
 
     @classmethod
-    def from_points(cls, points: ArrayLike, max_faces: int | None = None) -> ConvexDistance:
+    def from_points(cls, points: ArrayLike, max_faces: int | None = None) -> "ConvexDistance":
         """Build the convex hull of points.
 
         Args:
@@ -59,14 +57,14 @@ class ConvexDistance:
         return cls(triangles, planes)
 
     @classmethod
-    def union(cls, parts: Sequence[ConvexDistance]) -> ConvexDistance:
+    def union(cls, parts: Sequence["ConvexDistance"]) -> "ConvexDistance":
         """Return the distance to what at least one of some convex polyhedra holds; one part is returned as it is.
 
         Faces that lie within another part stay: no point outside is nearest to them.
         """
         return reduce(cls.joined, parts)
 
-    def joined(self, other: ConvexDistance) -> ConvexDistance:
+    def joined(self, other: "ConvexDistance") -> "ConvexDistance":
         """Return the distance to what this or another holds."""
         sizes = [one.sizes or (len(one.planes),) for one in (self, other)]
         return ConvexDistance(

@@ -6,8 +6,6 @@ overlap, the surface is farther away than that.
 The functions are compiled and may be called from compiled code. Source: Eq. (3).
 """
 
-from __future__ import annotations
-
 import math
 from functools import partial
 from typing import NamedTuple

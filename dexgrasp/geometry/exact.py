@@ -1,7 +1,5 @@
 """Signed distance to a triangle mesh by trimesh: the measure in verification."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -32,7 +30,7 @@ class Closest(NamedTuple):
     """(N, 3) of the distance; unit vectors."""
 
 
-def closest_on_mesh(mesh: trimesh.Trimesh, points: ArrayLike) -> Closest:
+def closest_on_mesh(mesh: "trimesh.Trimesh", points: ArrayLike) -> Closest:
     """Return signed distances, closest points and gradients.
 
     The sign is that of the angle-weighted pseudonormal of the closest face, edge or vertex, right also at
@@ -68,7 +66,7 @@ def closest_on_mesh(mesh: trimesh.Trimesh, points: ArrayLike) -> Closest:
     return Closest(signed, closest, gradients)
 
 
-def _pseudonormal(mesh: trimesh.Trimesh, corners: Array) -> Array:
+def _pseudonormal(mesh: "trimesh.Trimesh", corners: Array) -> Array:
     """Return the unit pseudonormal (3,) of a vertex, or of the edge between two."""
     if len(corners) == 1:
         return mesh.vertex_normals[corners[0]]

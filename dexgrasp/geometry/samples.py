@@ -1,7 +1,5 @@
 """Evenly spread points of a surface, with the normals of their faces."""
 
-from __future__ import annotations
-
 import heapq
 from typing import NamedTuple
 

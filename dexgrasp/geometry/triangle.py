@@ -1,7 +1,5 @@
 """The closest point of a triangle, and which of its features holds it; the way across two vectors."""
 
-from __future__ import annotations
-
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 

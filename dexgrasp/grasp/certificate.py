@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 
 from dexgrasp.grasp.values import Number, Numbers, Positive
 from dexgrasp_env.arrays import Fields
@@ -49,7 +49,7 @@ class Certificate:
     @classmethod
     def unclaimed(cls, contacts: int) -> "Certificate":
         """Return one that claims nothing of a grasp with so many contacts."""
-        numbers: Fields = {field.name: math.nan for field in fields(cls)}
+        numbers: Fields = dict.fromkeys(cls.__annotations__, math.nan)
         return cls(**numbers | {"distances_cm": (math.nan,) * contacts, "holds": False})
 
     def as_json(self) -> Fields:

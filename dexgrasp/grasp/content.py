@@ -94,8 +94,8 @@ def planned_record(
 
 def grasp_json(record: GraspRecord) -> Fields:
     """Return the JSON object of a grasp (lengths m, angles rad, forces N, frame of the robot's base)."""
-    made = {"version": __version__, "created": datetime.now(UTC).isoformat(timespec="seconds")}
-    return as_json(record) | made
+    created = datetime.now(UTC).isoformat(timespec="seconds")
+    return as_json(record) | {"version": __version__, "created": created}
 
 
 def _told(identity: ObjectIdentity, target: GraspTarget) -> ObjectIdentity:

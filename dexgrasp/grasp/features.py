@@ -41,7 +41,7 @@ def features_of(record: GraspRecord, friction: float, mass: float, guessed: floa
     weight, forces = GRAVITY * mass, record.forces[:, :3]
     exact = Draws(record.points[None], record.normals[None], record.centre[None])
     held, borne = _borne(forces, exact, weight, friction)
-    around = _borne(forces, _drawn(record, float(np.hypot(_PLACE, guessed))), weight, friction)[1]
+    around = _borne(forces, _drawn(record, np.hypot(_PLACE, guessed)), weight, friction)[1]
     planned = held[0]
     press = -(planned * record.normals).sum(1)
     slide = np.linalg.norm(planned + press[:, None] * record.normals, axis=1)
@@ -74,15 +74,13 @@ def _drawn(record: GraspRecord, place: float) -> Draws:
     moved = place * rng.standard_normal(shape)
     tips = record.points + record.thresholds.tip_radius * record.normals
     normals = unit(_nearest(record.parts, tips + moved) + _TILT * rng.standard_normal(shape))
-    centres = record.centre + place * rng.standard_normal((_DRAWS, 3))
-    return Draws(record.points + moved, normals, centres)
+    return Draws(record.points + moved, normals, record.centre + place * rng.standard_normal((_DRAWS, 3)))
 
 
 def _answers(draws: Draws) -> tuple[Array, Array]:
     """Return the grasp maps (K, 6, 3 N), and the least forces that answer a wrench (K, 3 N, 6)."""
     arms = draws.points - draws.centres[:, None]
-    scale = float(np.sqrt((arms[0] ** 2).sum(-1).mean()))
-    x, y, z = np.moveaxis(arms / scale, -1, 0)
+    x, y, z = np.moveaxis(arms / np.sqrt((arms[0] ** 2).sum(-1).mean()), -1, 0)
     o = np.zeros_like(x)
     cross = np.stack([np.stack(row, -1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], -2)
     whole = np.concatenate([np.broadcast_to(np.eye(3), cross.shape), cross], -2)
@@ -106,10 +104,9 @@ def _borne(forces: Array, draws: Draws, weight: float, friction: float) -> tuple
     a = (drift**2).sum(-1) - (friction * gain) ** 2
     b = (slide * drift).sum(-1) - friction**2 * press * gain
     c = (slide**2).sum(-1) - (friction * press) ** 2
-    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         # The first push that leaves the cone: of a d^2 + 2 b d + c, which is negative inside.
-        first = np.where(b * b < a * c, np.inf, -c / (b + root))
+        first = np.where(b * b < a * c, np.inf, -c / (b + np.sqrt(np.maximum(b * b - a * c, 0.0))))
     first = np.where((first > 0.0) & np.isfinite(first), first, _MOST).min((-1, -2))
     short = (friction * press - np.linalg.norm(slide, axis=-1)).min((-1, -2)) / weight
     return held[:, 0], np.clip(np.where(short < 0.0, short, first), -2.0, _MOST)

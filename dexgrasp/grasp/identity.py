@@ -57,5 +57,4 @@ class ObjectIdentity:
 
 def surface_hash(model: ObjectModel) -> str:
     """Return a hash of an object's surface: vertices to a micron, and faces."""
-    vertices = np.rint(model.solid.vertices * 1e6).astype(np.int64)
-    return content_hash(vertices, model.solid.faces)
+    return content_hash(np.rint(model.solid.vertices * 1e6).astype(np.int64), model.solid.faces)

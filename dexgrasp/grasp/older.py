@@ -35,8 +35,10 @@ def of_schema_2(old: Fields, cell: Cell) -> Fields:
 
 
 def _script(approach: Fields, lift: Fields) -> Fields:
-    first, last = {"name": APPROACH, "measure": approach["bend"]}, {"name": LIFT, "measure": lift["stray"]}
-    return {"lift_height": lift["height"], "phases": [approach | first, lift | last]}
+    phases = [
+        approach | {"name": APPROACH, "measure": approach["bend"]}, lift | {"name": LIFT, "measure": lift["stray"]}
+    ]  # fmt: skip
+    return {"lift_height": lift["height"], "phases": phases}
 
 
 def _parts(vertices: list[Any], sizes: list[int] | None) -> list[Any]:

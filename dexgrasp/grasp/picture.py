@@ -31,7 +31,9 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str) -> 
         target: the object it was planned on.
         title: above the picture; the certificate's figures stand below.
     """
-    figure = _figure(15, 5.0)
+    from matplotlib.figure import Figure
+
+    figure = Figure((15, 5.0))
     hand = _hand_triangles(grasp.cell, grasp.q)
     box = _box(target.distance.triangles, hand)
     for k, view in enumerate(_VIEWS):
@@ -55,7 +57,9 @@ def hand_picture(
         postures: (n,) rad, by what they are called.
         grasps: with what they hold, by its name.
     """
-    figure = _figure(4 * (len(postures) + len(grasps)), 4.4)
+    from matplotlib.figure import Figure
+
+    figure = Figure((4 * (len(postures) + len(grasps)), 4.4))
     shown = postures | {name: grasp.q for name, (grasp, _) in grasps.items()}
     for k, (name, q) in enumerate(shown.items()):
         hand = _hand_triangles(cell, q)
@@ -68,12 +72,6 @@ def hand_picture(
         axes.set_title(name)
     figure.subplots_adjust(left=0.02, right=0.97, bottom=0.05, top=0.92, wspace=0.1)
     return save(figure, path)
-
-
-def _figure(width: float, height: float) -> Any:
-    from matplotlib.figure import Figure
-
-    return Figure((width, height))
 
 
 def _hand_triangles(cell: Cell, q: Array) -> Array:
@@ -98,7 +96,9 @@ def _draw(axes: Any, grasp: Grasp, target: GraspTarget, hand: Array, box: Array)
     _add_solid(axes, target.distance.triangles, (0.87, 0.66, 0.33, 0.35), (0.45, 0.40, 0.30, 0.35))
     contacts = zip(_COLOURS, grasp.fingers, grasp.contacts, grasp.normals, grasp.forces[:, :3], strict=False)
     for colour, finger, p, n, f in contacts:
-        _add_solid(axes, _cone(p, n, grasp.certificate.friction), to_rgba(colour, 0.25), "none")
+        rim = p + _CONE_LENGTH * cone_edges(n[None], grasp.certificate.friction, _CONE_SIDES)[0]
+        cone = np.stack([np.broadcast_to(p, rim.shape), rim, np.roll(rim, -1, axis=0)], axis=1)
+        _add_solid(axes, cone, to_rgba(colour, 0.25), "none")
         axes.scatter(*p, color=colour, s=28, depthshade=False)
         _arrow(axes, p - _NEWTON * f, p, colour, 2.4, f"{finger}: {np.linalg.norm(f):.1f} N")
     weight = np.array([0, 0, _NEWTON * 9.81 * grasp.certificate.mass])
@@ -139,14 +139,7 @@ def _add_axes(figure: Any, place: tuple[int, int, int], box: Array, view: tuple[
 
 
 def _arrow(axes: Any, a: Array, b: Array, colour: str, width: float, label: str) -> None:
-    d = b - a
-    axes.quiver(*a, *d, color=colour, linewidth=width, arrow_length_ratio=0.25, label=label)
-
-
-def _cone(p: Array, n: Array, friction: float) -> Array:
-    """Triangles of the friction cone into the object."""
-    rim = p + _CONE_LENGTH * cone_edges(n[None], friction, _CONE_SIDES)[0]
-    return np.stack([np.broadcast_to(p, rim.shape), rim, np.roll(rim, -1, axis=0)], axis=1)
+    axes.quiver(*a, *(b - a), color=colour, linewidth=width, arrow_length_ratio=0.25, label=label)
 
 
 def _caption(grasp: Grasp) -> str:

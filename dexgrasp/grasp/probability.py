@@ -91,8 +91,8 @@ def probability_of(record: GraspRecord, guessed: float = 0.0) -> HoldsProbabilit
     """
     model = shipped_model()
     friction, mass = round(record.thresholds.friction_hold / HOLD_SHARE, 9), record.certificate.mass
-    others = record.robot.hash != model.robot or bool(record.neighbours)
-    if others or friction < model.least_friction or not mass > 0.0:  # no such was met
+    of_others = record.robot.hash != model.robot or record.neighbours
+    if of_others or friction < model.least_friction or not mass > 0.0:  # no such was met
         return None
     chances = model.chances(features_of(record, friction, mass, guessed))
     return HoldsProbability(model.hash, friction, mass, guessed, **chances)
@@ -116,8 +116,10 @@ def read_model(path: Path) -> Model:
         if stated["schema"] != SCHEMA:
             raise ValueError
         outcomes = {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES}
-        names, least = tuple(stated["features"]), float(stated["least_friction"])
-        return Model(content_hash(content), str(stated["robot"]), names, least, outcomes)
+        return Model(
+            content_hash(content), str(stated["robot"]), tuple(stated["features"]),
+            float(stated["least_friction"]), outcomes,
+        )  # fmt: skip
     except (ValueError, LookupError, TypeError):
         raise InputError(f"{path} holds no model of probabilities of schema {SCHEMA}") from None
 

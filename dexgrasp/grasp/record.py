@@ -12,7 +12,7 @@ from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.conventions import RobotName, conventions
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.thresholds import Thresholds
-from dexgrasp.grasp.values import LIFT_HEIGHT, Number, Parts, Pose, Positive, Row, Share, Vector, Word
+from dexgrasp.grasp.values import Number, Parts, Pose, Positive, Row, Share, Vector, Word
 from dexgrasp_env.arrays import Array, Fields, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
@@ -65,7 +65,7 @@ class Phase:
 class Script:
     """What is executed open loop: approach and lift; between them fingers close and press on feedback."""
 
-    lift_height: Annotated[float, LIFT_HEIGHT]
+    lift_height: Annotated[float, number(gt=0, le=0.5)]
     phases: Annotated[tuple[Phase, ...], list_of(Phase, 2, 2, more=True)]
 
 

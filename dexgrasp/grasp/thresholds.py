@@ -82,8 +82,10 @@ class Thresholds:
     def looser(self, hand: Hand) -> list[str]:
         """Return the names of those that ask less than the frozen ones; the tip radius may be the hand's alone."""
         ours = frozen_for(hand)
-        low, high = self.distance[0] < ours.distance[0], self.distance[1] > ours.distance[1]
-        found = {"distance": low or high, "tip_radius": self.tip_radius != hand.tip_radius}
+        found = {
+            "distance": self.distance[0] < ours.distance[0] or self.distance[1] > ours.distance[1],
+            "tip_radius": self.tip_radius != hand.tip_radius,
+        }
         found |= {name: getattr(self, name) > getattr(ours, name) for name in _AT_MOST}
         found |= {name: getattr(self, name) < getattr(ours, name) for name in _AT_LEAST}
         return [name for name, worse in found.items() if worse]

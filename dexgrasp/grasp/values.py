@@ -31,7 +31,6 @@ def _word(value: Any) -> str:
     return value
 
 
-LIFT_HEIGHT = number(gt=0, le=0.5)
 Number = Annotated[float, number(ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[float, number(gt=0, le=LARGEST)]
 Share = Annotated[float, number(ge=0, le=1)]

@@ -81,7 +81,7 @@ def checked(contacts: Contacts) -> Contacts:
 def _positive(name: str, values: Numbers, count: int) -> Array:
     if np.shape(values) not in ((), (count,)):
         raise InputError(f"{name} must be one number or ({count},), got {np.shape(values)}")
-    array = check_array(name, np.broadcast_to(np.asarray(values), (count,)), (count,))
+    array = check_array(name, np.broadcast_to(values, (count,)), (count,))
     if not (array > 0.0).all():
         raise InputError(f"{name} must be above 0")
     return array

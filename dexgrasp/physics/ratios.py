@@ -19,5 +19,5 @@ def wrench_ratios(points: Numbers, forces: Numbers, centroid: Numbers) -> tuple[
     """Return force and torque ratio [%] of forces (N, 3) at points (N, 3); `centroid` (3,) of the object."""
     points = check_array("points", points, (None, 3))
     forces = check_array("forces", forces, (len(points), 3))
-    torques = np.cross(points - check_array("centroid", centroid, (3,)), forces)
-    return _ratio(forces), _ratio(torques)
+    arms = points - check_array("centroid", centroid, (3,))
+    return _ratio(forces), _ratio(np.cross(arms, forces))

@@ -33,8 +33,7 @@ _GIVES = 1e-6  # m/N that a contact gives way besides its joints, in every direc
 
 def torque_fraction(contacts: Contacts, forces: Array) -> float:
     """Return the largest joint torque of forces (N, c) over its limit; the joints bear what all contacts ask."""
-    torque = np.einsum("frj,fr->j", contacts.jacobians, forces)
-    return float((np.abs(torque) / contacts.torque_limits).max())
+    return float((np.abs(np.einsum("frj,fr->j", contacts.jacobians, forces)) / contacts.torque_limits).max())
 
 
 def hold_residual(contacts: Contacts, forces: Array) -> float:
@@ -72,7 +71,7 @@ def load_of(contacts: Contacts, forces: Array, stiffness: Array | None = None) -
     strayed = float(np.linalg.norm(wrench)) > BALANCED * contacts.weight
     if strayed or share <= 0.0 or torque_fraction(contacts, forces) > 1.0 + _ROUNDING:
         return 0.0
-    push = _push(contacts, forces, np.linalg.pinv(G, rcond=1e-9)[:, :3])
+    push = _push(contacts, forces, np.asarray(np.linalg.pinv(G, rcond=1e-9)[:, :3], dtype=np.float64))
     if push < -_ROUNDING:
         return 0.0
     if share <= 1.0 - BALANCED:
@@ -96,11 +95,10 @@ def _servo_answers(contacts: Contacts, G: Array, stiffness: Array) -> Array:
 
 def _push(contacts: Contacts, forces: Array, answers: Array) -> float:
     """Return the push, in weights, that forces (N, c) bear with answers (c N, 3) N to 1 N; 0 if they are none."""
-    shape = shape_of(len(forces), contacts.torsion)
+    shape, most = shape_of(len(forces), contacts.torsion), np.inf
     if np.abs(_grasp_matrix(contacts) @ answers - np.eye(6, 3)).max() > 1e-6:
-        answers = np.zeros_like(answers)  # some direction cannot be answered at all: no push is
-        return min(_borne(contacts, shape, forces, answers.reshape(*forces.shape, 3)), 0.0)
-    return _borne(contacts, shape, forces, contacts.weight * answers.reshape(*forces.shape, 3))
+        answers, most = np.zeros_like(answers), 0.0  # some direction cannot be answered at all: no push is
+    return min(_borne(contacts, shape, forces, contacts.weight * answers.reshape(*forces.shape, 3)), most)
 
 
 @njit

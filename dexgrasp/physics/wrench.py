@@ -85,8 +85,7 @@ def solve_wrench_qp(
     A, b = pyramid_rows(normals, mu, f_min)
     H = G.T @ G + REGULARISER * np.eye(G.shape[1])
     x = _by_daqp(H, A, b) if solver == "daqp" else _by_qpsolvers(H, A, b, solver)
-    start = -f_min * normals if x is None else x.reshape(-1, 3)
-    forces = restore_feasible(start, normals, mu, f_min)
+    forces = restore_feasible(-f_min * normals if x is None else x.reshape(-1, 3), normals, mu, f_min)
     wrench = G @ forces.ravel()
     status = f"{solver} found no solution" if x is None else "solved"
     return WrenchSolution(float(wrench @ wrench), forces, status)

@@ -41,7 +41,7 @@ def read_state(path: Path, parts: Parts) -> Fields | None:
     try:
         for name, part in parts.items():
             _fill(part, {key: torch.from_numpy(array) for key, array in below(arrays, f"{name}/").items()})
-        return dict(note)
+        return note
     except (RuntimeError, ValueError, KeyError, TypeError):
         raise damaged(path) from None
 
@@ -55,8 +55,11 @@ def _tensors(part: Part) -> dict[str, torch.Tensor]:
     if isinstance(part, torch.Tensor):
         return {"": part}
     if isinstance(part, Optimizer):
-        states = part.state_dict()["state"].items()
-        return {f"{k}/{key}": tensor for k, state in states for key, tensor in state.items()}
+        return {
+            f"{k}/{key}": tensor
+            for k, state in part.state_dict()["state"].items()
+            for key, tensor in state.items()
+        }
     return part.state_dict()
 
 

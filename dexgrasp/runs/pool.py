@@ -100,9 +100,8 @@ def processes(workers: int, *, alone: bool = False) -> Iterator[ProcessPoolExecu
     Raises:
         WorkerDiedError: if one went away.
     """
-    context = multiprocessing.get_context("spawn")
     others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
     main = {"__main__": ModuleType("__main__")} if alone else {}
     share = str(max(1, (os.cpu_count() or 1) // workers))  # of the processors, that each may use
     limits = {name: os.environ.get(name, share) for name in _THREADS}

@@ -187,8 +187,9 @@ class Training(ABC):
                 row |= self.course.tester.after(self.out, state)
             with held():
                 write_state(self.out / CHECKPOINT, self.parts(), {"progress": asdict(state), **self.note()})
-                lines = "".join(json.dumps(row) + "\n" for row in state.curve)
-                write_atomically(self.out / CURVE, lines.encode())
+                write_atomically(
+                    self.out / CURVE, "".join(json.dumps(row) + "\n" for row in state.curve).encode()
+                )
             board.add(row, row.get("steps", state.epoch))
             if progress:
                 progress(state)

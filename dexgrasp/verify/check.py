@@ -56,6 +56,5 @@ def claim(
     claimed = np.asarray(getattr(case.record.certificate, key), dtype=float)
     if np.isnan(claimed).any():
         return []
-    off = np.abs(claimed - value)
     bound = float(np.max(tolerance + relative * np.abs(value)))
-    return [at_most(f"{key} as claimed", np.max(off), bound, unit)]
+    return [at_most(f"{key} as claimed", np.abs(claimed - value).max(), bound, unit)]

@@ -41,10 +41,9 @@ def wrench_map(points: Array, centre: Array, normals: Array | None = None, torsi
 
     Of soft contacts each force has a fourth part: what it turns about its normal (N, 3) with, over `torsion`, m.
     """
-    radius = float(np.sqrt(((points - points.mean(0)) ** 2).sum(-1).mean()))
+    radius = np.sqrt(((points - points.mean(0)) ** 2).sum(-1).mean())
     radius = radius if radius > 1e-12 else 1.0
-    arms = (points - centre) / radius
-    columns = [[[*e, *np.cross(arm, e)] for e in np.eye(3)] for arm in arms]
+    columns = [[[*e, *np.cross(arm, e)] for e in np.eye(3)] for arm in (points - centre) / radius]
     if normals is not None and torsion:
         columns = [
             [*own, [0.0, 0.0, 0.0, *(torsion / radius * n)]] for own, n in zip(columns, normals, strict=True)
@@ -112,8 +111,7 @@ def _lower(G: Array, wrench: Array, normals: Array, mu: float) -> float:
     size = np.linalg.norm(wrench)
     if size == 0.0:
         return 0.0
-    h = (G.T @ (wrench / size)).reshape(-1, 3)
-    press, sliding = slides(h, normals)
+    press, sliding = slides((G.T @ (wrench / size)).reshape(-1, 3), normals)
     least = press - mu * sliding
     return max(0.0, float(np.where(least >= 0, least, least * FORCE_BOUND).sum())) ** 2
 

@@ -156,10 +156,10 @@ class Scene:
     def _may_meet(self, a: int, b: int, excluded: set[frozenset[int]]) -> bool:
         """Whether two geoms are not of one body, of neighbours, or excluded by the model."""
         model = self.model
-        bodies = [int(model.geom_bodyid[g]) for g in (a, b)]
-        one, two = (int(model.body_weldid[body]) for body in bodies)
-        above = [int(model.body_weldid[model.body_parentid[weld]]) for weld in (one, two)]
-        return one not in (two, above[1]) and two != above[0] and frozenset(bodies) not in excluded
+        bodies = model.geom_bodyid[[a, b]]
+        one, two = model.body_weldid[bodies]
+        above = model.body_weldid[model.body_parentid[[one, two]]]
+        return one not in (two, above[1]) and two != above[0] and frozenset(bodies.tolist()) not in excluded
 
     def carried(self, path: Array) -> tuple[float, float]:
         """Return how far, m, the object lies from its neighbours, and how near it comes to them in the hand.

@@ -17,8 +17,6 @@ from dexgrasp.verify.checks.forces import closure_checks, force_checks, strength
 from dexgrasp.verify.checks.identity import identity_checks
 from dexgrasp.verify.checks.motion import approach_checks, lift_checks, setpoint_checks
 
-__all__ = ["PARTS", "UNEXECUTED", "Check", "verify"]
-
 _CHECKS: dict[str, Callable[[Case], list[Check]]] = {
     "conventions": convention_checks,
     "object": identity_checks,

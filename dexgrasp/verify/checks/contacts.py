@@ -37,8 +37,7 @@ def limit_checks(case: Case) -> list[Check]:
     rows = np.stack([record.q, record.pregrasp, record.grasp, record.squeeze])
     rooms, (C, c) = np.minimum(rows - robot.lower, robot.upper - rows), robot.drive
     slide = case.scene.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
-    stopped = np.flatnonzero(~C.any(1))
-    busy = np.delete(rooms[0] / np.where(slide, SLIDE, 1.0), [*case.idle, *stopped])
+    busy = np.delete(rooms[0] / np.where(slide, SLIDE, 1.0), [*case.idle, *np.flatnonzero(~C.any(1))])
     strays = rows - rows @ C.T - c
     strays[1] = rows[1] - robot.freed(rows[1])
     tied = robot.hand.couplings or robot.hand.tendons

@@ -1,7 +1,6 @@
 """Names, units, orders and thresholds: what a file must state in the words that everybody reads it by."""
 
 import re
-from dataclasses import fields
 
 from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.probability import probability_of
@@ -41,8 +40,11 @@ def threshold_checks(case: Case) -> list[Check]:
 
 def _exact_thresholds(stated: Thresholds, frozen: Thresholds) -> list[Check]:
     """All but friction are the frozen ones to the letter, and both coefficients are of one surface."""
-    names = [f.name for f in fields(Thresholds) if f.name not in _OF_FRICTION]
-    others = [name for name in names if getattr(stated, name) != getattr(frozen, name)]
+    others = [
+        name
+        for name, value in vars(frozen).items()
+        if name not in _OF_FRICTION and getattr(stated, name) != value
+    ]
     of_one = abs(stated.friction / FRICTION_SHARE - stated.friction_hold / HOLD_SHARE) < ROUNDING
     return [
         Check("thresholds as frozen", float(len(others)), ", ".join(others) or "none others", not others),

@@ -98,15 +98,13 @@ def _load(hold: Hold) -> float:
         return 0.0
     if share < 1.0 - BALANCE:
         return share
-    alike = np.eye(hold.forces.size)
-    return 1.0 + min(_way(hold, alike), _way(hold, hold.compliance))
+    return 1.0 + min(_way(hold, np.eye(hold.forces.size)), _way(hold, hold.compliance))
 
 
 def _way(hold: Hold, compliance: Array) -> float:
     """Return the least way of a push where contacts give way by `compliance` (c N, c N), by Lagrange multipliers."""
-    wanted = -hold.weight * np.eye(6, 3)
-    scaled, n = compliance / np.abs(compliance).max(), len(compliance)
-    system = np.block([[scaled, hold.G.T], [hold.G, np.zeros((6, 6))]])
+    wanted, n = -hold.weight * np.eye(6, 3), len(compliance)
+    system = np.block([[compliance / np.abs(compliance).max(), hold.G.T], [hold.G, np.zeros((6, 6))]])
     answer = np.linalg.lstsq(system, np.concatenate([np.zeros((n, 3)), wanted]), rcond=1e-12)[0][:n]
     if np.abs(hold.G @ answer - wanted).max() > 1e-6 * hold.weight:
         return 0.0

@@ -101,7 +101,6 @@ def lift_checks(case: Case) -> list[Check]:
     positions, rotations = map(np.array, zip(*map(case.scene.palm, rows), strict=True))
     strayed = stray(positions, rotations)
     rise = positions[:, 2] - positions[0, 2]
-    depth = case.scene.first_contact(densify(rows, _DENSE), with_object=False)
     return [
         *_phase_checks(phase, case.robot),
         same("lift starts at the squeeze", np.abs(rows[0] - case.record.squeeze).max(), ROUNDING),
@@ -111,7 +110,7 @@ def lift_checks(case: Case) -> list[Check]:
         at_most("lift: stray", strayed, STRAY, "m"),
         same("lift: stray", abs(strayed - phase.measure), _SAME_STRAY, "m"),
         at_most("lift: jerk", jerkiness(rows), JERK, "rad"),
-        at_most("lift: collision", depth, 0.0, "m"),
+        at_most("lift: collision", case.scene.first_contact(densify(rows, _DENSE), with_object=False), 0.0, "m"),
         *_carried_checks(case, rows),
     ]  # fmt: skip
 
