@@ -44,8 +44,11 @@ class Check(Command, InCell):
         recording = read_trajectory(self.trajectory, self.cell)
         checks, grasp = check_trajectory(recording, self.cell), folder / "grasp.json"
         if grasp.is_file():
-            rejected = [check for check in verify(read_grasp(grasp, self.cell)) if not check.holds]
-            checks += [replace(check, name=f"grasp.json: {check.name}") for check in rejected]
+            checks += [
+                replace(check, name=f"grasp.json: {check.name}")
+                for check in verify(read_grasp(grasp, self.cell))
+                if not check.holds
+            ]
         good = all(check.holds for check in checks)
         held = [
             replay(recording, folder / "scene.xml", np.random.default_rng([self.seed, k])).success

@@ -60,7 +60,7 @@ def completion_script(shell: str) -> str:
     for action in _actions(parser):
         if kind := _KINDS.get(str(action.metavar).partition("|")[0]):
             action.complete = known[kind]
-    return str(shtab.complete(parser, shell=shell, preamble="\n".join(functions)))
+    return shtab.complete(parser, shell=shell, preamble="\n".join(functions))
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[Any]:

@@ -55,7 +55,7 @@ def tables(figures: Fields) -> str:
 
 
 def _flat(case: Mapping[str, Any], prefix: str = "") -> Fields:
-    flat: Fields = {}
+    flat = Fields()
     for key, value in case.items():
         flat |= _flat(value, f"{prefix}{key} ") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
     return flat

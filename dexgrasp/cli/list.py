@@ -21,7 +21,7 @@ def list_objects() -> Rows:
             "name": name,
             "sets": [s for s, members in OBJECT_SETS.items() if name in members],
             "shape": spec.shape,
-            "size_mm": [round(1000 * float(side)) for side in load_object(name).extents],
+            "size_mm": [round(1000 * side) for side in load_object(name).extents],
             "mass_g": round(1000 * spec.mass),
             "approximate": spec.approximate,
         }

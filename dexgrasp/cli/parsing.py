@@ -39,7 +39,7 @@ def build(kind: type[C], args: argparse.Namespace) -> C:
     Raises:
         InputError: for settings that are not valid.
     """
-    given: Fields = {}
+    given = Fields()
     for path, value in vars(args).items():
         *within, name = path.split(".")
         place = given
@@ -113,7 +113,7 @@ def _value(name: str, hint: Hint) -> Fields:
     """Return what argparse is told of a value."""
     if hint.kind is bool:
         return {"action": "store_true"}
-    found: Fields = {}
+    found = Fields()
     words = [mark for mark in hint.marks if isinstance(mark, str) and not mark.startswith("--")]
     if get_origin(hint.kind) is tuple and (hint.rule is None or hint.rule.parse is str):
         first, *rest = get_args(hint.kind)

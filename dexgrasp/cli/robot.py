@@ -99,8 +99,10 @@ class CheckRobot(Command):
         findings = check_robot(cell)
         wrong = any(finding.level == "error" for finding in findings)
         if self.picture is not None and not wrong:
-            missed = _draw(cell, self.picture)
-            findings += [Finding("warning", f"no grasp of {name} was found", _SEARCH) for name in missed]
+            findings += [
+                Finding("warning", f"no grasp of {name} was found", _SEARCH)
+                for name in _draw(cell, self.picture)
+            ]
         return Answer({"ok": not wrong, "findings": findings}, list(map(finding_line, findings)), wrong)
 
 

@@ -94,9 +94,9 @@ def _tighter(part: Arm | Hand) -> dict[str, Array]:
 
 
 def _limits(name: str, rows: Rows, part: Arm | Hand) -> list[Check]:
-    q, period, limits = rows.positions, _PERIODS[name], _tighter(part)
+    q, limits = rows.positions, _tighter(part)
     room = np.minimum(q - limits["lower"], limits["upper"] - q).min()
-    used = limit_shares(q, period, *(limits[quantity] for quantity in _QUANTITIES))
+    used = limit_shares(q, _PERIODS[name], *(limits[quantity] for quantity in _QUANTITIES))
     return [
         at_least(f"{name}: inside the joint limits by (rad)", room, 0.0),
         *(
@@ -117,7 +117,7 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
     if not around:
         del words["hand_neighbour"]
     least = dict.fromkeys(words, np.inf)
-    times, rows = recording.arm.times, _together(recording.arm, recording.hand)
+    times, rows = recording.arm.times, _together(recording)
     for k in _looks(rows):
         for kind, value in scene.clearances(rows[k], tips_touch=False).items():
             if kind in least and (kind != "hand_object" or times[k] <= facts.segments["approach"].end):
@@ -132,10 +132,12 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
     return checks
 
 
-def _together(arm: Rows, hand: Rows) -> Array:
+def _together(recording: Recording) -> Array:
     """Return the set-points (T, n) rad of the robot at the arm's T rows."""
     columns = [
-        np.interp(arm.times, part.times, column) for part in (arm, hand) for column in part.positions.T
+        np.interp(recording.arm.times, part.times, column)
+        for part in (recording.arm, recording.hand)
+        for column in part.positions.T
     ]
     return np.stack(columns, axis=1)
 

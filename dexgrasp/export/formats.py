@@ -134,7 +134,7 @@ def _table(joints: Names, period: float, rows: Array) -> str:
 def _yaml(content: Fields) -> str:
     import yaml
 
-    return str(yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=10**6)).rstrip()
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=10**6).rstrip()
 
 
 def _write(path: Path, text: str) -> Path:

@@ -95,7 +95,7 @@ def _borne(forces: Array, draws: Draws, weight: float, friction: float) -> tuple
     forces slide already.
     """
     G, answer = _answers(draws)
-    left = np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]) - G @ forces.ravel()
+    left = weight * np.eye(6)[2] - G @ forces.ravel()
     held = (forces + (answer @ left[..., None]).reshape(-1, *forces.shape))[:, None]
     change = -weight * (answer[..., :3] @ _SIDES.T).transpose(0, 2, 1).reshape(len(held), -1, *forces.shape)
     n = draws.normals[:, None]

@@ -114,7 +114,7 @@ def _add_solid(axes: Any, polygons: Any, face: Any, edge: Any, width: float = 0.
 def _box(triangles: Array, hand: Array) -> Array:
     """Corners (2, 3) of what is shown: around triangles, m, from below the table where they reach there."""
     corners = triangles.reshape(-1, 3)
-    half = 0.5 * float(np.ptp(corners, axis=0)[:2].max()) + _AROUND
+    half = 0.5 * np.ptp(corners, axis=0)[:2].max() + _AROUND
     box = middle(corners) + np.array([[-half], [half]])
     box[:, 2] = max(corners[:, 2].min(), 0.0) - 0.01, max(hand[..., 2].max(), corners[:, 2].max()) + 0.01
     return box

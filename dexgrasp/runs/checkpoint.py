@@ -67,7 +67,7 @@ def _fill(part: Part, tensors: dict[str, torch.Tensor]) -> None:
     if isinstance(part, torch.Tensor):
         part.data.copy_(tensors[""])
     elif isinstance(part, Optimizer):
-        states: dict[int, dict[str, torch.Tensor]] = {}
+        states = dict[int, dict[str, torch.Tensor]]()
         for name, tensor in tensors.items():
             k, _, key = name.partition("/")
             states.setdefault(int(k), {})[key] = tensor

@@ -122,7 +122,7 @@ def _prepare(rehearsal: str) -> None:
 
 def _rehearse(rehearsal: str) -> list[Task]:
     """Run a rehearsal in Python, as far as it goes; return what was called, the innermost first."""
-    heard: list[Task] = []
+    heard = list[Task]()
     compiled.stand_in = partial(_Rehearsed, heard)
     module, _, function = rehearsal.partition(":")
     with tempfile.TemporaryDirectory(prefix="dexgrasp-rehearsal-") as folder, suppress(Exception):
@@ -146,7 +146,7 @@ class _Rehearsed:
     def __init__(self, heard: list[Task], function: Callable[..., Any], inline: str = "never") -> None:
         self._heard, self.function, self._inline = heard, function, inline != "never"
         self._signature = inspect.signature(function)
-        self._known: set[tuple[Any, ...]] = set()
+        self._known = set[tuple[Any, ...]]()
         self._count = 0
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:

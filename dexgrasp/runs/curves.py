@@ -34,15 +34,16 @@ def draw_curves(curve: Sequence[Fields], path: Path, best: int) -> None:
     """
     from matplotlib.figure import Figure
 
-    lines: dict[str, dict[str, list[tuple[int, float]]]] = {}
+    lines = dict[str, dict[str, list[tuple[int, float]]]]()
     for row in curve:
         for name, split, number in numbers(row):
             for title, names in _PANELS.items():
                 if name in names:
                     label = (split or name).replace("_", " ")
                     lines.setdefault(title, {}).setdefault(label, []).append((row["epoch"], number))
-    figure = Figure((4.5 * max(len(lines), 1), 3.3), layout="constrained")
-    axes = figure.subplots(1, max(len(lines), 1), squeeze=False)
+    panels = max(len(lines), 1)
+    figure = Figure((4.5 * panels, 3.3), layout="constrained")
+    axes = figure.subplots(1, panels, squeeze=False)
     for axis, (title, drawn) in zip(axes[0], lines.items(), strict=False):
         for label, points in drawn.items():
             axis.plot(*zip(*points, strict=True), lw=1, marker=".", markersize=3, label=label)

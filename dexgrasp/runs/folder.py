@@ -70,8 +70,9 @@ class RunFolder:
         try:
             lock(file, f"another process is writing to {self.path}: wait for it, or choose another --out")
             self.check(identity)
-            if not (self.path / self.about).exists():
-                write_json(self.path / self.about, {**identity, **beside})
+            about = self.path / self.about
+            if not about.exists():
+                write_json(about, identity | beside)
         except BaseException:
             file.close()
             raise

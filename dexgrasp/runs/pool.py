@@ -120,7 +120,7 @@ def processes(workers: int, *, alone: bool = False) -> Iterator[ProcessPoolExecu
 
 
 def _in_processes(packed: bytes, tasks: Sequence[Any], workers: int) -> Iterator[Any]:
-    waiting: set[Future[Any]] = set()
+    waiting = set[Future[Any]]()
     with processes(workers) as pool:
         for number, task in enumerate(tasks, start=1):
             waiting.add(pool.submit(_do, packed, task))
@@ -150,7 +150,7 @@ def _on_cluster(packed: bytes, tasks: Sequence[Any], address: str | None, worker
     remote = ray.remote(_do).options(num_cpus=1, max_retries=_RETRIES)
     sent = ray.put(packed)
     most = _AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
-    waiting: list[Any] = []
+    waiting = list[Any]()
     try:
         for number, task in enumerate(tasks, start=1):
             waiting.append(remote.remote(sent, task))

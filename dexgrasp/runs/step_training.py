@@ -24,7 +24,7 @@ def perceptron(
     widths: Sequence[int], activation: type[torch.nn.Module] = torch.nn.ReLU
 ) -> torch.nn.Sequential:
     """Return linear layers with an activation between them."""
-    layers: list[torch.nn.Module] = []
+    layers = list[torch.nn.Module]()
     for a, b in pairwise(widths):
         layers += [activation(), torch.nn.Linear(a, b)]
     return torch.nn.Sequential(*layers[1:])

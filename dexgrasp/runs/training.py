@@ -128,7 +128,7 @@ class Training(ABC):
         Those of `packages` stand behind ours, numpy's and torch's.
         """
         packages = ("dexgrasp", "numpy", "torch", *packages)
-        return {**own, **self.state.curve[-1], "versions": package_versions(packages)}
+        return own | self.state.curve[-1] | {"versions": package_versions(packages)}
 
     def run(
         self, progress: Callable[[Progress], object] | None = None, stop_after: int | None = None
@@ -164,9 +164,9 @@ class Training(ABC):
         if note is None:
             return None
         try:
-            self.state = Progress(**note["progress"])
-            whole = [row["epoch"] for row in self.state.curve] == list(range(1, self.state.epoch + 1))
-            if not (whole and self.state.epoch <= self.state.epochs and self.state.seconds >= 0.0):
+            self.state = state = Progress(**note["progress"])
+            whole = [row["epoch"] for row in state.curve] == list(range(1, state.epoch + 1))
+            if not (whole and state.epoch <= state.epochs and state.seconds >= 0.0):
                 raise ValueError
         except (LookupError, TypeError, ValueError):
             raise damaged(path) from None

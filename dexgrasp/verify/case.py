@@ -74,7 +74,7 @@ class Hold:
         self.weight = GRAVITY * case.record.certificate.mass
         self.G = wrench_map(case.touch.points, case.record.centre, self.normals, case.robot.hand.torsion)
         self.wrench = self.G @ self.forces.ravel() / self.weight
-        self.left = self.wrench - [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+        self.left = self.wrench - np.eye(6)[2]
         self.press, sliding = slides(self.forces, self.normals)
         self.friction_use = (sliding / np.maximum(self.mu * self.press, 1e-9)).max()
         most, stiffness = case.servos
