@@ -66,7 +66,9 @@ def add_options(
         title, _, lines = texts(owner)
         apart = path or owner not in (kind, Command)
         place = parser.add_argument_group(title.rstrip(".")) if apart else parser
-        for name in [name for name in vars(owner).get("__annotations__", ()) if name not in seen]:
+        for name in vars(owner).get("__annotations__", ()):
+            if name in seen:
+                continue
             seen.add(name)
             hint = hints(kind)[name]
             if is_dataclass(hint.kind):

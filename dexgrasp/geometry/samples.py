@@ -64,8 +64,9 @@ def _face_data(triangles: Array) -> tuple[Array, Array]:
 def _place(triangles: Array, areas: Array, uniform: Array) -> tuple[Array, Index]:
     """Return the surface points (N, 3) and faces (N,) that uniform numbers (N, 3) in [0, 1) stand for."""
     cumulative = np.cumsum(areas)
-    faces = np.searchsorted(cumulative, uniform[:, 0] * cumulative[-1], side="right")
-    faces = np.minimum(faces, len(areas) - 1)
+    faces = np.minimum(
+        np.searchsorted(cumulative, uniform[:, 0] * cumulative[-1], side="right"), len(areas) - 1
+    )
     root = np.sqrt(uniform[:, 1:2])
     corners = triangles[faces]
     share = root * uniform[:, 2:3]

@@ -115,10 +115,9 @@ def read_model(path: Path) -> Model:
         stated = json.loads(content)
         if stated["schema"] != SCHEMA:
             raise ValueError
-        outcomes = {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES}
         return Model(
             content_hash(content), str(stated["robot"]), tuple(stated["features"]),
-            float(stated["least_friction"]), outcomes,
+            float(stated["least_friction"]), {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES},
         )  # fmt: skip
     except (ValueError, LookupError, TypeError):
         raise InputError(f"{path} holds no model of probabilities of schema {SCHEMA}") from None

@@ -106,13 +106,14 @@ class Scene:
 
         If not `driven`, by every joint as if it had a servo.
         """
-        found, torsion, hand = [], self.robot.hand.torsion, self.robot.hand_columns
-        J, turn = np.zeros((3, self.model.nv)), np.zeros((3, self.model.nv))
+        found, torsion = [], self.robot.hand.torsion
+        J, turn = np.zeros((2, 3, self.model.nv))
+        by = self.robot.drive[0] if driven else np.eye(self.robot.dof)
         for finger, point, normal in zip(self._fingers, points, normals, strict=True):
             body = self.model.body(finger.bodies[-1]).id
             mujoco.mj_jac(self.model, self.data, J, turn, point, body)
             rows = np.vstack([J, torsion * normal @ turn]) if torsion else J
-            found.append((rows @ (self.robot.drive[0] if driven else np.eye(self.robot.dof)))[:, hand])
+            found.append((rows @ by)[:, self.robot.hand_columns])
         return np.array(found)
 
     def palm(self, q: Array) -> tuple[Array, Array]:
@@ -127,11 +128,12 @@ class Scene:
         `hand_neighbour` where there are neighbours.
         """
         self.place(q)
-        tips = self._tip_geoms if tips_touch else set()
         return {
-            kind: self._least([(a, b) for a, b in pairs if not (a in tips and b in self.object)])
+            kind: self._least([
+                (a, b) for a, b in pairs if not (tips_touch and a in self._tip_geoms and b in self.object)
+            ])
             for kind, pairs in self._pairs.items()
-        }
+        }  # fmt: skip
 
     @cached_property
     def _pairs(self) -> dict[str, list[tuple[int, int]]]:

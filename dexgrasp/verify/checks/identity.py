@@ -30,12 +30,10 @@ _DENSITY, _RANGE = 900.0, (0.08, 0.65)  # kg/m3 and kg: what an object that nobo
 
 
 def identity_checks(case: Case) -> list[Check]:
-    """Check mass, centre of mass, and, where the file knows the object, that object and its pose."""
-    return [*_mass_checks(case), *_object_checks(case)]
+    """Check mass, centre of mass, and, where the file knows the object, that object and its pose.
 
-
-def _mass_checks(case: Case) -> list[Check]:
-    """Mass and centre of mass are the known ones, or follow from hull and parts."""
+    Mass and centre of mass are the known ones, or follow from hull and parts.
+    """
     known, record, parts = case.record.object, case.record, case.scene.parts
     volumes = np.array([part.volume for part in parts])
     middle = volumes @ [part.center_mass for part in parts] / volumes.sum()
@@ -46,6 +44,7 @@ def _mass_checks(case: Case) -> list[Check]:
     return [
         same("mass", abs(record.certificate.mass - mass), MASS, "kg"),
         same("centre of mass", np.abs(record.centre - centre).max(), LENGTH, "m"),
+        *_object_checks(case),
     ]
 
 
