@@ -91,7 +91,7 @@ def compare_rows(rows: Trials, a: str, b: str, alike: bool = True) -> Fields:
         "by_set": _each(by_set),
         "by_object": _each(by_object),
         **({"by_protocol": _each(by_protocol)} if len(by_protocol) > 1 else {}),
-        "discordant": [_discordant(x, x["other"]) for x in pairs if x["success"] != x["other"]["success"]],
+        "discordant": [_discordant(x) for x in pairs if x["success"] != x["other"]["success"]],
     }
 
 
@@ -134,20 +134,22 @@ def _statistics(pairs: Trials) -> Fields:
     Args:
         pairs: trials of one agent, each with that of another on the same scene as `other`.
     """
-    others, n = [row["other"] for row in pairs], max(len(pairs), 1)
+    n = max(len(pairs), 1)
+    others = object_counts([row["other"] for row in pairs])
     counts = compared((scene_of(row), row["success"], row["other"]["success"]) for row in pairs)
     return {
         "rate_a": (counts["both"] + counts["only_a"]) / n,
         "rate_b": (counts["both"] + counts["only_b"]) / n,
-        "ci95_objects": list(object_difference_interval(object_counts(pairs), object_counts(others))),
+        "ci95_objects": list(object_difference_interval(object_counts(pairs), others)),
         **counts,
         "e_value": capital(counts["for_a"], counts["for_b"]),
     }
 
 
-def _discordant(x: Fields, y: Fields) -> Fields:
+def _discordant(row: Fields) -> Fields:
     """One scene that one alone solved, and why the other did not."""
-    solved, failed = (x, y) if x["success"] else (y, x)
+    other = row["other"]
+    solved, failed = (row, other) if row["success"] else (other, row)
     scene = {key: failed[key] for key in _SCENE}
     return scene | {"solved_by": solved["agent"], "reason_of_the_other": failed["reason"]}
 
@@ -157,9 +159,10 @@ def render_comparison(content: Fields) -> str:
     a, b = content["a"], content["b"]
     groups = [("all", content)]
     for key in ("by_protocol", "by_set", "by_object"):
-        own = content.get(key, {}).items()
         groups += [
-            (name, cell) for name, cell in own if key != "by_object" or cell["only_a"] + cell["only_b"]
+            (name, cell)
+            for name, cell in content.get(key, {}).items()
+            if key != "by_object" or cell["only_a"] + cell["only_b"]
         ]
     rows = [
         [
@@ -200,10 +203,9 @@ def _sentence(content: Fields) -> str:
     verdict = f"{better} solves more of these scenes than {worse}"
     if content["p_value"] > 0.05:
         verdict = "these scenes show no difference"
-    text = (
+    repeated = f" {content['repeated']} trials repeat others: their protocols change nothing for these two."
+    return (
         f"{test_words(content)}: {verdict}. For new objects like these the "
         f"difference is {100 * low:+.1f} to {100 * high:+.1f} points (objects drawn anew). Evidence that may be looked "
-        f"at any time: e-value {content['e_value']:.3g} (20 decides at 5 %)."
+        f"at any time: e-value {content['e_value']:.3g} (20 decides at 5 %).{repeated if content['repeated'] else ''}"
     )
-    repeated = f" {content['repeated']} trials repeat others: their protocols change nothing for these two."
-    return text + (repeated if content["repeated"] else "")

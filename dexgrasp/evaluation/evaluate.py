@@ -121,7 +121,9 @@ class _Run:
             for row, grasp in run_pool(self.runner.run, left, self.backend):
                 with held():
                     self.store.append(row, grasp)
-                show(len(self.store.rows), len(self.planned), **_successes(self.store.rows))
+                own = grouped(self.store.rows, "agent").items()
+                won = {agent: "{successes}/{trials}".format(**bare_count(rows)) for agent, rows in own}
+                show(len(self.store.rows), len(self.planned), **won)
                 _warn_once(row, told)
                 if self._stopped_after() is not None:
                     return
@@ -159,16 +161,9 @@ class _Run:
         return decided_after(keys, self.store.rows, self.runner.settings.agents, self.stop_level)
 
 
-def _successes(rows: Sequence[Fields]) -> dict[str, str]:
-    return {
-        agent: "{successes}/{trials}".format(**bare_count(own))
-        for agent, own in grouped(rows, "agent").items()
-    }
-
-
 def _warn_once(row: Fields, told: set[tuple[str, str]]) -> None:
     """Print an agent's error the first time that it comes up; all of them are in trials.jsonl."""
-    kind = (row["agent"], row["reason"] or "")
+    kind = row["agent"], row["reason"]
     if row["error"] and kind not in told:
         told.add(kind)
         warn(

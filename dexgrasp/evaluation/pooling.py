@@ -47,10 +47,9 @@ def rows_by_agent(folders: Sequence[Path]) -> Rows:
 
 def _legible(row: Fields) -> Fields:
     """Make names text that can be drawn: those of files need not be."""
-    names = {
+    return row | {
         key: row[key].encode(errors="replace").decode() for key in _NAMES if isinstance(row.get(key), str)
     }
-    return {**row, **names}
 
 
 def _sample(folder: Path) -> tuple[str, Any]:

@@ -50,8 +50,7 @@ def predictions(rows: Sequence[Fields]) -> dict[str, Prediction]:
     """Return what each predictor says of trials with certificates; {} where all went well, or all failed."""
     found = {}
     for name in PREDICTORS:
-        pairs = [(_field(row, name), bool(row["success"])) for row in rows]
-        known = [(value, success) for value, success in pairs if value is not None]
+        known = [(value, bool(row["success"])) for row in rows if (value := _field(row, name)) is not None]
         if len({success for _, success in known}) == 2:
             values, successes = (np.array(column) for column in zip(*known, strict=True))
             found[name] = Prediction(
@@ -76,8 +75,7 @@ def auc(values: Array, successes: Mask) -> float:
 
 
 def _interval(values: Array, successes: Mask) -> tuple[float, float]:
-    rng = np.random.default_rng(0)
-    draws = rng.integers(len(values), size=(_RESAMPLES, len(values)))
+    draws = np.random.default_rng(0).integers(len(values), size=(_RESAMPLES, len(values)))
     low, high = np.quantile([auc(values[at], successes[at]) for at in draws], [0.025, 0.975])
     return float(low), float(high)
 

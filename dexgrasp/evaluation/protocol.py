@@ -99,7 +99,7 @@ def trial_seeds(seed: int, target: str, trial: int) -> TrialSeeds:
         trial: number from 0 on.
     """
     digest = hashlib.sha256(seed_name(target).encode()).digest()
-    words = np.frombuffer(digest[:16], dtype="<u4").tolist()
+    words = np.frombuffer(digest, "<u4", count=4).tolist()
     return TrialSeeds(*np.random.SeedSequence([seed, trial, *words]).generate_state(2).tolist())
 
 

@@ -62,14 +62,12 @@ def explain(reason: str, blocked: Mapping[str, int], violations: Mapping[str, fl
         f"  {count:>5}  {sentence(head)}{_amount(head, least.get(head))}"
         for head, count in counts.most_common()
     ]
-    hint = next((REASONS[code].hint for code in _codes(reason, counts) if REASONS[code].hint), "")
-    return "\n  ".join([*lines, *([f"hint: {hint}"] if hint else [])])
-
-
-def _codes(reason: str, counts: Counter[str]) -> list[str]:
-    """The reason's own code first, then those that blocked, the commonest first."""
-    own = reason.removeprefix("no_grasp:").split(":")[0]
-    return [code for code in (own, *(head for head, _ in counts.most_common())) if code in REASONS]
+    # The reason's own code first, then those that blocked, the commonest first.
+    codes = reason.removeprefix("no_grasp:").split(":")[0], *(head for head, _ in counts.most_common())
+    hint = next((REASONS[code].hint for code in codes if code in REASONS and REASONS[code].hint), "")
+    if hint:
+        lines.append(f"hint: {hint}")
+    return "\n  ".join(lines)
 
 
 def _amount(head: str, least: float | None) -> str:

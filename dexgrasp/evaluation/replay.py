@@ -1,7 +1,6 @@
 """Trials made again from what their lines say: to watch them, and to see that they come out the same."""
 
-import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dexgrasp.evaluation.protocol import TrialSeeds
@@ -70,7 +69,7 @@ def replay(
     if film:
         check_rendering()
         path = video_path(folder, row)
-        spec = dataclasses.replace(spec, video=path, film=film)
+        spec = replace(spec, video=path, film=film)
     runner = TrialRunner(settings)
     again, grasp = runner.run(spec)
     runner.close()
@@ -83,7 +82,7 @@ def record(runner: TrialRunner, rows: Trials, folder: Path, film: Film, backend:
     """Make trials again and record them, but for those whose videos are there; `show` is told how many are."""
     left = {row_key(row): row for row in rows if not video_path(folder, row).is_file()}
     specs = [
-        dataclasses.replace(spec, video=video_path(folder, left[key]), film=film)
+        replace(spec, video=video_path(folder, left[key]), film=film)
         for key, spec in _specs(list(left.values()), runner.settings).items()
     ]
     for done, (again, _) in enumerate(run_pool(runner.run, specs, backend), start=1):
@@ -106,9 +105,8 @@ def changes(row: Fields, again: Fields) -> tuple[str, ...]:
 
 
 def _find(rows: Trials, agent: str, target: str, trial: int, protocol: str | None) -> Fields:
-    wanted = {"agent": agent, "object": target, "trial": trial}
     found = rows
-    for key, value in wanted.items():
+    for key, value in {"agent": agent, "object": target, "trial": trial}.items():
         valid = grouped(found, key)
         if value not in valid:
             raise InputError(f"no finished trial of {key} {value!r}: valid are {', '.join(map(str, valid))}")
@@ -116,7 +114,7 @@ def _find(rows: Trials, agent: str, target: str, trial: int, protocol: str | Non
     names = [row["protocol"] for row in found]
     found = [row for row in found if protocol in (None, row["protocol"])]
     if len(found) != 1:
-        raise InputError(f"which protocol of {', '.join(map(str, names))}? name it with --protocol")
+        raise InputError(f"which protocol of {', '.join(names)}? name it with --protocol")
     return found[0]
 
 
@@ -128,6 +126,5 @@ def _specs(rows: Trials, settings: EvaluationSettings) -> dict[Key, TrialSpec]:
         spec = planned.get(row_key(row))
         if spec is None:
             raise InputError(f"trial {trial_name(row)} is not of the evaluation that run.json describes")
-        seeds = TrialSeeds(row["scene_seed"], row["agent_seed"])
-        found[spec.key] = dataclasses.replace(spec, seeds=seeds)
+        found[spec.key] = replace(spec, seeds=TrialSeeds(row["scene_seed"], row["agent_seed"]))
     return found

@@ -116,10 +116,9 @@ class EvaluationSettings:
     def scene(self, protocol: str) -> Fields:
         """Settings of `gym.make` that make the scenes of a protocol."""
         given = {"robot": self.robot, "mount": self.mount, "friction": self.friction}
-        chosen = {key: value for key, value in given.items() if value is not None}
         return {
             **get_protocol(protocol).scene,
-            **chosen,
+            **{key: value for key, value in given.items() if value is not None},
             "mesh_scale": self.mesh_scale,
             "mesh_mass": self.mesh_mass,
         }
@@ -207,7 +206,7 @@ def versions() -> dict[str, str]:
     return package_versions(_PACKAGES)
 
 
-def code_hash(agents: Sequence[str] = ()) -> str:
+def code_hash(agents: Sequence[str]) -> str:
     """Return a hash of both packages' sources, their assets and users' agents: results of other code do not mix in.
 
     Assets are weights, the robot's description and shells, and rest poses; not what only people read.
@@ -225,5 +224,4 @@ def code_hash(agents: Sequence[str] = ()) -> str:
 def _file_hash(path: Path) -> str:
     with readable(path):
         check_file(path)
-        digest = file_hash(path)
-    return digest[:16]
+        return file_hash(path)[:16]

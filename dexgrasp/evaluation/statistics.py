@@ -5,6 +5,7 @@ interval comes from drawing objects, not trials. Nor are those of one scene unde
 unit of intervals and tests, however many conditions it is met under.
 """
 
+import math
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 
@@ -37,9 +38,9 @@ def wilson_interval(successes: float, trials: float) -> Interval:
         return 0.0, 1.0
     squared, failures = _QUANTILE**2, trials - successes
     middle = (successes + 0.5 * squared) / (trials + squared)
-    half = _QUANTILE * np.sqrt(successes * failures / trials + 0.25 * squared) / (trials + squared)
+    half = _QUANTILE * math.sqrt(successes * failures / trials + 0.25 * squared) / (trials + squared)
     # At 0 and n the ends are 0 and 1 exactly; rounding must not leave them a hair inside.
-    return (0.0 if successes == 0 else float(middle - half)), (1.0 if failures == 0 else float(middle + half))
+    return (0.0 if successes == 0 else middle - half), (1.0 if failures == 0 else middle + half)
 
 
 def scattered_interval(rate: float, moved: Iterable[tuple[Hashable, float]], trials: int) -> Interval:
@@ -105,7 +106,7 @@ def compared(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields:
         scenes.setdefault(scene, []).append((a, b))
     found = mcnemar(pair for own in scenes.values() for pair in own)
     cells = [found[key] for key in ("both", "only_a", "only_b", "neither")]
-    by_scene = [sum(int(a) - int(b) for a, b in own) for own in scenes.values()]
+    by_scene = [sum(a - b for a, b in own) for own in scenes.values()]
     for_a, for_b = sum(d > 0 for d in by_scene), sum(d < 0 for d in by_scene)
     trials = sum(cells)
     each = max(trials, 1) / max(len(scenes), 1)
@@ -136,7 +137,7 @@ def paired_difference_interval(both: float, only_a: float, only_b: float, neithe
 
     def reach(x: float, y: float) -> float:
         """Return how far an end of the interval is from the difference, by the ends of the two rates."""
-        return float(np.sqrt(max(x * x - 2.0 * phi * x * y + y * y, 0.0)))
+        return math.sqrt(max(x * x - 2.0 * phi * x * y + y * y, 0.0))
 
     difference = rate_a - rate_b
     low = difference - reach(rate_a - low_a, high_b - rate_b)
@@ -146,13 +147,13 @@ def paired_difference_interval(both: float, only_a: float, only_b: float, neithe
 def _phi(both: float, only_a: float, only_b: float, neither: float) -> float:
     """Correlation of the two outcomes, with Newcombe's continuity correction where it is positive."""
     n = both + only_a + only_b + neither
-    margins = float(both + only_a) * (only_b + neither) * (both + only_b) * (only_a + neither)
+    margins = (both + only_a) * (only_b + neither) * (both + only_b) * (only_a + neither)
     if margins == 0.0:
         return 0.0
-    determinant = float(both) * neither - float(only_a) * only_b
+    determinant = both * neither - only_a * only_b
     if determinant > 0:
         determinant = max(determinant - 0.5 * n, 0.0)
-    return determinant / float(np.sqrt(margins))
+    return determinant / math.sqrt(margins)
 
 
 def object_interval(counts: Counts) -> Interval:

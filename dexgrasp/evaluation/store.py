@@ -202,8 +202,7 @@ def read_rows(folder: Path) -> list[Fields]:
             f"{folder} holds no evaluation (no {_TRIALS}): name the --out of `dexgrasp evaluate`"
         )
     with readable(path):
-        rows = read_lines(path, "trial", row_fault)
-    return _once_each(rows)
+        return _once_each(read_lines(path, "trial", row_fault))
 
 
 def kept_grasps(folder: Path) -> list[Path]:
@@ -213,8 +212,9 @@ def kept_grasps(folder: Path) -> list[Path]:
         InputError: if there are none, or no evaluation.
     """
     short = {row.get("grasp") for row in read_rows(folder) if fell_short(row)}
-    files = (folder / "grasps").glob("*.json")
-    found = sorted(files, key=lambda file: (f"grasps/{file.name}" not in short, file.name))
+    found = sorted(
+        (folder / "grasps").glob("*.json"), key=lambda file: (f"grasps/{file.name}" not in short, file.name)
+    )
     if not found:
         raise InputError(
             f"{folder} holds no grasps: name the --out of `dexgrasp evaluate` with an agent that plans"

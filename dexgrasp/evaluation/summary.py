@@ -23,8 +23,15 @@ SCHEMA = 1
 _TRIES = (1, 2, 3)  # success within so many tries, each a fresh scene and a fresh plan
 TEST_SETS = ("seen", "familiar", "novel")
 DISTANCE_BOUNDS_CM = (-0.68, -0.32)  # supplementary, section 1.2
-_RATIOS = ("force_ratio_percent", "torque_ratio_percent")
-_MARGINS = ("closure_margin", "min_clearance_m", "joint_limit_margin_rad", "max_joint_torque_fraction")
+_FIGURES = (
+    "force_ratio_percent",
+    "torque_ratio_percent",
+    "closure_margin",
+    "min_clearance_m",
+    "joint_limit_margin_rad",
+    "max_joint_torque_fraction",
+)
+"""Numbers of a certificate, beside its distances."""
 _QUARTILES = {"median": 0.5, "p25": 0.25, "p75": 0.75}
 _WEAKER, _STRONGER = "pushed@0.5", "pushed@1"
 NOT_HELD_BEFORE = "failed_pushed@0.5"
@@ -139,15 +146,11 @@ def _neighbours(rows: Trials) -> Fields:
     among = [row for row in rows if row.get("clean") is not None]
     if not among:
         return {}
-    clean = [{**row, "success": row["clean"]} for row in among]
-    touched = [{**row, "success": row["hit"] > 0} for row in among]
-    moved = quantiles(_known(among, "moved"), **_QUARTILES, max=1.0)
-    names = Counter(name for row in among for name in row["hit_names"])
     return {
-        "clean": count(clean),
-        "hit": count(touched),
-        "moved": moved,
-        "hit_objects": dict(names.most_common()),
+        "clean": count([{**row, "success": row["clean"]} for row in among]),
+        "hit": count([{**row, "success": row["hit"] > 0} for row in among]),
+        "moved": quantiles(_known(among, "moved"), **_QUARTILES, max=1.0),
+        "hit_objects": dict(Counter(name for row in among for name in row["hit_names"]).most_common()),
     }
 
 
@@ -157,7 +160,7 @@ def _known(contents: Trials, key: str) -> list[float]:
 
 def _mean(rows: Trials, key: str) -> float | None:
     values = _known(rows, key)
-    return float(sum(values)) / len(values) if values else None
+    return sum(values) / len(values) if values else None
 
 
 def object_counts(rows: Trials) -> Counts:
@@ -190,8 +193,8 @@ def pooled(parts: Iterable[tuple[Trials, float]]) -> Fields:
         total, wins = total + n, wins + k
         rate += weight * own
         moved += [(scene_of(row), weight / n * (bool(row["success"]) - own)) for row in rows]
-    interval = scattered_interval(rate, moved, total)
-    return {"trials": total, "successes": wins, "rate": rate, "ci95": list(interval)}
+    ends = list(scattered_interval(rate, moved, total))
+    return {"trials": total, "successes": wins, "rate": rate, "ci95": ends}
 
 
 def count(rows: Trials) -> Fields:
@@ -222,15 +225,14 @@ def _constraints(rows: Trials) -> Fields:
     if not certificates:
         return {}
     columns = {
-        "distance_cm": [d for own in certificates for d in own.get("distances_cm") or [] if d is not None]
+        "distance_cm": [d for own in certificates for d in own.get("distances_cm") or [] if d is not None],
+        **{key: _known(certificates, key) for key in _FIGURES},
     }
-    columns |= {key: _known(certificates, key) for key in (*_RATIOS, *_MARGINS)}
     spreads = {key: quantiles(own, **_QUARTILES, min=0.0, max=1.0) for key, own in columns.items() if own}
     if spread := spreads.get("distance_cm"):
         low, high = DISTANCE_BOUNDS_CM
-        violation = max(0.0, low - spread["min"], spread["max"] - high)
         spreads["distance_cm"] = {key: spread[key] for key in ("median", "min", "max")} | {
-            "max_violation": violation
+            "max_violation": max(0.0, low - spread["min"], spread["max"] - high)
         }
     return {
         "grasps": len(certificates),

@@ -55,7 +55,7 @@ class TrialRunner:
         return self._agents[key]
 
     def _env(self, spec: TrialSpec) -> Env:
-        key = (spec.protocol, spec.agent, spec.target, spec.film if spec.video else None)
+        key = spec.protocol, spec.agent, spec.target, spec.film if spec.video else None
         if key not in self._envs:
             while len(self._envs) >= _MOST_ENVS:
                 self._envs.pop(next(iter(self._envs))).close()
@@ -73,9 +73,12 @@ class TrialRunner:
 
     def _env_arguments(self, spec: TrialSpec) -> Fields:
         """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
-        chosen = agent_settings(spec.agent, self.agent(spec))
-        scene = self.settings.scene(spec.protocol)
-        return {"id": get_protocol(spec.protocol).env_id, "objects": [spec.target], **scene, **chosen}
+        return {
+            "id": get_protocol(spec.protocol).env_id,
+            "objects": [spec.target],
+            **self.settings.scene(spec.protocol),
+            **agent_settings(spec.agent, self.agent(spec)),
+        }
 
     def close(self) -> None:
         """Free the environments."""

@@ -100,6 +100,5 @@ def check_rendering() -> None:
     """
     from dexgrasp_env.rendering import rendering_fault
 
-    fault = rendering_fault()
-    if fault is not None:
+    if fault := rendering_fault():
         raise InputError(f"--video: {fault} (see `dexgrasp doctor`)")
