@@ -57,12 +57,12 @@ class Figure(NamedTuple):
         axes.set(xlabel=self.label, xscale="log" if self.log else "linear")
         if not self.log:
             axes.set(**{"xlim" if self.rows else "ylim": (-2, 102)})
-        if not self.rows:
-            axes.set_ylabel(SUCCESS)
         axes.grid(axis="x" if self.rows else "both", color="0.9", lw=0.8)
         if self.rows:
             axes.set_yticks(range(len(self.rows)), self.rows.values())
             axes.set_ylim(len(self.rows) - 0.45, -0.55)
+        else:
+            axes.set_ylabel(SUCCESS)
         return _finished(figure, axes, kind)
 
     def _add(self, axes: Any, k: int, label: str, points: Points, style: Fields) -> None:

@@ -92,8 +92,16 @@ def clutter_table(agents: Agents) -> Table:
             moved = f"{100 * found['moved']['median']:.1f} (up to {100 * found['moved']['max']:.1f})"
             most = ", ".join(f"{what} {n}" for what, n in list(found["hit_objects"].items())[:_MOST_HIT])
             rows.append([protocol, name, *map(rate_words, cells), moved, most])
-    words = ("lifted", "clean", "hit a neighbour", "moved, cm, median", "hit most often")
-    return Table(("protocol", "agent", *words), rows)
+    header = (
+        "protocol",
+        "agent",
+        "lifted",
+        "clean",
+        "hit a neighbour",
+        "moved, cm, median",
+        "hit most often",
+    )
+    return Table(header, rows)
 
 
 def ordered_objects(agents: Agents) -> list[str]:
@@ -126,8 +134,9 @@ def object_tables(agents: Agents) -> list[tuple[str, Table]]:
     }
     of_sets = {o for members in groups.values() for o in members}
     groups["Other objects"] = [o for o in ordered_objects(agents) if o not in of_sets]
-    tables = {title: object_table(agents, members) for title, members in groups.items()}
-    return [(title, table) for title, table in tables.items() if table.rows]
+    return [
+        (title, table) for title, members in groups.items() if (table := object_table(agents, members)).rows
+    ]
 
 
 def where_objects_fail(rows: Rows, protocols: Sequence[str]) -> list[tuple[str, Table]]:
@@ -188,8 +197,7 @@ def constraint_tables(name: str, agent: Fields) -> list[tuple[str, Table]]:
         tables.append((f"Force and torque ratio, percent, {name} (Table 5)", _ratios(groups)))
     if agent["planning_seconds"]:
         title = f"Planning time, s, {name}{' (Table 6)' if name == PLANNER else ''}"
-        printed = paper.SECONDS if name == PLANNER else {}
-        tables.append((title, _times(agent["planning_seconds"], agent["stages"], printed)))
+        tables.append((title, _times(agent, paper.SECONDS if name == PLANNER else {})))
     return tables
 
 
@@ -207,22 +215,21 @@ def _ratios(groups: Fields) -> Table:
     rows = []
     for group, content in groups.items():
         printed = paper.RATIOS.get(group, {})
-        pairs = [(content.get(f"{kind}_ratio_percent"), printed.get(kind)) for kind in ("force", "torque")]
-        rows.append(
-            [group, *(cell for ours, theirs in pairs for cell in (_quartiles(ours), _spread(theirs)))]
-        )
+        cells = [
+            cell
+            for kind in ("force", "torque")
+            for cell in (_quartiles(content.get(f"{kind}_ratio_percent")), _spread(printed.get(kind)))
+        ]
+        rows.append([group, *cells])
     return Table(("set", "force ratio", "paper", "torque ratio", "paper"), rows)
 
 
-def _times(
-    total: Mapping[str, float],
-    stages: Fields,
-    printed: Mapping[str, Mapping[str, Sequence[float]]],
-) -> Table:
+def _times(agent: Fields, printed: Mapping[str, Mapping[str, Sequence[float]]]) -> Table:
+    ours = _quartiles(agent["planning_seconds"], seconds_words)
     whole = printed.get("overall", {}).get("total")
-    rows = [["total, overall", _quartiles(total, seconds_words), "", _spread(whole, seconds_words)]]
+    rows = [["total, overall", ours, "", _spread(whole, seconds_words)]]
     for group in paper.SECONDS:
-        own = stages.get(group, {})
+        own = agent["stages"].get(group, {})
         for stage, seconds in own.get("stage_seconds", {}).items():
             repeats, theirs = own.get("stage_repeats", {}).get(stage), printed.get(group, {}).get(stage)
             cells = [_quartiles(seconds, seconds_words), _quartiles(repeats), _spread(theirs, seconds_words)]
