@@ -170,8 +170,7 @@ class DexGraspBenchTabletop(DexGraspBench):
         scene.push(_ROUND_GRAVITY * scene.mass * AXES["-z"])
         squeeze, up = self._close(scene, self._stage, self._stage), self._lift * AXES["+z"]
         scene.move(squeeze, squeeze.shifted(up), self._stage)
-        goal = shifted(candidate.T_world_object, up)
-        return self._verdict(goal, scene.pose(), "off after the lift")
+        return self._verdict(shifted(candidate.T_world_object, up), scene.pose(), "off after the lift")
 
 
 class FroggerPick(GraspProtocol):
@@ -267,10 +266,8 @@ class GetAGrip(GraspProtocol):
     def _targets(self) -> Array:
         """Offsets of the hand (38, 3), m, from where it closed: up by eighths, then to and fro along x, y, z."""
         up = [(0, 0, part / 8 * self._lift) for part in (0, 1, 2, 3, 4, 5, 6, 7, 8, 8)]
-        top, beats = np.array([0.0, 0.0, self._lift]), (0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
-        shakes: list[Array] = []
-        for axis in np.eye(3):
-            shakes += [top + self._shake * beat * axis for beat in beats] + [top]
+        top, beats = np.array([0.0, 0.0, self._lift]), (0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0, 0.0)
+        shakes = [top + self._shake * beat * axis for axis in np.eye(3) for beat in beats]
         return np.array([*up, *shakes, top])
 
 

@@ -103,9 +103,8 @@ class FloatingScene:
     def reset(self, stage: HandStage) -> None:
         """Put hand and object where the stage has them, at rest, without forces."""
         mujoco.mj_resetData(self.model, self.data)
-        data = self.data
         object_pose = _seven(self.candidate.T_world_object)
-        data.qpos[:] = np.concatenate([_seven(stage.T_world_hand), stage.joints, object_pose])
+        self.data.qpos[:] = np.concatenate([_seven(stage.T_world_hand), stage.joints, object_pose])
         mujoco.mj_forward(self.model, data)
         self.aim(stage.T_world_hand, stage.joints)
 

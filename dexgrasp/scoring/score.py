@@ -65,12 +65,13 @@ def score_files(
             show(len(scored), len(grasps))
     by_protocol, metrics = zip(*(scored[grasp] for grasp in grasps), strict=True)
     rows = [row for own in by_protocol for row in own]
+    measured = [name for name, value in metrics[0].items() if isinstance(value, float)]
     return {
         "schema": SCHEMA,
         "seed": seed,
         "grasps": len(grasps),
         "protocols": {name: _summary(own) for name, own in grouped(rows, "protocol").items()},
-        "metrics_mean": _means(metrics),
+        "metrics_mean": {name: float(np.mean([row[name] for row in metrics])) for name in measured},
         "diversity": diversity([candidate for own in found.values() for candidate in own]),
         "rows": rows,
         "metrics": list(metrics),
@@ -106,8 +107,3 @@ def _summary(rows: Sequence[Fields]) -> Fields:
         "by_object": {name: bare_count(own) for name, own in grouped(rows, "object").items()},
         "failures": dict(Counter(row["reason"] for row in rows if not row["success"]).most_common()),
     }
-
-
-def _means(metrics: Sequence[Fields]) -> dict[str, float]:
-    keys = [key for key, value in metrics[0].items() if isinstance(value, float)]
-    return {key: float(np.mean([row[key] for row in metrics])) for key in keys}

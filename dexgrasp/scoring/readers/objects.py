@@ -89,7 +89,7 @@ def _on_disk(name: str, source: Path) -> Path | None:
         path = base / expand(name)
         if path.is_file() and path.suffix.lower() in MESH_SUFFIXES:
             return path
-        inside = [path / part for part in _INSIDE if (path / part).is_file()]
-        if inside:
-            return inside[0]
+        for part in _INSIDE:
+            if (path / part).is_file():
+                return path / part
     return None
