@@ -49,8 +49,7 @@ def measure_accuracy(
     distance = surface_distance(points, mesh, pose_matrix(body.xpos, body.xquat))
     of_object = np.isin(perception.rays.segment(data), np.flatnonzero(data.model.geom_bodyid == body.id))
     visible = gather(np.where(of_object, perception.rays.render(data), np.inf), perception.cameras).points
-    elsewhere = ~of_object.ravel()[scene.target.pixels]
-    stray = (distance > OFF_OBJECT) & elsewhere
+    stray = (distance > OFF_OBJECT) & ~of_object.ravel()[scene.target.pixels]
     corners = cloud_corners(points, scene.plane)
     volume = np.nan if corners is None else ConvexHull(corners).volume
     return {

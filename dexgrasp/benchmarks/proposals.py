@@ -110,8 +110,7 @@ def _feasible(planner: Planner, source: ProposalSource, target: GraspTarget) -> 
     )
     single = Proposals(contacts, normals, assigned=True)
     problem = Problem(target, planner.cell, settings)
-    postures = atlas_postures(single, problem)
-    return sum(solve(p.q, problem).feasible for p in postures) / len(contacts)
+    return sum(solve(p.q, problem).feasible for p in atlas_postures(single, problem)) / len(contacts)
 
 
 def _perceived(name: str, seed: int) -> GraspTarget | None:

@@ -102,8 +102,7 @@ def read_manifest(folder: Path) -> Fields:
 
 def _manifest_fault(manifest: Fields) -> str | None:
     """Return what is wrong with a manifest; its files lie in its folder, whatever it says."""
-    kinds = {"key": str, "settings": dict, "objects": dict, "complete": bool}
-    for name, kind in kinds.items():
+    for name, kind in {"key": str, "settings": dict, "objects": dict, "complete": bool}.items():
         if not isinstance(manifest.get(name), kind):
             return f"no {name}"
     files = manifest.get("files", {})
@@ -159,7 +158,7 @@ def read_dataset(folder: Path) -> list[PoseGrasps]:
         InputError: no dataset, not complete, files missing, cut off or changed.
     """
     manifest = read_manifest(folder)
-    if not manifest.get("complete"):
+    if not manifest["complete"]:
         raise InputError(
             f"{folder} is not complete: run `dexgrasp dataset generate` with the same settings again"
         )

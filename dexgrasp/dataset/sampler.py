@@ -76,12 +76,13 @@ class Placed(Posture):
 
 def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) -> Found:
     """Find the grasps of one shard; the same for the same settings, on any machine with the same versions."""
-    scene, quota = rest_scene(target, pose, settings), settings.quota(chunk)
+    scene = rest_scene(target, pose, settings)
     sampler = _Sampler(scene, settings, rng_of(settings, scene.name, pose, 1 + chunk))
     own = scene.triples[rng_of(settings, scene.name, pose, 0).permutation(len(scene.triples))][
         chunk :: settings.chunks
     ]
-    found = sampler.run(np.asfortranarray(own), quota)  # a corner's column is gathered from at every draw
+    # A corner's column is gathered from at every draw.
+    found = sampler.run(np.asfortranarray(own), settings.quota(chunk))
     if len(found):  # all at once: one costs as much as a hundred
         found.fields["palm_quat_wxyz"] = list(matrix_to_quat(np.array(found.fields.pop("palm_rotation"))))
     return found
@@ -200,5 +201,7 @@ def _free_loads(
 
 def level_of(load: float, settings: PlannerSettings) -> int:
     """Return which of `settings.loads` a load reaches first, `NONE` if it reaches none."""
-    reached = (load >= share * (1.0 + disturbance) - 1e-6 for share, disturbance in settings.loads)
-    return next((level for level, there in enumerate(reached) if there), NONE)
+    for level, (share, disturbance) in enumerate(settings.loads):
+        if load >= share * (1.0 + disturbance) - 1e-6:
+            return level
+    return NONE

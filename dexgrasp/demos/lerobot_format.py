@@ -68,8 +68,8 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
     writer.close()
     pq.write_table(pa.Table.from_pylist(rows), making / _EPISODES)
     names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
-    names = names.replace_schema_metadata({"pandas": json.dumps(_TASKS)})
-    pq.write_table(names, making / "meta" / "tasks.parquet")
+    about = {"pandas": json.dumps(_TASKS)}
+    pq.write_table(names.replace_schema_metadata(about), making / "meta" / "tasks.parquet")
     write_json(making / "meta" / "stats.json", {name: _spread(each) for name, each in parts.items()})
     write_json(making / "meta" / "info.json", _info(columns, len(rows), start, len(tasks), robot))
     shutil.rmtree(folder / FOLDER, ignore_errors=True)
@@ -78,11 +78,10 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
 
 def _columns(episode: Episode, number: int, start: int, task: int) -> Arrays:
     steps = np.arange(len(episode))
-    seen = {f"observation.{key}": array[:-1] for key, array in episode.observations.items()}
-    state = episode.observations["joint_positions"][:-1]
+    seen = {key: array[:-1] for key, array in episode.observations.items()}
     return {
-        "observation.state": state.astype(np.float32),
-        **{name: array.reshape(len(steps), -1) for name, array in seen.items()},
+        "observation.state": seen["joint_positions"].astype(np.float32),
+        **{f"observation.{key}": array.reshape(len(steps), -1) for key, array in seen.items()},
         "action": episode.actions,
         "next.reward": episode.rewards.astype(np.float32),
         "next.success": steps >= episode.about["solved"],

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -67,8 +68,7 @@ class DemoResets:
                 f"{folder} has demonstrations at drawn sizes: episodes begin along those made without "
                 "--randomise size alone, whose objects are as large as an environment's"
             )
-        read = zip(read_episodes(Path(folder)), range(_MOST), strict=False)
-        self._demos = [_followed(demo) for demo, _ in read]
+        self._demos = [_followed(demo) for demo in islice(read_episodes(Path(folder)), _MOST)]
         self.whole, self.front = whole, _LATEST
         self.states: list[list[EpisodeState]] = []
         self._recent: deque[bool] = deque(maxlen=_OF)

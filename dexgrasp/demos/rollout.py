@@ -18,7 +18,6 @@ from dexgrasp.runs.arrays import below
 from dexgrasp_env.arrays import Array, Arrays, Fields, Mask, Single
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import object_name
-from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.control import max_step
 
@@ -93,7 +92,7 @@ class Recorder:
         alike = settings.observe == "reset" and all(asked.get(key) == arguments[key] for key in MODES)
         # Where the agent's own modes are those of the demonstrations, a replay would do the same.
         self._demo_env = None if alike else gym.make(ENV_ID, **arguments, disable_env_checker=True)
-        cell: Cell = self._env.unwrapped.settings.cell  # type: ignore[attr-defined]
+        cell = self._env.unwrapped.settings.cell  # type: ignore[attr-defined]
         self._robot, self._tree = cell.robot, robot_tree(cell)
 
     def record(self, trial: int) -> tuple[Episode | None, str]:

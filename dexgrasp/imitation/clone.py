@@ -64,11 +64,10 @@ class CloneRun:
     def set_points(self, observation: Observation) -> Array:
         """Return the set-points (n,) rad for the end of the next control step."""
         at = self._step % self._clone.execute
-        now = entry(observation, "joint_targets")
         if at == 0:
             looks = features(self._scene, observation, self._step)
-            chunk = self._clone.predict(looks[None])[0]
-            self._wanted = np.clip(now + chunk, self._tree.lower, self._tree.upper)
+            wanted = entry(observation, "joint_targets") + self._clone.predict(looks[None])[0]
+            self._wanted = np.clip(wanted, self._tree.lower, self._tree.upper)
         self._step += 1
         return self._wanted[at]
 

@@ -92,9 +92,8 @@ class GraspNet(PolicyNet):
 
 def layer_arrays(name: str, layers: Iterable[nn.Module]) -> dict[str, Single]:
     """Return weights and biases of the linear ones of `layers`, as `policy.Mlp` reads them."""
-    linear = enumerate(layer for layer in layers if isinstance(layer, nn.Linear))
     return {
         f"{name}.{k}.{part}": tensor.detach().cpu().numpy()
-        for k, layer in linear
+        for k, layer in enumerate(each for each in layers if isinstance(each, nn.Linear))
         for part, tensor in layer.named_parameters()
     }

@@ -86,10 +86,8 @@ def read_rows(folders: Sequence[Path]) -> Rows:
         InputError: for folders without demonstrations, of different modes, or without the state.
     """
     parts = [_parts(episode, folder, noise) for episode, folder, noise in _shown(folders)]
-    looks, targets, meant = zip(*parts, strict=True)
-    steps = np.array([len(part) for part in looks])
-    ways = (np.concatenate(targets), np.concatenate(meant))
-    arrays = (np.concatenate(looks), *ways, np.cumsum(steps) - steps, steps)
+    steps = np.array([len(looks) for looks, _, _ in parts])
+    arrays = (*map(np.concatenate, zip(*parts, strict=True)), np.cumsum(steps) - steps, steps)
     mode = str(read_about(folders[0])["settings"]["control_mode"])
     return Rows(*arrays, control_mode=mode, key=content_hash(*arrays))
 
@@ -100,7 +98,7 @@ def _parts(episode: Episode, folder: Path, noise: float) -> tuple[Single, ...]:
     scene = first_look({key: array[0] for key, array in seen.items()})
     looks = features(scene, {key: array[:-1] for key, array in seen.items()}, np.arange(len(episode)))
     ways = entry(seen, "joint_targets")[:-1], intended(episode, noise, default_cell().robot)[1:]
-    return looks.astype(np.float32), *(way.astype(np.float32) for way in ways)
+    return tuple(part.astype(np.float32) for part in (looks, *ways))
 
 
 class GripBatch(NamedTuple):

@@ -67,7 +67,7 @@ def first_look(first: Observation) -> Scene:
     reach = np.abs(_DIRECTIONS.T @ R[:2]) @ (0.5 * size)
     top = pose[2] + np.abs(R[2]) @ (0.5 * size)
     numbers = [
-        azimuth, np.hypot(pose[0], pose[1]), *METRES * reach, METRES * pose[2], METRES * top, *R.ravel(),
+        azimuth, np.hypot(*pose[:2]), *METRES * reach, METRES * pose[2], METRES * top, *R.ravel(),
         *METRES * size, *entry(first, "object_mass"),
     ]  # fmt: skip
     return Scene(azimuth, pose[:3], np.array(numbers))

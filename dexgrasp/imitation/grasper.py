@@ -89,8 +89,7 @@ class GrasperRun:
         if sum(sizes(tree)) != grasper.row:
             raise InputError(f"the policy was not cloned with a hand like that of {cell.robot.name}")
         look, start = look_at(first), np.array(first["joint_targets"], dtype=float)
-        script, grasp = _first(grasper.grasps(look, tree), look, start, cell)
-        self._motion = PickUp(script, grasp)
+        self._motion = PickUp(*_first(grasper.grasps(look, tree), look, start, cell))
 
     def action(self, observation: Observation) -> Single:
         """Return the next action, of `joint_position`."""
@@ -129,5 +128,5 @@ def _posed(taken: Taken, start: Array, cell: Cell) -> Grasp | None:
     normals = out_of(taken.forces)
     squeeze = np.clip(q + lag_of(pressing_torques(q, normals, taken.forces, tree), tree), lower, upper)
     contacts = taken.tips - TIP_DEPTH * tree.tip_radius * normals
-    motion, certificate = GraspMotion(pregrasp, q, squeeze), Certificate.unclaimed(len(contacts))
-    return Grasp(q, contacts, normals, taken.forces, certificate, motion, cell)
+    certificate = Certificate.unclaimed(len(contacts))
+    return Grasp(q, contacts, normals, taken.forces, certificate, GraspMotion(pregrasp, q, squeeze), cell)

@@ -77,8 +77,8 @@ class Actor(Policy):
         scaling, self._squashed = Scaling(arrays["mean"], arrays["scale"]), bool(about["squashed"])
         clone = Clone(about["base"], below(arrays, "base.")) if about.get("base") else None
         hold, grasps, chunk = int(about.get("hold", 1)), bool(about.get("grasps")), int(about.get("chunk", 1))
-        once = bool(about.get("once"))
-        self.acting = Acting(scaling, clone, float(about["share"]), hold, grasps, chunk, once)
+        share, once = float(about["share"]), bool(about.get("once"))
+        self.acting = Acting(scaling, clone, share, hold, grasps, chunk, once)
         self._actor = Mlp(arrays, "actor", np.tanh if about["activation"] == "tanh" else relu)
         inputs, outputs = len(scaling.mean), self._actor.outputs
         if min(hold, chunk) < 1 or outputs % chunk:
@@ -195,8 +195,8 @@ class Grip(Policy):
     kind = "grip"
 
     def _read(self, about: Fields, arrays: Weights) -> bool:
-        base = below(arrays, "base.")
-        self.clone, self._actor = Clone(about["base"], base), Mlp(arrays, "actor", np.tanh)
+        self.clone = Clone(about["base"], below(arrays, "base."))
+        self._actor = Mlp(arrays, "actor", np.tanh)
         sized = self._actor.inputs == len(self.clone.scaling.mean) and self._actor.outputs == GRIP_SIZE
         return sized and self.env == self.clone.env
 
@@ -238,8 +238,7 @@ class GripRun:
         share = min(self._step / _RAMP, 1.0)
         corrected = self._own + share * self._fingers
         corrected[robot.arm_columns] += arm_step(self._own, share * self._palm, self._tree)
-        now = entry(observation, "joint_targets")
-        return to_action("joint_delta", now, corrected, self._tree)
+        return to_action("joint_delta", entry(observation, "joint_targets"), corrected, self._tree)
 
 
 def look(clone: Clone, first: Observation) -> Single:

@@ -97,11 +97,12 @@ class GraspSpace:
         lowest = np.maximum(middle - span, _LEAST_Z - origins[:, 2])
         self._middles[rows, _ABOVE] = 0.5 * (middle + span + lowest)
         self._spans[rows, _ABOVE] = 0.5 * (middle + span - lowest)
-        # The narrowest grip that turns the wrist least: of round things all are as narrow.
+        # The narrowest grip that turns the wrist least, by 90 degrees at most, as grips are alike that are turned by
+        # 180: of round things all are as narrow.
         level = np.stack([np.cos(_TURNS), np.sin(_TURNS)])
         widths = (np.abs(np.einsum("nij,ik->njk", R[:, :2], level)) * size[:, :, None]).sum(axis=1)
         narrow = widths <= widths.min(axis=1, keepdims=True) * _WIDER[0] + _WIDER[1]
-        off = _half_turn(_TURNS - _yaw(firsts)[:, None])
+        off = (_TURNS - _yaw(firsts)[:, None] + 0.5 * np.pi) % np.pi - 0.5 * np.pi
         best = np.argmin(np.where(narrow, np.abs(off), np.inf), axis=1)
         self._axes[rows] = _yaw(firsts) + np.take_along_axis(off, best[:, None], 1)[:, 0]
 
@@ -135,13 +136,12 @@ class GraspSpace:
         c, s = np.cos(self._axes), np.sin(self._axes)
         goals = self._origins + np.stack([c * along - s * across, s * along + c * across, above], axis=1)
         palm = entry(observations, "palm_pose")
-        now = entry(observations, "joint_targets")[:, self._robot.arm_dof :]
         bent = self._open + 0.5 * (actions[:, len(_PALM) :] + 1.0) @ self._closing
         targets = np.array(observations["joint_targets"], dtype=float)
-        targets[:, self._robot.arm_dof :] = now + np.clip(bent - now, -_CLOSING, _CLOSING)
+        now = targets[:, self._robot.arm_dof :]
+        now += np.clip(bent - now, -_CLOSING, _CLOSING)
         wanted = hanging_palm(about_z(self._axes + turned)[..., 0], tilted)
-        turned_by = wanted @ quat_to_matrix(palm[:, 3:]).swapaxes(1, 2)
-        turn = Rotation.from_matrix(turned_by).as_rotvec()
+        turn = Rotation.from_matrix(wanted @ quat_to_matrix(palm[:, 3:]).swapaxes(1, 2)).as_rotvec()
         hand = normalise(targets, self._robot)[:, self._robot.arm_dof :]
         moves = [_step((goals - palm[:, :3]) / PALM_STEP), _step(turn / PALM_TURN), hand]
         return np.concatenate(moves, axis=1).astype(np.float32)
@@ -159,11 +159,6 @@ def _yaw(observations: Observation) -> Array:
     """Return the level direction (N,) rad that the palms face."""
     R = quat_to_matrix(entry(observations, "palm_pose")[:, 3:])
     return np.arctan2(R[:, 1, 2], R[:, 0, 2])
-
-
-def _half_turn(angles: Array) -> Array:
-    """Return angles to +-90 degrees, as grips are alike that are turned by 180."""
-    return (angles + 0.5 * np.pi) % np.pi - 0.5 * np.pi
 
 
 def _step(left: Array) -> Array:

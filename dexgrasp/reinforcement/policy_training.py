@@ -80,8 +80,8 @@ class PolicyTraining(Rounds):
         if self._resets:
             self._resets.attach(envs.envs)
         share = s.share or (0.2 if self.clone else 1.0)
-        grasps, once = s.control_mode == GRASPS, s.limit <= s.span
-        acting = Acting(Scaling(0.0, 1.0), self.clone, share, s.hold, grasps, s.chunk, once)
+        grasps = s.control_mode == GRASPS
+        acting = Acting(Scaling(0.0, 1.0), self.clone, share, s.hold, grasps, s.chunk, s.limit <= s.span)
         if self.clone:
             scaling = self.clone.scaling
         else:
@@ -90,8 +90,8 @@ class PolicyTraining(Rounds):
             scaling = measure(envs, acting, looks, np.random.default_rng([s.seed, 0]))
         self._acting = acting._replace(scaling=scaling)
         farthest = FARTHEST if grasps and s.algorithm == "ppo" else 1.0
-        ends = s.episode_steps is not None
-        return FeatureVecEnv(envs, self._acting, s.reward_scale, s.discount, ends, farthest)
+        limited = s.episode_steps is not None
+        return FeatureVecEnv(envs, self._acting, s.reward_scale, s.discount, limited, farthest)
 
     def learner(self) -> BaseAlgorithm:
         """Make the learner."""

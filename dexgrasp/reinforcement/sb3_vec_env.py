@@ -28,8 +28,7 @@ class SB3VecEnv(VecEnv):
             told: what of the infos is passed on at every step; None for all, which takes long for thousands.
             **kwargs: more arguments of `gym.make_vec`.
         """
-        arguments = {"autoreset_mode": "SameStep", **kwargs}
-        self.envs: Any = gym.make_vec(env_id, num_envs=num_envs, **arguments)
+        self.envs: Any = gym.make_vec(env_id, num_envs=num_envs, **{"autoreset_mode": "SameStep", **kwargs})
         self._actions: Any = None
         self._told = told
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)

@@ -105,7 +105,7 @@ class FloatingScene:
         mujoco.mj_resetData(self.model, self.data)
         object_pose = _seven(self.candidate.T_world_object)
         self.data.qpos[:] = np.concatenate([_seven(stage.T_world_hand), stage.joints, object_pose])
-        mujoco.mj_forward(self.model, data)
+        mujoco.mj_forward(self.model, self.data)
         self.aim(stage.T_world_hand, stage.joints)
 
     def aim(self, T_world_hand: Array, joints: Array) -> None:
