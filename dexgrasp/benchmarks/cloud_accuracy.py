@@ -43,7 +43,7 @@ def measure_accuracy(
         hull_volume: volume of the cloud's completed hull over that of the true hull.
         reason: why there is no cloud, and then nothing else; or None.
     """
-    if scene.reason is not None:
+    if scene.reason:
         return {"reason": scene.reason}
     points, body = scene.target.points, data.body("object")
     distance = surface_distance(points, mesh, pose_matrix(body.xpos, body.xquat))

@@ -55,8 +55,8 @@ def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> F
         "stages": report.details.get("stages", {}),
     }  # fmt: skip
     if plan is not None and plan.grasp is not None:
-        record = record_of(plan.contents(name)[0])
-        row["broken"] = [check.name for check in verify(record) if not check.holds]
+        checks = verify(record_of(plan.contents(name)[0]))
+        row["broken"] = [check.name for check in checks if not check.holds]
         row["margin"], row["tried"] = plan.grasp.certificate.closure_margin, plan.log.tried
     return row
 

@@ -111,8 +111,8 @@ def _record_grasp(name: str, steps: int) -> Recording | None:
     for seed in range(8):
         observation, _ = env.reset(seed=seed)
         points = _surface(env.unwrapped)
-        cloud = {"cloud": points, "cloud_mask": np.ones(len(points), bool)}
-        agent.reset({**observation, **cloud}, {"action_space": env.action_space})
+        seen = {**observation, "cloud": points, "cloud_mask": np.ones(len(points), bool)}
+        agent.reset(seen, {"action_space": env.action_space})
         if agent.report.failure is None:
             actions = np.array([agent.act({}) for _ in range(200)])
             return _record(env, actions[: 200 if steps >= 150 else 160], seed)

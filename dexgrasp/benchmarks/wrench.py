@@ -29,8 +29,7 @@ def speed(points: Array, normals: Array, quick: bool, rng: np.random.Generator) 
     rate = {"closure sweep": sweep}
     for solver, few in (("daqp", 200 if quick else 2_000), ("osqp", 20 if quick else 200)):
         solve_wrench_qp(P[0], N[0], MU, length_scale=scale, solver=solver)
-        solved = partial(_solve, P[:few], N[:few], scale, solver)
-        rate[solver] = few / seconds_of(solved, repeats).min()
+        rate[solver] = few / seconds_of(partial(_solve, P[:few], N[:few], scale, solver), repeats).min()
     return {
         "triples": triples,
         "feasible": feasible,

@@ -41,8 +41,7 @@ class CloudEncoder(nn.Module):
     def forward(self, cloud: Tensor) -> Tensor:
         """Encode clouds (C, N, 6) of points (network units) and unit normals; return (C, cloud)."""
         each = self.first(cloud)
-        whole = self.beside(each.amax(1))
-        return self.second(each + whole[:, None]).amax(1)
+        return self.second(each + self.beside(each.amax(1))[:, None]).amax(1)
 
 
 class Cvae(nn.Module):

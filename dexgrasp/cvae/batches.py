@@ -79,8 +79,7 @@ def split(poses: list[PoseGrasps], settings: TrainingSettings) -> dict[str, list
 
 def _tested(pose: PoseGrasps, seed: int) -> Mask:
     """Which grasps have a contact triple of the test split, regardless of which finger takes which contact."""
-    triples = np.sort(pose.grasps["triple"], axis=1)
-    unique, inverse = np.unique(triples, axis=0, return_inverse=True)
+    unique, inverse = np.unique(np.sort(pose.grasps["triple"], axis=1), axis=0, return_inverse=True)
     return (np.random.default_rng([seed, pose.pose]).random(len(unique)) < _TESTED)[inverse.ravel()]
 
 

@@ -118,13 +118,12 @@ def _record(pose: PoseGrasps, k: int, thresholds: Thresholds, cell: Cell) -> Any
     )
     R, shift = about_z(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])
     forces = g["forces"] @ R.T
-    borne = float(forces[:, 2].sum()) / GRAVITY if g["load"] >= 0 else target.mass
     # Most claims are not made here.
     claims = replace(
         Certificate.unclaimed(len(forces)),
         distances_cm=tuple(100.0 * g["distances"]),
         closure_margin=float(g["margin"]),
-        mass=borne,
+        mass=float(forces[:, 2].sum()) / GRAVITY if g["load"] >= 0 else target.mass,
     )
     grasp = Grasp(
         g["q"], g["contacts"] @ R.T + shift, g["normals"] @ R.T, forces, claims,

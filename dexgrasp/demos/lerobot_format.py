@@ -133,8 +133,8 @@ def _feature(values: NDArray[Any], joints: Names) -> Fields:
 def _part(values: NDArray[Any]) -> tuple[Any, ...]:
     """Return what rows (n,) or (n, m) add to a `_spread`: count, extremes, sums, of squares too, and quantiles."""
     x = values.reshape(len(values), -1).astype(float)
-    quantiles = len(x) * np.quantile(x, _QUANTILES, axis=0)
-    return len(x), x.min(0), x.max(0), x.sum(0), (x**2).sum(0), quantiles
+    sums = x.sum(0), (x**2).sum(0), len(x) * np.quantile(x, _QUANTILES, axis=0)
+    return len(x), x.min(0), x.max(0), *sums
 
 
 def _spread(parts: Sequence[tuple[Any, ...]]) -> dict[str, list[float] | list[int]]:
@@ -145,9 +145,8 @@ def _spread(parts: Sequence[tuple[Any, ...]]) -> dict[str, list[float] | list[in
     counts, low, high, *sums = zip(*parts, strict=True)
     count = sum(counts)
     mean, square, quantiles = (sum(each) / count for each in sums)
-    std = np.sqrt(np.maximum(square - mean**2, 0.0))
     return {
         "min": np.min(low, axis=0).tolist(), "max": np.max(high, axis=0).tolist(), "mean": mean.tolist(),
-        "std": std.tolist(), "count": [count],
+        "std": np.sqrt(np.maximum(square - mean**2, 0.0)).tolist(), "count": [count],
         **{f"q{round(100 * q):02d}": row.tolist() for q, row in zip(_QUANTILES, quantiles, strict=True)},
     }  # fmt: skip

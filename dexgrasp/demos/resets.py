@@ -123,8 +123,7 @@ class DemoResets:
             return {}
         states = self.states[rng.integers(len(self.states))]
         # Half of them at the front: what moves it is soon known, and what was learned behind it is not forgotten.
-        span = _BACK if rng.random() < 0.5 else 1.0 - self.front
-        share = self.front + rng.uniform(0.0, span)
+        share = self.front + rng.uniform(0.0, _BACK if rng.random() < 0.5 else 1.0 - self.front)
         self._near[slot] = share < self.front + _BACK
         return {"state": states[min(int(share * len(states)), len(states) - 1)]}
 

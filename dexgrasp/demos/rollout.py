@@ -155,7 +155,7 @@ class Recorder:
     def close(self) -> None:
         """Free the environments."""
         self._env.close()
-        if self._demo_env is not None:
+        if self._demo_env:
             self._demo_env.close()
 
 

@@ -35,10 +35,11 @@ def rows_by_agent(folders: Sequence[Path]) -> Rows:
             raise InputError(f"{folder} holds no finished trial yet")
         sample, seed = _sample(folder)
         for name, own in grouped(rows, "agent").items():
-            another = samples.get(name, sample) != sample or (name, seed) in seeds
-            label = f"{name} ({folder.name})" if another else name
-            if another and label in samples:
-                label = f"{name} ({folder})"
+            label = name
+            if samples.get(name, sample) != sample or (name, seed) in seeds:
+                label = f"{name} ({folder.name})"
+                if label in samples:
+                    label = f"{name} ({folder})"
             samples[label] = sample
             seeds.add((label, seed))
             found.setdefault(label, []).extend(judged(own))

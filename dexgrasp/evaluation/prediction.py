@@ -81,6 +81,5 @@ def _interval(values: Array, successes: Mask) -> tuple[float, float]:
 
 
 def _bins(values: Array, successes: Mask) -> tuple[Bin, ...]:
-    count = max(1, min(_BINS, len(values) // _LEAST))
-    parts = np.array_split(np.argsort(values, kind="stable"), count)
+    parts = np.array_split(np.argsort(values, kind="stable"), max(1, min(_BINS, len(values) // _LEAST)))
     return tuple(Bin(float(np.median(values[at])), int(successes[at].sum()), len(at)) for at in parts)

@@ -42,7 +42,7 @@ DEFAULT_PROTOCOL = "lift"
 OTHER_PHYSICS = "lift@warp"
 """Stands beside the others' figures, and is averaged into none."""
 
-_CONTENT: Fields = yaml.safe_load(asset_path("protocols.yaml").read_text())
+_CONTENT = yaml.safe_load(asset_path("protocols.yaml").read_text())
 
 PROTOCOLS: dict[str, Protocol] = {
     name: Protocol(name, **words) for name, words in _CONTENT["protocols"].items()

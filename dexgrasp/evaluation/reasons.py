@@ -71,7 +71,6 @@ def explain(reason: str, blocked: Mapping[str, int], violations: Mapping[str, fl
 
 
 def _amount(head: str, least: float | None) -> str:
-    known = REASONS.get(head)
-    if known is None or known.unit != "m" or not least:
+    if not least or head not in REASONS or REASONS[head].unit != "m":
         return ""
     return f", by {1000 * least:.1f} mm at least"

@@ -100,8 +100,8 @@ class EvaluationSettings:
         Raises:
             InputError: if it says none that are usable now.
         """
-        protocols = str(run.get("protocol")).split("+")
-        return read(cls, {**run, "protocols": protocols}, "run.json", more=True)
+        saved = {**run, "protocols": str(run.get("protocol")).split("+")}
+        return read(cls, saved, "run.json", more=True)
 
     @property
     def protocol(self) -> str:

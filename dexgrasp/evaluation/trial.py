@@ -66,8 +66,8 @@ def run_trial(
         outcome.details = jsonable(report.details)
     outcome.seconds = time.perf_counter() - start
     # A grasp that was found at a later look is of the same pose: nothing was touched before.
-    grasp = None if subject is None else _certified(agent, name, subject)
-    if grasp is not None and grasp["holds_probability"] is not None:
+    grasp = _certified(agent, name, subject) if subject else None
+    if grasp and grasp["holds_probability"] is not None:
         outcome.details["holds_probability"] = grasp["holds_probability"]
     return outcome, grasp
 
@@ -77,7 +77,7 @@ def _begin(
 ) -> tuple[Any, Subject]:
     """Let the agent see the scene and plan; return the observation and the object as it lies."""
     observation, info = env.reset(seed=seeds.scene)
-    if frames is not None:
+    if frames:
         frames.add(env)
     subject = subject_of(env)
     _note_neighbours(outcome, info)
@@ -113,7 +113,7 @@ def _go_on(env: Env, agent: Agent, observation: Any, outcome: Outcome, frames: V
         except InputError as error:
             outcome.reason, outcome.error = "invalid_action", str(error)
             return
-        if frames is not None:
+        if frames:
             frames.add(env)
         outcome.steps += 1
         total += float(reward)

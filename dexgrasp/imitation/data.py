@@ -87,7 +87,8 @@ def read_rows(folders: Sequence[Path]) -> Rows:
     """
     parts = [_parts(episode, folder, noise) for episode, folder, noise in _shown(folders)]
     steps = np.array([len(looks) for looks, _, _ in parts])
-    arrays = (*map(np.concatenate, zip(*parts, strict=True)), np.cumsum(steps) - steps, steps)
+    looks, targets, meant = map(np.concatenate, zip(*parts, strict=True))
+    arrays = (looks, targets, meant, np.cumsum(steps) - steps, steps)
     mode = str(read_about(folders[0])["settings"]["control_mode"])
     return Rows(*arrays, control_mode=mode, key=content_hash(*arrays))
 
@@ -144,8 +145,7 @@ class Grips:
         return self._batch(np.random.default_rng(0), among, settings.grips)
 
     def _batch(self, rng: np.random.Generator, episodes: Index, grips: int) -> GripBatch:
-        apart = 2 * np.pi / grips
-        others = (np.arange(1, grips) + rng.uniform(-0.4, 0.4, (len(episodes), 1))) * apart
+        others = (np.arange(1, grips) + rng.uniform(-0.4, 0.4, (len(episodes), 1))) * (2 * np.pi / grips)
         azimuths = self.azimuths[episodes][:, None] + np.pad(others, ((0, 0), (1, 0)))
         seen = [along(self.looks[i], turns, rng) for i, turns in zip(episodes, azimuths, strict=True)]
         points, numbers = zip(*seen, strict=True)
@@ -164,8 +164,7 @@ def read_grips(folders: Sequence[Path]) -> Grips:
     looks, grasps = [], []
     for episode, folder, noise in _shown(folders):
         _check(episode.once, "cloud", folder)
-        grasp = taken(episode, noise, default_cell())
-        if grasp is not None:
+        if grasp := taken(episode, noise, default_cell()):
             looks.append(look_at(episode.once))
             grasps.append(grasp)
     if not grasps:

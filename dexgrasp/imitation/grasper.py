@@ -63,8 +63,7 @@ class Grasper(Policy):
     def weigh(self, look: CloudLook, azimuths: Array) -> tuple[Array, Array]:
         """Return merits (m, modes), and grasps (m, modes, F) as rows, of grips of azimuths (m,) rad."""
         points, numbers = along(look, azimuths)
-        code = relu(self._encoder(points)).max(axis=1)
-        seen = np.concatenate([code, self._scaling(numbers)], axis=1)
+        seen = np.concatenate([relu(self._encoder(points)).max(axis=1), self._scaling(numbers)], axis=1)
         out = self._trunk(seen).reshape(len(azimuths), self._modes, 1 + self.row).astype(float)
         return out[..., 0], self._rows.mean + self._rows.scale * out[..., 1:]
 

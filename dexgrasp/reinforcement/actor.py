@@ -125,7 +125,7 @@ class Eyes:
 
     def _clone(self, first: Observation) -> CloneRun | None:
         clone = self._acting.clone
-        return None if clone is None else clone.begin(first, self._cell)
+        return clone.begin(first, self._cell) if clone else None
 
     def look(self, observations: Observation) -> Single:
         """Return what the network is given now, (N, F): scaled features, and the clones' actions."""
@@ -133,8 +133,9 @@ class Eyes:
         self._steps += self._acting.span
         if self._acting.clone is None:
             return looks
-        acted = [clone.action(one(observations, i)) for i, clone in enumerate(self._clones) if clone]
-        self._cloned = np.stack(acted)
+        self._cloned = np.stack(
+            [clone.action(one(observations, i)) for i, clone in enumerate(self._clones) if clone]
+        )
         return np.concatenate([looks, self._cloned], axis=-1)
 
     def last(self, i: int, observation: Observation) -> Single:
@@ -142,7 +143,7 @@ class Eyes:
         scene = Scene(*(values[i : i + 1] for values in self._scenes))
         looks = self._see(scene, _alone(observation), slice(i, i + 1))[0]
         clone = self._clones[i]
-        return looks if clone is None else np.concatenate([looks, clone.action(observation)])
+        return np.concatenate([looks, clone.action(observation)]) if clone else looks
 
     def _see(self, scenes: Scene, observations: Observation, rows: slice) -> Single:
         seen = features(scenes, observations, self._steps[rows])

@@ -10,7 +10,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from dexgrasp.imitation.policy import Scaling
 from dexgrasp.reinforcement.actor import Acting, Eyes, one
 from dexgrasp.reinforcement.grasp_space import SIZE
-from dexgrasp_env.arrays import Fields, Single
+from dexgrasp_env.arrays import Single
 
 
 class FeatureVecEnv(VecEnvWrapper):
@@ -66,9 +66,9 @@ class FeatureVecEnv(VecEnvWrapper):
         Who begins anew meanwhile goes on with the answer that stood, for which it gets no reward.
         """
         eyes = self._eyes
-        assert eyes is not None
+        assert eyes
         rewards, ended = np.zeros(self.num_envs, np.float32), np.zeros(self.num_envs, bool)
-        told: list[Fields] = []
+        told: list[Any] = []
         for step in range(self._acting.span):
             actions = eyes.carried_out(self._acting.action(self._answers, step), self._now)
             self._now, gained, dones, infos = self.venv.step(actions)

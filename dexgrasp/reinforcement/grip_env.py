@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from dexgrasp.agent import Observation
 from dexgrasp.imitation.clone import Clone
 from dexgrasp.reinforcement.actor import GRIP_SIZE, GripRun, look, one
 from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
@@ -37,7 +36,7 @@ class GripVecEnv(SB3VecEnv):
         self._cell = self.get_attr("settings")[0].cell
         self._length, self._alike = int(kwargs["max_episode_steps"]), alike
         self._rng = np.random.default_rng()
-        self._now: Observation = {}
+        self._now: Any = {}
         self.finished: list[tuple[float, bool]] = []
 
     def reset(self) -> Single:
@@ -55,13 +54,12 @@ class GripVecEnv(SB3VecEnv):
 
     def step_wait(self) -> Any:
         """Play the episodes to their end and begin the next."""
-        seen = self._looks()
+        infos = [{"terminal_observation": last} for last in self._looks()]
         returns, held = self._play()
         self.finished += list(zip(returns.tolist(), held.tolist(), strict=True))
         groups = returns.reshape(-1, self._alike)
         rewards = (groups - groups.mean(axis=1, keepdims=True)).ravel()
         self._begin()
-        infos = [{"terminal_observation": last} for last in seen]
         return self._looks(), rewards.astype(np.float32), np.ones(self.num_envs, bool), infos
 
     def _play(self) -> tuple[Array, Mask]:

@@ -127,17 +127,17 @@ class PolicyTraining(Rounds):
         if self._resets:
             self._resets.go_on(**self._resets.progress)
         if self.settings.settle is not None:
-            self._settle(self.settings.settle)
+            self._settle()
         row = super().learn()
         rate = {"rate": self._rate.now} if self.settings.adaptive else {}
         return row | rate | ({"front": self._resets.front} if self._resets else {})
 
-    def _settle(self, last: float) -> None:
+    def _settle(self) -> None:
         """Explore as far as is due by now: evenly less in the logarithm, whatever the learner has made of it."""
         s = self.settings
         share = min(self.model.num_timesteps * s.span / s.steps, 1.0)
         with torch.no_grad():
-            self.model.policy.log_std.fill_(self._log_std((1.0 - share) * s.spread + share * last))
+            self.model.policy.log_std.fill_(self._log_std((1.0 - share) * s.spread + share * s.settle))
 
     def _log_std(self, spread: float) -> float:
         """Return what the learner has for an exploration of logarithm `spread`."""

@@ -63,8 +63,8 @@ class Rounds(Training):
             InputError: no such clone, one of another view, no such device.
         """
         super().__init__(out, settings, settings.rounds, course)
-        self.base: Any = None if clone is None else read_policy(clone)
-        self.clone = None if self.base is None else Clone(*self.base)
+        self.base: Any = clone and read_policy(clone)
+        self.clone = self.base and Clone(*self.base)
         mode = getattr(settings, "control_mode", "joint_delta")
         self.env = {"obs_mode": "state", "control_mode": "ee_delta" if mode == GRASPS else mode}
         if self.clone and self.clone.env != self.env:
@@ -94,7 +94,7 @@ class Rounds(Training):
         self.envs = self.environments()
         self.open.callback(self.envs.close)
         self.model = self.learner()
-        if self.base is not None:
+        if self.base:
             for tensor in _mean_action(self.model)[-1].parameters():
                 torch.nn.init.zeros_(tensor)
 
@@ -125,7 +125,7 @@ class Rounds(Training):
             "kind": self.kind, "view": "state", "env": self.env, **own, "robot": default_cell().robot.stamp,
             "training": self.origin("stable-baselines3", settings=asdict(self.settings)),
         }  # fmt: skip
-        if self.base is not None:
+        if self.base:
             about["base"] = self.base[0]
             arrays |= {f"base.{name}": array for name, array in self.base[1].items()}
         write_policy(self.out, about, arrays)

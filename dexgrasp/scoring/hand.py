@@ -54,7 +54,7 @@ class HandModel:
         return spec
 
     def _described(self, servo_kp: float) -> mujoco.MjSpec:
-        if self.part is not None:
+        if self.part:
             spec, joints = described(self.part), self.part.joints
             same = replace(joints, stiffness=(servo_kp,) * len(joints.names))
             set_drives(spec, replace(self.part, joints=same))

@@ -73,9 +73,7 @@ class GraspProtocol(ABC):
 
     def mass(self, candidate: Candidate) -> float:
         """Return the mass of the object, kg."""
-        return (
-            self.density * float(candidate.object.mesh.volume) if self.fixed_mass is None else self.fixed_mass
-        )
+        return self.fixed_mass or self.density * float(candidate.object.mesh.volume)
 
     @abstractmethod
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
@@ -139,8 +137,7 @@ class DexGraspBenchForceClosure(DexGraspBench):
         scene, worst = self._scene(candidate), Verdict(True, 1.0)
         for name, axis in AXES.items():
             scene.reset(candidate.pregrasp)
-            failed = self._penetrates(scene)
-            if failed is not None:
+            if failed := self._penetrates(scene):
                 return failed
             self._close(scene, self._stage, self._stage)
             scene.push(_ROUND_GRAVITY * scene.mass * axis)
@@ -164,8 +161,7 @@ class DexGraspBenchTabletop(DexGraspBench):
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
         """Close under the object's weight and lift."""
         scene = self._scene(candidate)
-        failed = self._penetrates(scene)
-        if failed is not None:
+        if failed := self._penetrates(scene):
             return failed
         scene.push(_ROUND_GRAVITY * scene.mass * AXES["-z"])
         squeeze, up = self._close(scene, self._stage, self._stage), self._lift * AXES["+z"]
@@ -255,8 +251,7 @@ class GetAGrip(GraspProtocol):
         for start, end in itertools.pairwise(self._targets()):
             scene.move(squeeze.shifted(start), squeeze.shifted(end), self._beat)
         wanted = np.linalg.inv(candidate.grasp.T_world_hand) @ candidate.T_world_object
-        found = np.linalg.inv(scene.pose(BASE)) @ scene.pose()
-        verdict = self._verdict(wanted, found, "in the hand")
+        verdict = self._verdict(wanted, np.linalg.inv(scene.pose(BASE)) @ scene.pose(), "in the hand")
         links = {body for body, _, force in scene.hand_contacts() if force > 0.0}
         if verdict.success and len(links) < self._least_links:
             few = f"only {len(links)} links touch it"

@@ -95,7 +95,7 @@ class FloatingScene:
         self.candidate, self.mass = candidate, mass
         self.model = build_model(candidate.hand, candidate.object.with_mass(mass), physics)
         self.data = mujoco.MjData(self.model)
-        self.servo_kp = None if candidate.hand.part is None else physics.servo_kp
+        self.servo_kp = physics.servo_kp if candidate.hand.part else None
         self._alone = mujoco.MjData(candidate.hand.model)
         self.object_body = self.model.body("object").id
         self.hand_bodies = np.flatnonzero(self.model.body_rootid == self.model.body(BASE).id).tolist()
@@ -117,7 +117,7 @@ class FloatingScene:
     def _told(self, joints: Array) -> Array:
         """What servos are told, so that they hold joints (n,): a tendon's, all that its joints are told."""
         hand = self.candidate.hand
-        if hand.part is not None:
+        if hand.part:
             return joints[[hand.joint_names.index(hand.model.actuator(k).name) for k in range(hand.model.nu)]]
         self._alone.qpos[:] = joints
         mujoco.mj_fwdPosition(hand.model, self._alone)

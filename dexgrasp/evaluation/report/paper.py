@@ -5,10 +5,9 @@ from pathlib import Path
 
 import yaml
 
-from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
-_PRINTED: Fields = yaml.safe_load(Path(__file__).with_name("paper.yaml").read_text())
+_PRINTED = yaml.safe_load(Path(__file__).with_name("paper.yaml").read_text())
 
 TABLES: Mapping[str, str] = _PRINTED["tables"]
 """Set -> the table that reports its successes."""

@@ -86,7 +86,6 @@ def _finished(figure: Any, axes: Any, kind: str) -> bytes:
     figure.legend(handles, labels, fontsize="small", loc="outside upper left", ncols=2, frameon=False)
     buffer = io.BytesIO()
     # Dates and random ids would make two reports of the same trials differ.
-    metadata = {"Date": None} if kind == "svg" else None
     with rc_context({"svg.hashsalt": "dexgrasp"}):
-        figure.savefig(buffer, format=kind, dpi=130, metadata=metadata)
+        figure.savefig(buffer, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else None)
     return buffer.getvalue()

@@ -226,14 +226,14 @@ def _ratios(groups: Fields) -> Table:
 
 def _times(agent: Fields, printed: Mapping[str, Mapping[str, Sequence[float]]]) -> Table:
     ours = _quartiles(agent["planning_seconds"], seconds_words)
-    whole = printed.get("overall", {}).get("total")
-    rows = [["total, overall", ours, "", _spread(whole, seconds_words)]]
+    theirs = _spread(printed.get("overall", {}).get("total"), seconds_words)
+    rows = [["total, overall", ours, "", theirs]]
     for group in paper.SECONDS:
         own = agent["stages"].get(group, {})
         for stage, seconds in own.get("stage_seconds", {}).items():
-            repeats, theirs = own.get("stage_repeats", {}).get(stage), printed.get(group, {}).get(stage)
-            cells = [_quartiles(seconds, seconds_words), _quartiles(repeats), _spread(theirs, seconds_words)]
-            rows.append([f"{stage}, {group}", *cells])
+            ours, repeats = _quartiles(seconds, seconds_words), own.get("stage_repeats", {}).get(stage)
+            theirs = _spread(printed.get(group, {}).get(stage), seconds_words)
+            rows.append([f"{stage}, {group}", ours, _quartiles(repeats), theirs])
     return Table(("stage, set", "seconds", "repeats", "paper, seconds"), rows)
 
 

@@ -30,8 +30,7 @@ def read_plain(content: Fields, path: Path, options: ReadOptions) -> list[Candid
         scale = grasp.numbers("object_scale").item(0) if "object_scale" in grasp else 1.0
         target = find_object(str(grasp.get("object")), scale, options, path)
         pose = pose_of_centre(grasp.pose("T_world_object"), target)
-        stages = _stages(grasp, hand, names, pose[:3, 3])
-        found.append(Candidate(grasp.source, hand, target, pose, *stages))
+        found.append(Candidate(grasp.source, hand, target, pose, *_stages(grasp, hand, names, pose[:3, 3])))
     return found
 
 
@@ -76,5 +75,4 @@ def joints_in_order(hand: HandModel, names: Sequence[str], values: Array, source
             f"{source}: joint names do not fit hand {hand.name} (differing: {', '.join(strange[:4])} "
             f"...): valid are {', '.join(hand.joint_names)}"
         )
-    order = [names.index(name) for name in hand.joint_names]
-    return values[..., order]
+    return values[..., [names.index(name) for name in hand.joint_names]]
