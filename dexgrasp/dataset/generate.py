@@ -100,11 +100,11 @@ def _identity(settings: DatasetSettings) -> Fields:
             "rest_poses": len(rest_poses(model)),
             "mass": model.mass,
         }
-    fixed = {
-        "least_distance": LEAST_DISTANCE, "reach": [list(r) for r in REACH], "neighbours": NEIGHBOURS,
-        "side_tolerance": SIDE_TOLERANCE,
-    }  # fmt: skip
     return {
-        "settings": settings.as_json(), "objects": objects, "fixed": fixed, "cell": settings.cell.version,
-        "versions": versions(),
+        "settings": settings.as_json(), "objects": objects,
+        "fixed": {
+            "least_distance": LEAST_DISTANCE, "reach": [list(r) for r in REACH], "neighbours": NEIGHBOURS,
+            "side_tolerance": SIDE_TOLERANCE,
+        },
+        "cell": settings.cell.version, "versions": versions(),
     }  # fmt: skip

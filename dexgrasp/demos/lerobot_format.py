@@ -19,7 +19,6 @@ from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import write_json
 from dexgrasp_env.robot.cell import make_cell
-from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.valid import Names
 
@@ -71,7 +70,14 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
     about = {"pandas": json.dumps(_TASKS)}
     pq.write_table(names.replace_schema_metadata(about), making / "meta" / "tasks.parquet")
     write_json(making / "meta" / "stats.json", {name: _spread(each) for name, each in parts.items()})
-    write_json(making / "meta" / "info.json", _info(columns, len(rows), start, len(tasks), robot))
+    info = {
+        "codebase_version": _VERSION, "robot_type": robot.name, "total_episodes": len(rows), "total_frames": start,
+        "total_tasks": len(tasks), "chunks_size": _CHUNK, "data_files_size_in_mb": _DATA_MB,
+        "video_files_size_in_mb": _VIDEO_MB, "fps": round(1 / CONTROL_PERIOD), "splits": {"train": f"0:{len(rows)}"},
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "video_path": None,
+        "features": {name: _feature(values, robot.joints) for name, values in columns.items()},
+    }  # fmt: skip
+    write_json(making / "meta" / "info.json", info)
     shutil.rmtree(folder / FOLDER, ignore_errors=True)
     making.rename(folder / FOLDER)
 
@@ -112,16 +118,6 @@ def _episode_row(episode: Episode, number: int, start: int, task: str, spread: d
     return row | {
         f"stats/{name}/{kind}": value for name, own in spread.items() for kind, value in own.items()
     }
-
-
-def _info(columns: Arrays, episodes: int, frames: int, tasks: int, robot: Robot) -> Fields:
-    return {
-        "codebase_version": _VERSION, "robot_type": robot.name, "total_episodes": episodes,
-        "total_frames": frames, "total_tasks": tasks, "chunks_size": _CHUNK, "data_files_size_in_mb": _DATA_MB,
-        "video_files_size_in_mb": _VIDEO_MB, "fps": round(1 / CONTROL_PERIOD), "splits": {"train": f"0:{episodes}"},
-        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "video_path": None,
-        "features": {name: _feature(values, robot.joints) for name, values in columns.items()},
-    }  # fmt: skip
 
 
 def _feature(values: NDArray[Any], joints: Names) -> Fields:

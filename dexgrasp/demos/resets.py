@@ -134,7 +134,11 @@ class DemoResets:
             return []
         where: Fields = {"object": target, "object_pose": self._pose(demo) + _ABOVE}
         if isinstance(env, PlaceEnv):
-            where["goal"] = self._end(demo)
+            if "object_pose" not in demo.observations:
+                raise InputError(
+                    "demonstrations of Place say where they end in obs_mode 'state': these are of cameras"
+                )
+            where["goal"] = [*demo.observations["object_pose"][-1, :3], 1.0]  # held where it is at last
         env.reset(seed=demo.about["scene_seed"], options=where)
         states, path = [_lean(env)], demo.observations["joint_targets"].astype(float)
         for step, (_, result) in enumerate(follow(env, path, robot_tree(env.settings.cell)), 1):
@@ -143,14 +147,6 @@ class DemoResets:
             if step % _EVERY == 0:
                 states.append(_lean(env, states[-1].view))
         return []
-
-    def _end(self, demo: Episode) -> list[float]:
-        """Return where the object of a demonstration is at last, as a goal: held there."""
-        if "object_pose" not in demo.observations:
-            raise InputError(
-                "demonstrations of Place say where they end in obs_mode 'state': these are of cameras"
-            )
-        return [*demo.observations["object_pose"][-1, :3], 1.0]
 
     def _pose(self, demo: Episode) -> Array:
         """Return where the object of a demonstration lay at first."""

@@ -191,9 +191,9 @@ def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Episode | None:
 def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
     """Follow set-points (T + 1, n), 50 ms apart, in the mode of a running episode, and hold the last for a while."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
-    mode, scale = settings.control_mode, settings.action_scale
     for step in range(len(path) - 1 + _LINGER):
-        action = to_action(mode, _targets(env), path[min(step + 1, len(path) - 1)], tree, scale)
+        wanted = path[min(step + 1, len(path) - 1)]
+        action = to_action(settings.control_mode, _targets(env), wanted, tree, settings.action_scale)
         result = env.step(action)
         yield action, result
         if result[2] or result[3]:

@@ -80,8 +80,8 @@ class GraspNet(PolicyNet):
         )
         self.modes = sizes.modes
         self.encoder = perceptron([6, sizes.local, sizes.cloud])
-        inputs, outputs = sizes.cloud + numbers.shape[1], sizes.modes * (1 + rows.shape[1])
-        self.trunk = perceptron([inputs, *[sizes.width] * sizes.depth, outputs])
+        outputs = sizes.modes * (1 + rows.shape[1])
+        self.trunk = perceptron([sizes.cloud + numbers.shape[1], *[sizes.width] * sizes.depth, outputs])
 
     def forward(self, points: Tensor, numbers: Tensor) -> tuple[Tensor, Tensor]:
         """Return merits (..., modes) and rows (..., modes, R) for points (..., N, 6) and numbers (..., F)."""

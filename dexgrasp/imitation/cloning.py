@@ -121,8 +121,8 @@ class StateCloning(Cloning):
 
     def build(self) -> None:
         """Make network and optimiser, and measure the spread (chunk * 23,) rad of what is predicted."""
-        rng, s = np.random.default_rng([self.settings.seed, 1]), self.settings
-        drawn = self._rows.draw(rng, self._trained, replace(s, episodes=256, rows=32)).chunks
+        rng = np.random.default_rng([self.settings.seed, 1])
+        drawn = self._rows.draw(rng, self._trained, replace(self.settings, episodes=256, rows=32)).chunks
         unit = np.sqrt((drawn**2).mean(axis=(0, 1))).ravel()
         self._unit = torch.from_numpy(np.maximum(unit, _LEAST_UNIT).astype(np.float32)).to(self.place)
         super().build()

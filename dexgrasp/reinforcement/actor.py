@@ -77,8 +77,8 @@ class Actor(Policy):
         scaling, self._squashed = Scaling(arrays["mean"], arrays["scale"]), bool(about["squashed"])
         clone = Clone(about["base"], below(arrays, "base.")) if about.get("base") else None
         hold, grasps, chunk = int(about.get("hold", 1)), bool(about.get("grasps")), int(about.get("chunk", 1))
-        share, once = float(about["share"]), bool(about.get("once"))
-        self.acting = Acting(scaling, clone, share, hold, grasps, chunk, once)
+        share = float(about["share"])
+        self.acting = Acting(scaling, clone, share, hold, grasps, chunk, bool(about.get("once")))
         self._actor = Mlp(arrays, "actor", np.tanh if about["activation"] == "tanh" else relu)
         inputs, outputs = len(scaling.mean), self._actor.outputs
         if min(hold, chunk) < 1 or outputs % chunk:

@@ -64,21 +64,18 @@ def bends(robot: Robot, table: Mapping[str, Mapping[tuple[str, int], float]]) ->
     return rows
 
 
-def _hand_range(robot: Robot) -> tuple[Array, Array]:
-    """Return the open hand (m,) and what it is bent by as fingers and thumb close, (2, m), rad."""
-    opened = np.zeros(robot.dof)
-    for finger, angles in _OPEN.items():
-        opened[robot.columns[finger].start :][: len(angles)] = angles
-    return opened[robot.hand_columns], bends(robot, _CLOSED)[:, robot.hand_columns]
-
-
 class GraspSpace:
     """What actions mean in N episodes side by side; environments are in `ee_delta`."""
 
     def __init__(self, robot: Robot, firsts: Observation) -> None:
         """Look at the first observations, (N, n) by key, of `obs_mode="state"`."""
         self._robot = robot
-        self._open, self._closing = _hand_range(robot)
+        opened = np.zeros(robot.dof)
+        for finger, angles in _OPEN.items():
+            opened[robot.columns[finger].start :][: len(angles)] = angles
+        # The open hand (m,) and what it is bent by as fingers and thumb close, (2, m), rad.
+        self._open = opened[robot.hand_columns]
+        self._closing = bends(robot, _CLOSED)[:, robot.hand_columns]
         count = len(firsts["object_pose"])
         self._origins, self._axes = np.zeros((count, 3)), np.zeros(count)
         self._middles, self._spans = np.tile(np.array(list(_PALM.values())).T[:, None], (1, count, 1))

@@ -111,13 +111,13 @@ class PolicyTraining(Rounds):
                 policy_kwargs=width,
                 **common,
             )
-        (_, rollout), correlated = s.rollouts, s.noise == "rollout"
+        _, rollout = s.rollouts
         if s.adaptive:
             common["learning_rate"] = self._rate
         self._rate.model = PPO(
             "MlpPolicy", self.envs, n_steps=rollout, n_epochs=s.passes,
             batch_size=max(rollout * s.num_envs // _BATCHES, 2),
-            target_kl=None if s.adaptive else s.divergence, use_sde=correlated,
+            target_kl=None if s.adaptive else s.divergence, use_sde=s.noise == "rollout",
             policy_kwargs=width | {"log_std_init": self._log_std(s.spread)}, **common,
         )  # fmt: skip
         return self._rate.model

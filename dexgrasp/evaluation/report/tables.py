@@ -61,9 +61,10 @@ def set_table(agents: Agents) -> Table:
         rates = [f"{rate_words(cell)} {_count(cell)}" if cell else "-" for cell in cells]
         stable, times = f"{agent['stable']}/{agent['successes']}", agent["planning_seconds"]
         rows.append([name, *rates, stable, seconds_words(times["median"]) if times else "-"])
-        printed = paper.successes(name)
-        if any(s in printed for s in sets):
-            rows.append(["  paper (real robot)", "", *(_printed(printed.get(s)) for s in sets), "", ""])
+        theirs = list(map(paper.successes(name).get, sets))
+        if any(theirs):
+            printed = [f"{100 * c['successes'] / c['trials']:.1f} % {_count(c)}" if c else "" for c in theirs]
+            rows.append(["  paper (real robot)", "", *printed, "", ""])
     return Table(["agent", "all", *sets, "stable", "planning s"], rows)
 
 
@@ -258,7 +259,3 @@ def _interval(ends: Sequence[float]) -> str:
 
 def _count(cell: Mapping[str, int] | None) -> str:
     return f"{cell['successes']}/{cell['trials']}" if cell else "-"
-
-
-def _printed(cell: Mapping[str, int] | None) -> str:
-    return f"{100 * cell['successes'] / cell['trials']:.1f} % {_count(cell)}" if cell else ""

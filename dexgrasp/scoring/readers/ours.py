@@ -29,8 +29,8 @@ def read_ours(content: Fields, path: Path, options: ReadOptions) -> list[Candida
     target = find_object(identity.source or identity.name, identity.scale, options, path)
     first, middle, last = (_stage(cell, q) for q in (record.pregrasp, record.grasp, record.squeeze))
     gains = cell.robot.stiffness[cell.robot.hand_columns]
-    hand, pose = find_hand(cell.robot.hand), record.T_world_object
-    return [Candidate(str(path), hand, target, pose, first, middle, last, gains)]
+    hand = find_hand(cell.robot.hand)
+    return [Candidate(str(path), hand, target, record.T_world_object, first, middle, last, gains)]
 
 
 def _stage(cell: Cell, q: Array) -> HandStage:
