@@ -219,7 +219,7 @@ def _compare(
     }
 
 
-def _round(recording: Recording, raw: _Loop) -> tuple[float, float]:
+def _round(recording: Recording, raw: _Loop) -> list[float]:
     """Seconds of the environment and of physics alone over one run, taking turns every few control steps."""
     env, actions = recording.env, recording.actions
     env.reset(seed=recording.seed)
@@ -233,7 +233,7 @@ def _round(recording: Recording, raw: _Loop) -> tuple[float, float]:
             run_part(rows[first : first + _TURN])
             seconds[which] += raw.clock() - start
     raw.check(env)
-    return seconds[0], seconds[1]
+    return seconds
 
 
 def _run_env(env: Any, actions: NDArray[Any]) -> None:

@@ -99,7 +99,7 @@ def placed(grasp_target: GraspTarget, placement: Array) -> GraspTarget:
     R, shift = about_z(float(placement[2])), np.array([placement[0], placement[1], 0.0])
     old = grasp_target.distance
     planes = old.planes.copy()
-    planes[:, :3] = old.planes[:, :3] @ R.T
+    planes[:, :3] = planes[:, :3] @ R.T
     planes[:, 3] -= planes[:, :3] @ shift
     moved = replace(old, triangles=np.ascontiguousarray(old.triangles @ R.T + shift), planes=planes)
     return replace(grasp_target, distance=moved, centre=R @ grasp_target.centre + shift)

@@ -42,9 +42,8 @@ def with_noise(control_mode: str, action: Array, noise: Array, robot: Robot) -> 
         noise: (n,) shares of the way that each joint may go in a control step.
         robot: that moves.
     """
-    if control_mode == "joint_delta":
-        change = noise
-    else:
+    change = noise
+    if control_mode != "joint_delta":
         change = 2.0 * noise * max_step(robot) / (robot.upper - robot.lower)
     if control_mode == "ee_delta":
         change = np.concatenate([noise[:_PALM], change[robot.hand_columns]])

@@ -168,7 +168,6 @@ def _lean(env: LiftEnv, before: View | None = None) -> EpisodeState:
     state = env.get_state()
     if env.settings.observe == "step":
         return replace(state, view=View())
-    seen = state.view.seen
-    if before and all(np.array_equal(seen[key], values) for key, values in before.seen.items()):
+    if before and all(np.array_equal(state.view.seen[key], values) for key, values in before.seen.items()):
         return replace(state, view=before)
     return state

@@ -83,8 +83,10 @@ def compare_rows(rows: Trials, a: str, b: str, alike: bool = True) -> Fields:
     every = [{**first[scene], "other": second[scene]} for scene in first if scene in second]
     pairs = list({(_trial(x), _trial(x["other"])): x for x in reversed(every)}.values())[::-1]
     by_object, by_protocol = grouped(pairs, "object"), grouped(every, "protocol")
-    sets = present_sets(list(by_object))
-    by_set = {name: [pair for own in members for pair in by_object[own]] for name, members in sets.items()}
+    by_set = {
+        name: [pair for own in members for pair in by_object[own]]
+        for name, members in present_sets(list(by_object)).items()
+    }
     return {
         **_statistics(pairs),
         "repeated": len(every) - len(pairs),

@@ -52,7 +52,7 @@ def decided_after(
         agents: their names.
         level: chance that any pair of equals is called different.
     """
-    won = {(row["agent"], row["object"], row["trial"]): bool(row["success"]) for row in rows}
+    won = {(row["agent"], row["object"], row["trial"]): row["success"] for row in rows}
     rounds: dict[int, set[Key]] = {}
     for key in planned:
         rounds.setdefault(key[2], set()).add(key)

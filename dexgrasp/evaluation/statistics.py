@@ -77,7 +77,7 @@ def mcnemar(outcomes: Iterable[tuple[bool, bool]]) -> dict[str, float | int]:
         Counts both, only_a, only_b, neither, and p_value of the exact two-sided McNemar test: how likely so uneven a
         split of the scenes that only one of them solved is if both are equally good.
     """
-    found = Counter((bool(a), bool(b)) for a, b in outcomes)
+    found = Counter(outcomes)
     only_a, only_b = found[True, False], found[False, True]
     return {
         "both": found[True, True], "only_a": only_a, "only_b": only_b, "neither": found[False, False],

@@ -103,8 +103,10 @@ def summarise_agent(rows: Trials) -> Fields:
     by_protocol = grouped(rows, "protocol")
     rows = [row for row in rows if row["protocol"] != OTHER_PHYSICS] or rows
     by_object = grouped(rows, "object")
-    members = present_sets(list(by_object))
-    sets = {name: [row for row in rows if row["object"] in own] for name, own in members.items()}
+    sets = {
+        name: [row for row in rows if row["object"] in own]
+        for name, own in present_sets(list(by_object)).items()
+    }
     conditions = [object_counts(own) for own in grouped(rows, "protocol").values()]
     constraints = {name: own for name, of in sets.items() if (own := _constraints(of))}
     return {

@@ -84,8 +84,9 @@ def features(scene: Scene, observation: Observation, step: Index | int) -> Array
     shape = targets.shape[:-1]
     at = entry(observation, "object_pose")[..., :3]
     palm = entry(observation, "palm_pose")
-    tips = entry(observation, "fingertip_positions").reshape(*shape, 4, 3)
-    forces = entry(observation, "fingertip_forces").reshape(*shape, 4, 3)
+    tips, forces = (
+        entry(observation, key).reshape(*shape, 4, 3) for key in ("fingertip_positions", "fingertip_forces")
+    )
     parts = [
         targets,
         ((tips - at[..., None, :]) @ turned.swapaxes(-1, -2) * METRES).reshape(*shape, 12),

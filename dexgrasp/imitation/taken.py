@@ -53,7 +53,7 @@ def taken(episode: Episode, noise: float, cell: Cell) -> Taken | None:
     waits = _waits(meant[: episode.about["solved"], : tree.arm])
     if len(waits) != 1:
         return None
-    ((opened, closed),) = waits
+    opened, closed = waits[0]
     q = entry(episode.observations, "joint_positions")[closed]
     palm_turn, palm = palm_frame(q, tree)
     hand = slice(tree.arm, None)

@@ -86,7 +86,7 @@ class HandModel:
         model = self.model
         kinds = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
         names = tuple(model.joint(i).name for i in range(model.njnt))
-        if not names or any(int(kind) not in kinds for kind in model.jnt_type):
+        if not names or not kinds.issuperset(model.jnt_type.tolist()):
             raise InputError(
                 f"hand {self.name}: valid joints are hinges and slides, at least one, and no free base"
             )
