@@ -33,10 +33,10 @@ class CloudEncoder(nn.Module):
 
     def __init__(self, settings: NetworkSettings) -> None:
         super().__init__()
-        local, cloud = settings.local, settings.cloud
+        local = settings.local
         self.first = perceptron([6, local, 2 * local]).append(nn.ReLU())
         self.beside = nn.Linear(2 * local, 2 * local)
-        self.second = perceptron([2 * local, 2 * local, cloud])
+        self.second = perceptron([2 * local, 2 * local, settings.cloud])
 
     def forward(self, cloud: Tensor) -> Tensor:
         """Encode clouds (C, N, 6) of points (network units) and unit normals; return (C, cloud)."""
@@ -100,7 +100,7 @@ def losses(output: Output, grasp: Tensor, kl_weight: float) -> Losses:
 
 def rotation_of(six: Tensor) -> Tensor:
     """Return rotations (..., 3, 3) of their first two columns (..., 6) by Gram-Schmidt."""
-    a, b = six[..., :3], six[..., 3:]
-    x = nn.functional.normalize(a, dim=-1)
+    b = six[..., 3:]
+    x = nn.functional.normalize(six[..., :3], dim=-1)
     y = nn.functional.normalize(b - (x * b).sum(-1, keepdim=True) * x, dim=-1)
     return torch.stack([x, y, torch.linalg.cross(x, y)], -1)

@@ -93,11 +93,11 @@ def _take(pose: PoseGrasps, mask: Mask) -> PoseSplit:
 
 def training_batch(poses: list[PoseSplit], step: int, settings: TrainingSettings) -> Batch:
     """Return the batch of a step: the same for the same seed and step, whatever went before."""
-    s, rng = settings, np.random.default_rng([settings.seed, 7, step])
+    rng = np.random.default_rng([settings.seed, 7, step])
     root = np.sqrt([len(p) for p in poses])  # rare rest poses count more than their share
-    chosen = rng.choice(len(poses), s.clouds, p=root / root.sum())
-    made = [_augmented(poses[k], rng, s.grasps, s.network.points) for k in chosen]
-    return _batch(made, rng.standard_normal((s.clouds, s.grasps, s.network.latent)))
+    chosen = rng.choice(len(poses), settings.clouds, p=root / root.sum())
+    made = [_augmented(poses[k], rng, settings.grasps, settings.network.points) for k in chosen]
+    return _batch(made, rng.standard_normal((settings.clouds, settings.grasps, settings.network.latent)))
 
 
 def test_batches(poses: list[PoseSplit], settings: TrainingSettings) -> list[Batch]:

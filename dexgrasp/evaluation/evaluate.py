@@ -124,7 +124,13 @@ class _Run:
                 own = grouped(self.store.rows, "agent").items()
                 won = {agent: "{successes}/{trials}".format(**bare_count(rows)) for agent, rows in own}
                 show(len(self.store.rows), len(self.planned), **won)
-                _warn_once(row, told)
+                kind = row["agent"], row["reason"]
+                if row["error"] and kind not in told:  # each the first time; all of them are in trials.jsonl
+                    told.add(kind)
+                    warn(
+                        f"{row['agent']} on {row['object']}, trial {row['trial']}: {row['reason']}\n"
+                        f"{row['error'].rstrip()}"
+                    )
                 if self._stopped_after() is not None:
                     return
         if lost := {spec.key for spec in left} - self.store.finished:
@@ -159,13 +165,3 @@ class _Run:
             return None
         keys = [spec.key[1:] for spec in self.planned]
         return decided_after(keys, self.store.rows, self.runner.settings.agents, self.stop_level)
-
-
-def _warn_once(row: Fields, told: set[tuple[str, str]]) -> None:
-    """Print an agent's error the first time that it comes up; all of them are in trials.jsonl."""
-    kind = row["agent"], row["reason"]
-    if row["error"] and kind not in told:
-        told.add(kind)
-        warn(
-            f"{row['agent']} on {row['object']}, trial {row['trial']}: {row['reason']}\n{row['error'].rstrip()}"
-        )

@@ -65,10 +65,9 @@ class Rows:
 
     def draw(self, rng: np.random.Generator, among: Index, settings: BcSettings) -> Batch:
         """Draw a batch; long episodes come as often as short ones."""
-        s = settings
-        chosen = rng.choice(among, s.episodes, replace=len(among) < s.episodes)
-        at = (rng.random((s.episodes, s.rows)) * self.steps[chosen][:, None]).astype(int)
-        return self.batch(chosen, at, s.network.chunk)
+        chosen = rng.choice(among, settings.episodes, replace=len(among) < settings.episodes)
+        at = (rng.random((settings.episodes, settings.rows)) * self.steps[chosen][:, None]).astype(int)
+        return self.batch(chosen, at, settings.network.chunk)
 
     def tested(self, among: Index, settings: BcSettings) -> Batch:
         """Return some rows of each of some episodes."""

@@ -29,9 +29,7 @@ class Trials(Tester):
         """Return the share of trials that succeeded, after an epoch that is due; nothing after others."""
         if state.epoch % self.every and state.epoch != state.epochs:
             return {}
-        settings = EvaluationSettings.of(
-            [str(folder)], list(self.objects), trials=self.number, seed=self.seed
-        )
+        settings = EvaluationSettings.of([str(folder)], self.objects, trials=self.number, seed=self.seed)
         runner = TrialRunner(settings)
         outcomes = [bool(runner.run(spec)[0]["success"]) for spec in plan_trials(settings)]
         runner.close()

@@ -56,7 +56,7 @@ class GripVecEnv(SB3VecEnv):
         """Play the episodes to their end and begin the next."""
         infos = [{"terminal_observation": last} for last in self._looks()]
         returns, held = self._play()
-        self.finished += list(zip(returns.tolist(), held.tolist(), strict=True))
+        self.finished += zip(returns.tolist(), held.tolist(), strict=True)
         groups = returns.reshape(-1, self._alike)
         rewards = (groups - groups.mean(axis=1, keepdims=True)).ravel()
         self._begin()
