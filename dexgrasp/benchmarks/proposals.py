@@ -138,6 +138,7 @@ def _figures(attempts: list[Attempt]) -> Fields:
     between = [_between(a, b) for a, b in combinations(good, 2) if a.scene == b.scene]
     spread, angle = np.mean(between, axis=0) if between else (None, None)
     rate = len(good) / len(attempts)
+    tried = [a.plan.log.tried for a in attempts]
     moved = [(a.scene, (a.verified - rate) / len(attempts)) for a in attempts]
     return {
         "trials": len(attempts), "verified": rate,
@@ -145,9 +146,9 @@ def _figures(attempts: list[Attempt]) -> Fields:
         "tried": spread_of([a.plan.log.tried for a in good]), "seconds": spread_of([a.seconds for a in good]),
         "margin": spread_of([grasp.certificate.closure_margin for grasp in grasps]),
         "epsilon": spread_of([ferrari_canny(grasp.contacts, grasp.normals, mu) for grasp in grasps]),
-        "tried_each": _each([a.plan.log.tried for a in attempts], good),
+        "tried_each": _each(tried, good),
         "seconds_each": _each([a.seconds for a in attempts], good),
-        "mean_tried": np.mean([a.plan.log.tried for a in attempts]),
+        "mean_tried": np.mean(tried),
         "proposal_seconds": np.median([a.plan.log.seconds.get("proposals", 0.0) for a in attempts]),
         "spread_cm": spread, "palm_degrees": angle,
     }  # fmt: skip

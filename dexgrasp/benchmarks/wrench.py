@@ -20,9 +20,10 @@ POINTS = 256
 def speed(points: Array, normals: Array, quick: bool, rng: np.random.Generator) -> Fields:
     """Time the sweep, the margin and the solvers on one shape, one core, one after the other; the best of each."""
     scale, repeats = rms_radius(points), 2 if quick else 5
-    feasible = len(closure_sweep(points, normals, MU, 0.0))
+    closures = partial(closure_sweep, points, normals, MU, 0.0)
+    feasible = len(closures())
     triples = POINTS * (POINTS - 1) * (POINTS - 2) // 6
-    sweep = triples / seconds_of(lambda: closure_sweep(points, normals, MU, 0.0), repeats).min()
+    sweep = triples / seconds_of(closures, repeats).min()
     some = np.argsort(rng.random((5_000, POINTS)), axis=1)[:, :3]
     P, N = points[some], normals[some]
     margins(P[:8], N[:8], MU)

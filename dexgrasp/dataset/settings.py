@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Annotated, Any
 
 from dexgrasp.planning.settings import PlannerSettings
@@ -19,11 +19,6 @@ MU = 0.4
 """Friction coefficient of Eq. 4 in the dataset (the original's, as far as we know)."""
 POINTS = 256
 """Candidate contact points a rest pose (section 1.3, step 2)."""
-
-
-def dataset_planner() -> PlannerSettings:
-    """Return the planner's thresholds with the dataset's friction and number of points."""
-    return replace(PlannerSettings(), friction=MU, surface_points=POINTS)
 
 
 def _whole_path(robot: Any) -> str:
@@ -59,7 +54,9 @@ class DatasetSettings:
     mesh_scale: Annotated[Positive, "F"] = 1.0
     mesh_mass: Annotated[Mass | None, "KG"] = None
     robot: Annotated[CellFile, Rule("the path of a file, or a robot's name", _whole_path)] = None
-    planner: PlannerSettings = field(default_factory=dataset_planner)
+    planner: PlannerSettings = field(
+        default_factory=lambda: PlannerSettings(friction=MU, surface_points=POINTS)
+    )
 
     @classmethod
     def of(cls, objects: Sequence[str], **rest: Any) -> "DatasetSettings":

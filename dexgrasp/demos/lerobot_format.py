@@ -83,27 +83,29 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
 
 
 def _columns(episode: Episode, number: int, start: int, task: int) -> Arrays:
-    steps = np.arange(len(episode))
+    count = len(episode)
+    steps = np.arange(count)
     seen = {key: array[:-1] for key, array in episode.observations.items()}
     return {
         "observation.state": seen["joint_positions"].astype(np.float32),
-        **{f"observation.{key}": array.reshape(len(steps), -1) for key, array in seen.items()},
+        **{f"observation.{key}": array.reshape(count, -1) for key, array in seen.items()},
         "action": episode.actions,
         "next.reward": episode.rewards.astype(np.float32),
         "next.success": steps >= episode.about["solved"],
-        "next.done": steps == len(steps) - 1,
+        "next.done": steps == count - 1,
         "timestamp": (CONTROL_PERIOD * steps).astype(np.float32),
         "frame_index": steps,
-        "episode_index": np.full(len(steps), number),
+        "episode_index": np.full(count, number),
         "index": start + steps,
-        "task_index": np.full(len(steps), task),
+        "task_index": np.full(count, task),
     }
 
 
 def _array(pa: Any, values: NDArray[Any]) -> Any:
+    numbers = pa.array(values.ravel())
     if values.size == len(values):  # LeRobot has single numbers as such
-        return pa.array(values.ravel())
-    return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
+        return numbers
+    return pa.FixedSizeListArray.from_arrays(numbers, values.shape[1])
 
 
 def _episode_row(episode: Episode, number: int, start: int, task: str, spread: dict[str, Fields]) -> Fields:

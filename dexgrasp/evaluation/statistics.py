@@ -104,16 +104,17 @@ def compared(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields:
     scenes: dict[Hashable, list[tuple[bool, bool]]] = {}
     for scene, a, b in outcomes:
         scenes.setdefault(scene, []).append((a, b))
-    found = mcnemar(pair for own in scenes.values() for pair in own)
+    met = scenes.values()
+    found = mcnemar(pair for own in met for pair in own)
     cells = [found[key] for key in ("both", "only_a", "only_b", "neither")]
-    by_scene = [sum(a - b for a, b in own) for own in scenes.values()]
+    by_scene = [sum(a - b for a, b in own) for own in met]
     for_a, for_b = sum(d > 0 for d in by_scene), sum(d < 0 for d in by_scene)
     trials = sum(cells)
     each = max(trials, 1) / max(len(scenes), 1)
     difference = sum(by_scene) / max(trials, 1)
     # What trials of a scene share makes them scatter more than independent ones.
     alone = found["only_a"] + found["only_b"] - trials * difference**2
-    off = sum((d - len(own) * difference) ** 2 for d, own in zip(by_scene, scenes.values(), strict=True))
+    off = sum((d - len(own) * difference) ** 2 for d, own in zip(by_scene, met, strict=True))
     fewer = max(min(off / alone, each) if alone > 1e-9 else each, 1.0)
     return found | {
         "trials": trials, "scenes": len(scenes), "for_a": for_a, "for_b": for_b, "p_value": _sign_test(for_a, for_b),
@@ -179,10 +180,11 @@ def object_difference_interval(a: Counts, b: Counts) -> Interval:
     if len(names) < 2:
         return -1.0, 1.0
     first, second = (_columns({name: counts[name] for name in names}) for counts in (a, b))
-    differences = first[0] / first[1] - second[0] / second[1]
+    rates = second[0] / second[1]
+    differences = first[0] / first[1] - rates
     if np.ptp(differences) < 1e-12:
         alone = len(names) * float(differences[0])
-        both = float((second[0] / second[1]).sum()) - max(-alone, 0.0)
+        both = float(rates.sum()) - max(-alone, 0.0)
         return paired_difference_interval(
             both, max(alone, 0.0), max(-alone, 0.0), max(len(names) - both - abs(alone), 0.0)
         )

@@ -56,11 +56,12 @@ class TrialRunner:
 
     def _env(self, spec: TrialSpec) -> Env:
         key = spec.protocol, spec.agent, spec.target, spec.film if spec.video else None
-        if key not in self._envs:
-            while len(self._envs) >= _MOST_ENVS:
-                self._envs.pop(next(iter(self._envs))).close()
-            self._envs[key] = self.make_env(spec)
-        return self._envs[key]
+        envs = self._envs
+        if key not in envs:
+            while len(envs) >= _MOST_ENVS:
+                envs.pop(next(iter(envs))).close()
+            envs[key] = self.make_env(spec)
+        return envs[key]
 
     def make_env(self, spec: TrialSpec) -> Env:
         """Return the protocol's environment with the agent's settings.

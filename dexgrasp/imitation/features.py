@@ -79,6 +79,7 @@ def features(scene: Scene, observation: Observation, step: Index | int) -> Array
     A scene of N episodes, `side_by_side`, has observations (N, n) of each at one control step.
     """
     turned = about_z(-scene.azimuth)
+    back = turned.swapaxes(-1, -2)
     targets = np.array(observation["joint_targets"], dtype=float)
     targets[..., 0] -= scene.azimuth
     shape = targets.shape[:-1]
@@ -89,11 +90,11 @@ def features(scene: Scene, observation: Observation, step: Index | int) -> Array
     )
     parts = [
         targets,
-        ((tips - at[..., None, :]) @ turned.swapaxes(-1, -2) * METRES).reshape(*shape, 12),
+        ((tips - at[..., None, :]) @ back * METRES).reshape(*shape, 12),
         _turn(palm[..., :3] - at, turned) * METRES,
         (turned @ quat_to_matrix(palm[..., 3:]))[..., :2].reshape(*shape, 6),
         np.broadcast_to(np.minimum(step, _LONGEST) / _STEPS, shape)[..., None],
-        np.tanh(forces @ turned.swapaxes(-1, -2) / _NEWTONS).reshape(*shape, 12),
+        np.tanh(forces @ back / _NEWTONS).reshape(*shape, 12),
         entry(observation, "progress") * [METRES, 1.0],
         _turn(at - scene.origin, turned) * METRES,
         np.broadcast_to(scene.numbers, (*shape, scene.numbers.shape[-1])),

@@ -79,9 +79,10 @@ class FeatureVecEnv(VecEnvWrapper):
             self._returns += gained
             rewards += np.where(ended, 0.0, self._scales[step] * gained)
             for i in np.flatnonzero(dones).tolist():
-                self.finished.append((float(self._returns[i]), bool(infos[i]["is_success"])))
-                infos[i]["terminal_observation"] = eyes.last(i, infos[i]["terminal_observation"])
-                infos[i]["TimeLimit.truncated"] &= not self._ends
+                info = infos[i]
+                self.finished.append((float(self._returns[i]), bool(info["is_success"])))
+                info["terminal_observation"] = eyes.last(i, info["terminal_observation"])
+                info["TimeLimit.truncated"] &= not self._ends
                 eyes.begin(i, one(self._now, i))
                 self._returns[i] = 0.0
             ended |= dones

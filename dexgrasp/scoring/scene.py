@@ -93,12 +93,12 @@ class FloatingScene:
             mass: of the object, kg; its inertia goes with it.
         """
         self.candidate, self.mass = candidate, mass
-        self.model = build_model(candidate.hand, candidate.object.with_mass(mass), physics)
-        self.data = mujoco.MjData(self.model)
+        self.model = model = build_model(candidate.hand, candidate.object.with_mass(mass), physics)
+        self.data = mujoco.MjData(model)
         self.servo_kp = physics.servo_kp if candidate.hand.part else None
         self._alone = mujoco.MjData(candidate.hand.model)
-        self.object_body = self.model.body("object").id
-        self.hand_bodies = np.flatnonzero(self.model.body_rootid == self.model.body(BASE).id).tolist()
+        self.object_body = model.body("object").id
+        self.hand_bodies = np.flatnonzero(model.body_rootid == model.body(BASE).id).tolist()
 
     def reset(self, stage: HandStage) -> None:
         """Put hand and object where the stage has them, at rest, without forces."""

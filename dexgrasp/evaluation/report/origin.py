@@ -63,7 +63,7 @@ def commands(folder: Path) -> list[str]:
     run = _run(folder)
     if run is None or not run.agents or not run.objects:
         return [f"dexgrasp report {folder}"]
-    words = ["dexgrasp evaluate --agents", *run.agents, "--objects", *_sets(run.objects)]
+    words = ["dexgrasp evaluate --agents", *run.agents, "--objects", *_sets(list(run.objects))]
     words += ["--trials", run.trials, "--seed", run.seed, "--protocol", *run.protocol.split("+")]
     for name in ("mount", "friction", "mesh_mass", "mesh_scale"):
         value = getattr(run, name)
@@ -82,13 +82,13 @@ def replay_commands(folder: Path, rows: Sequence[Fields]) -> list[str]:
     ][:_MOST_REPLAYS]
 
 
-def _sets(objects: Sequence[str]) -> list[str]:
+def _sets(objects: list[str]) -> list[str]:
     """The name of a set, or the path of a set file, where the objects are just its members."""
     for name, members in OBJECT_SETS.items():
-        if list(members) == list(objects):
+        if list(members) == objects:
             return [name]
     path = objects[0].partition("#")[0]
     try:
-        return [path] if is_set(path) and set_targets(path) == list(objects) else list(objects)
+        return [path] if is_set(path) and set_targets(path) == objects else objects
     except InputError:  # the file has gone or changed since
-        return list(objects)
+        return objects

@@ -44,23 +44,24 @@ class Figure(NamedTuple):
         """Return the plot as "svg" or "png", the same bytes for the same content."""
         from matplotlib.figure import Figure as Canvas
 
-        height = 1.0 + _ROW * len(self.rows) * (0.55 + 0.45 * len(self.agents)) if self.rows else 3.2
+        rows = self.rows
+        height = 1.0 + _ROW * len(rows) * (0.55 + 0.45 * len(self.agents)) if rows else 3.2
         figure = Canvas(figsize=(_WIDTH, max(2.0, height)), layout="constrained")
         axes = figure.add_subplot()
         for k, (agent, points) in enumerate(self.agents.items()):
-            self._add(axes, k, agent, points, _STYLE | {"fmt": "o" if self.rows else "o-"})
+            self._add(axes, k, agent, points, _STYLE | {"fmt": "o" if rows else "o-"})
             printed = {
-                key: [value[0]] * 3 for key, value in self.printed.get(agent, {}).items() if key in self.rows
+                key: [value[0]] * 3 for key, value in self.printed.get(agent, {}).items() if key in rows
             }
             if printed:
                 self._add(axes, k, f"{agent}, paper", printed, _HOLLOW)
         axes.set(xlabel=self.label, xscale="log" if self.log else "linear")
         if not self.log:
-            axes.set(**{"xlim" if self.rows else "ylim": (-2, 102)})
-        axes.grid(axis="x" if self.rows else "both", color="0.9", lw=0.8)
-        if self.rows:
-            axes.set_yticks(range(len(self.rows)), self.rows.values())
-            axes.set_ylim(len(self.rows) - 0.45, -0.55)
+            axes.set(**{"xlim" if rows else "ylim": (-2, 102)})
+        axes.grid(axis="x" if rows else "both", color="0.9", lw=0.8)
+        if rows:
+            axes.set_yticks(range(len(rows)), rows.values())
+            axes.set_ylim(len(rows) - 0.45, -0.55)
         else:
             axes.set_ylabel(SUCCESS)
         return _finished(figure, axes, kind)

@@ -107,7 +107,7 @@ def _pickled(data: bytes) -> bytes:
     """The pickle that an .npy file of an object holds; None's where it holds plain numbers."""
     if not data.startswith(_NPY):
         return data
-    file = io.BytesIO(data)
-    major, _ = np.lib.format.read_magic(file)
-    read = np.lib.format.read_array_header_1_0 if major == 1 else np.lib.format.read_array_header_2_0
+    file, npy = io.BytesIO(data), np.lib.format
+    major, _ = npy.read_magic(file)
+    read = npy.read_array_header_1_0 if major == 1 else npy.read_array_header_2_0
     return file.read() if read(file)[2].hasobject else pickle.dumps(None)

@@ -67,8 +67,8 @@ def as_pose(T: Array, name: str) -> Array:
     Raises:
         InputError: if it is neither, or no rigid transform.
     """
-    if T.shape == (7,) and np.linalg.norm(T[3:]) > 1e-6:
-        return pose_matrix(T[:3], T[3:] / np.linalg.norm(T[3:]))
+    if T.shape == (7,) and (length := np.linalg.norm(T[3:])) > 1e-6:
+        return pose_matrix(T[:3], T[3:] / length)
     if T.shape != (4, 4):
         raise InputError(f"{name} must be a (4, 4) pose, or 7 numbers: position m, quaternion wxyz")
     R, last = T[:3, :3], T[3] - [0, 0, 0, 1]
