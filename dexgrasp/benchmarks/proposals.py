@@ -138,7 +138,7 @@ def _figures(attempts: list[Attempt]) -> Fields:
     between = [_between(a, b) for a, b in combinations(good, 2) if a.scene == b.scene]
     spread, angle = np.mean(between, axis=0) if between else (None, None)
     rate = len(good) / len(attempts)
-    tried = [a.plan.log.tried for a in attempts]
+    tried: list[float] = [a.plan.log.tried for a in attempts]
     moved = [(a.scene, (a.verified - rate) / len(attempts)) for a in attempts]
     return {
         "trials": len(attempts), "verified": rate,

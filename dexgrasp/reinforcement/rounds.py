@@ -63,8 +63,8 @@ class Rounds(Training):
             InputError: no such clone, one of another view, no such device.
         """
         super().__init__(out, settings, settings.rounds, course)
-        self.base: Any = clone and read_policy(clone)
-        self.clone = self.base and Clone(*self.base)
+        self.base: Any = read_policy(clone) if clone else None
+        self.clone = Clone(*self.base) if self.base else None
         mode = getattr(settings, "control_mode", "joint_delta")
         self.env = {"obs_mode": "state", "control_mode": "ee_delta" if mode == GRASPS else mode}
         if self.clone and self.clone.env != self.env:
