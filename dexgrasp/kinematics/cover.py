@@ -76,9 +76,7 @@ def _along_axis(half_length: float, radius: float) -> tuple[Array, float]:
     spacing = 2.0 * np.sqrt((radius + 0.0005) ** 2 - radius**2)
     count = max(2, int(np.ceil(2.0 * half_length / spacing)) + 1)
     z = np.linspace(-half_length, half_length, count)
-    step = z[1] - z[0]
-    inflated = float(np.hypot(radius, 0.5 * step))
-    return np.stack([0 * z, 0 * z, z], axis=1), inflated
+    return np.stack([0 * z, 0 * z, z], axis=1), float(np.hypot(radius, 0.5 * (z[1] - z[0])))
 
 
 def _cells(half: Array) -> tuple[Array, float]:
@@ -109,9 +107,8 @@ def hull_cells(corners: Array, cell: float) -> tuple[Array, Array]:
     points = low + grid(*map(np.linspace, np.zeros(3), size, counts))
     planes = ConvexHull(corners).equations
     outside = (points @ planes[:, :3].T + planes[:, 3]).max(1)
-    apart = 0.5 * float(
-        np.linalg.norm(size / (counts - 1))
-    )  # m at most from a point of the hull to one of the grid
+    # m at most from a point of the hull to one of the grid
+    apart = 0.5 * float(np.linalg.norm(size / (counts - 1)))
     points, outside = points[outside < apart], outside[outside < apart]
     cells = np.maximum(1, np.ceil(size / cell)).astype(int)
     place = np.minimum(((points - low) / size * cells).astype(int), cells - 1)

@@ -196,10 +196,8 @@ def add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, fr
 
 def body_frames(q: Array, tree: RobotTree) -> Frames:
     """Return the frames of all bodies at `q` (n,) rad."""
-    bodies = len(tree.parent)
-    frames = Frames(
-        np.empty((bodies, 3, 3)), np.empty((bodies, 3))
-    )  # `empty_frames` would be one more to load
+    # `empty_frames` would be one more to load.
+    frames = Frames(np.empty_like(tree.rotation), np.empty_like(tree.offset))
     forward(np.ascontiguousarray(q, dtype=float), tree, frames)
     return frames
 

@@ -86,8 +86,9 @@ def _kinematics(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     for q in robot.drawn(50):
         data, frames = _at(home.model, q), body_frames(q, tree)
         for b, name in enumerate(robot.bodies):
-            worst = max(worst, float(np.abs(frames.p[b] - data.body(name).xpos).max()))
-            worst = max(worst, float(np.abs(frames.R[b] - data.body(name).xmat.reshape(3, 3)).max()))
+            body = data.body(name)
+            off, turned = frames.p[b] - body.xpos, frames.R[b] - body.xmat.reshape(3, 3)
+            worst = max(worst, np.abs(off).max(), np.abs(turned).max())
     mend = "joints have to sit at their bodies' origins, and to turn or slide"
     yield _told(worst < _ROUNDING, f"kinematics and simulation differ by {worst:.0e}", mend)
 
@@ -172,12 +173,12 @@ def _tips(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
 def _surface(data: mujoco.MjData, geom: int, centre: Array, way: Array) -> float:
     """How far a geom reaches from a point along a direction, m: what a ray from outside meets."""
     model, normal, far = data.model, np.zeros(3), 0.1
-    start, R = centre + far * way, data.geom_xmat[geom].reshape(3, 3)
+    start = centre + far * way
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         hit = mujoco.mj_rayMesh(model, data, geom, start, -way, normal)
     else:
-        at, size = data.geom_xpos[geom], model.geom_size[geom]
-        hit = mujoco.mju_rayGeom(at, R.ravel(), size, start, -way, int(model.geom_type[geom]), normal)
+        placed = data.geom_xpos[geom], data.geom_xmat[geom], model.geom_size[geom]
+        hit = mujoco.mju_rayGeom(*placed, start, -way, int(model.geom_type[geom]), normal)
     return far - hit if hit >= 0 else far
 
 
@@ -270,10 +271,10 @@ def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
 
 def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Palms that look down on the middle of the table."""
-    found, total = _palms_down(cell), len(_PALMS)
+    found, total = len(_palms_down(cell)), len(_PALMS)
     mend = "change the arm's `home` or `starts`, or the mount: palms look along its flange"
-    what = f"{len(found)} of {total} palm poses over the table are reached"
-    yield _told(len(found) >= _REACHED * total, what, mend)
+    what = f"{found} of {total} palm poses over the table are reached"
+    yield _told(found >= _REACHED * total, what, mend)
 
 
 @lru_cache(maxsize=1)

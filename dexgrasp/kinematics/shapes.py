@@ -56,7 +56,8 @@ def _left_out(cell: Cell) -> tuple[_Pair, ...]:
     """The bodies that a motion can bring together and that are no pair of the tree."""
     robot, model = cell.robot, compiled_robot(cell)
     kept, number = robot_tree(cell).pairs.tolist(), [model.body(name).id for name in robot.bodies]
-    found = [(a, b) for a, b in body_pairs(robot, model) if [a, b] not in kept]
     return tuple(
-        _Pair((a, b), (number[a], number[b]), joints_between(model, number[a], number[b])) for a, b in found
+        _Pair((a, b), (number[a], number[b]), joints_between(model, number[a], number[b]))
+        for a, b in body_pairs(robot, model)
+        if [a, b] not in kept
     )

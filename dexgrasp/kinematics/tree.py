@@ -70,9 +70,7 @@ class RobotTree(_Links):
     torque: Array  # (n - arm,) Nm, limits of the hand, with what follows it
     stiffness: Array  # (n - arm,) Nm/rad, of the hand's servos, with what follows them
     tip_radius: float  # m
-    starts: (
-        Array  # (k, arm) rad, where inverse kinematics begins; first joints less the direction of the goal
-    )
+    starts: Array  # (k, arm) rad, where inverse kinematics begins; first joints less the goal's direction
 
 
 @lru_cache(maxsize=8)
@@ -94,7 +92,7 @@ def robot_tree(cell: Cell) -> RobotTree:
     beside, edges = _beside_palm(model, robot)
     box = _palm_box(model, robot, spheres[robot.bodies.index(palm)])
     tree = RobotTree(
-        parent=np.array([index.get(int(model.body_parentid[b]), -1) for b in bodies]),
+        parent=np.array([index.get(model.body_parentid[b], -1) for b in bodies]),
         offset=model.body_pos[bodies].copy(),
         rotation=np.stack([rotation_matrix(q) for q in model.body_quat[bodies]]),
         joint=np.array([follows[j] if j >= 0 and follows[j] >= 0 and not stands[j] else j for j in columns]),
@@ -106,9 +104,9 @@ def robot_tree(cell: Cell) -> RobotTree:
                 for j in columns
             ]
         ),
-        tip_body=np.array([index[int(model.site_bodyid[s])] for s in tips]),
+        tip_body=np.array([index[model.site_bodyid[s]] for s in tips]),
         tip_offset=model.site_pos[tips].copy(),
-        palm=index[int(model.site_bodyid[site])],
+        palm=index[model.site_bodyid[site]],
         palm_offset=model.site_pos[site].copy(),
         palm_rotation=rotation_matrix(model.site_quat[site]),
         sphere_first=np.cumsum([0, *(len(s.radius) for s in spheres)]),
@@ -170,9 +168,11 @@ def _starts(model: mujoco.MjModel, robot: Robot) -> Array:
 
 
 def _moved(robot: Robot) -> Index:
-    idle = [robot.columns[f.name] for f in robot.hand.fingers if f.name not in robot.hand.grasp]
-    followers = np.flatnonzero(np.diag(robot.drive[0]) != 1.0)
-    return np.delete(np.arange(robot.dof), np.r_[(*idle, followers)] if idle or len(followers) else [])
+    moved = np.diag(robot.drive[0]) == 1.0
+    for finger in robot.hand.fingers:
+        if finger.name not in robot.hand.grasp:
+            moved[robot.columns[finger.name]] = False
+    return np.flatnonzero(moved)
 
 
 def driven(robot: Robot, values: Array, power: int) -> Array:
