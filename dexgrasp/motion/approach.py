@@ -46,7 +46,7 @@ def plan_approach(checker: CollisionChecker, start: Array, pregrasp: Array, trie
     descents = []
     for descent in _descents(checker, pregrasp):
         if checker.free(start, descent[0]):
-            return np.concatenate([start[None], descent])
+            return np.vstack([start, descent])
         descents.append(descent)
     return _sampled(checker, start, pregrasp, descents, tries, str(contact))
 
@@ -58,7 +58,7 @@ def _descents(checker: CollisionChecker, pregrasp: Array) -> Iterator[Array]:
         shift = np.array([0.0, 0.0, up]) - back * R[:, 0]
         count = int(np.ceil(np.linalg.norm(shift) / _SPACING))
         path, error = shift_palm(pregrasp, checker.tree, np.arange(1, count + 1)[:, None] / count * shift)
-        descent = np.concatenate([path[::-1], pregrasp[None]])
+        descent = np.vstack([path[::-1], pregrasp])
         if error < _PALM_ERROR and checker.first_contact(descent) is None:
             yield descent
 
@@ -79,7 +79,7 @@ def _sampled(
     for descent in [*descents[:2], pregrasp[None]]:
         path = plan_arm(checker, opened, descent[0], tries)
         if path is not None:
-            return np.concatenate([start[None], path, descent[1:]])
+            return np.vstack([start, path, descent[1:]])
     raise NoPath("approach_blocked", f"on the straight way {contact}, and no other was found")
 
 
@@ -150,13 +150,12 @@ def shorten(checker: CollisionChecker, path: Array) -> Array:
             break
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
         at = np.sort(rng.random(2)) * length[-1]
-        i, j = np.searchsorted(length, at, side="right") - 1
-        i, j = min(i, len(path) - 2), min(j, len(path) - 2)
+        i, j = np.minimum(np.searchsorted(length, at, side="right") - 1, len(path) - 2)
         if i == j:
             continue
         a, b = _on_leg(path, length, i, at[0]), _on_leg(path, length, j, at[1])
         if checker.free(a, b):
-            path = np.concatenate([path[: i + 1], a[None], b[None], path[j + 1 :]])
+            path = np.vstack([path[: i + 1], a, b, path[j + 1 :]])
     return path
 
 

@@ -46,7 +46,7 @@ def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple
     turns = np.stack([about_z(angle) for angle in azimuths])
     arm = palm_frame(targets, tree)[1] - middle
     path, error = shift_palm(targets, tree, ends - middle + turns @ arm - arm, turns)
-    points, count = np.concatenate([targets[None], path]), len(path)
+    points, count = np.vstack([targets, path]), len(path)
     while True:
         timed = eased(points, count)
         if within_limits(targets, timed, tree):
@@ -89,9 +89,11 @@ def turn_arm(
     shifts = turns @ arm - arm
     shifts[:, 2] += np.maximum.accumulate(np.maximum(corners[:, 2].min() - turned[..., 2].min(axis=1), 0.0))
     path, strayed = shift_palm(start, tree, shifts, turns)
-    if strayed > _STRAY or not within_limits(start, path, tree):
-        return None
-    if CollisionChecker(cell, around, 0.0).first_contact(np.vstack([start, path])) is not None:
+    if (
+        strayed > _STRAY
+        or not within_limits(start, path, tree)
+        or CollisionChecker(cell, around, 0.0).first_contact(np.vstack([start, path])) is not None
+    ):
         return None
     if around is not None:
         moved = turned + (centre + shifts + arm - turns @ arm)[:, None]

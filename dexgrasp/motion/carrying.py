@@ -8,10 +8,16 @@ import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.script import ActionScript
-from dexgrasp.kinematics.forward import follow
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.carried import Turn
-from dexgrasp.motion.guarded import GuardedGrasp, finger_of_joints, lag_of, pressing_torques, tip_spans
+from dexgrasp.motion.guarded import (
+    GuardedGrasp,
+    finger_of_joints,
+    lag_of,
+    pressing_torques,
+    tip_spans,
+    within_range,
+)
 from dexgrasp.motion.motion import Motion, arm_and_hand
 from dexgrasp_env.arrays import Array
 
@@ -67,8 +73,7 @@ class GuardedCarry(Motion):
             turned = arm_and_hand(turn.arm[-1], q, self.tree)
             change = self._wanted(turned, 1.0) - self._wanted(q, 0.0)
             after = self._pressed + lag_of(change, self.tree)
-            self._before, self._after = self._pressed, np.clip(after, self.tree.lower, self.tree.upper)
-            follow(self._after, self.tree)
+            self._before, self._after = self._pressed, within_range(after, self.tree)
         self._turned = min(1.0, (step + 1) / len(turn.arm))
         self._pressed = self._before + self._turned * (self._after - self._before)
         return arm_and_hand(turn.arm[min(step, len(turn.arm) - 1)], self._pressed, self.tree)

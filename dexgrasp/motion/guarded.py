@@ -74,11 +74,9 @@ class GuardedGrasp(Motion):
         moving = ~self._touched & (self._progress < limit)
         self._progress[moving] += _CLOSE_SPEED * CONTROL_PERIOD / self._travel[moving]
         self._progress = np.minimum(self._progress, limit)
-        way = self._closed - self._open
-        targets = self._open + np.append(self._progress, 0.0)[self._finger] * way
+        share = np.append(self._progress, 0.0)[self._finger]
         # A joint cannot follow beyond its range, and what lags there has touched nothing.
-        self.targets = np.clip(targets, self.tree.lower, self.tree.upper)
-        follow(self.targets, self.tree)
+        self.targets = within_range(self._open + share * (self._closed - self._open), self.tree)
         if not moving.any() or self._close_count >= _CLOSE_STEPS:
             self._settled += 1
         return self.targets
@@ -88,8 +86,7 @@ class GuardedGrasp(Motion):
         torques = pressing_torques(q, self.grasp.normals, self.grasp.forces, self.tree)
         lag = lag_of(min(1.0, self._squeeze_count / _RAMP_STEPS) * torques, self.tree)
         targets = self.targets + _GAIN * (self._finger >= 0) * (q + lag - self.targets)
-        self.targets = np.clip(targets, self.tree.lower, self.tree.upper)
-        follow(self.targets, self.tree)
+        self.targets = within_range(targets, self.tree)
         if self.done:
             self.spans = tip_spans(q, self.tree)
         return self.targets
@@ -103,6 +100,13 @@ def finger_of_joints(tree: RobotTree) -> Index:
     return found
 
 
+def within_range(q: Array, tree: RobotTree) -> Array:
+    """Return set-points (n,) rad within the joint range, those that follow others where these have them."""
+    inside = np.clip(q, tree.lower, tree.upper)
+    follow(inside, tree)
+    return inside
+
+
 def lag_of(torques: Array, tree: RobotTree) -> Array:
     """Return how far set-points are ahead of joints that press with torques (n,) Nm, rad; 0 for the arm."""
     lag = np.zeros_like(torques)
@@ -113,8 +117,7 @@ def lag_of(torques: Array, tree: RobotTree) -> Array:
 def pressing_torques(q: Array, normals: Array, forces: Array, tree: RobotTree) -> Array:
     """Return the torques (n,) Nm with which fingers at `q` (n,) press with forces (g, c) N; 0 for the arm."""
     points = fingertips(q, tree) - TIP_DEPTH * tree.tip_radius * normals
-    J = hand_contact_jacobian(q, points, normals, tree)
-    torque = np.einsum("frj,fr->j", J, forces)
+    torque = np.einsum("frj,fr->j", hand_contact_jacobian(q, points, normals, tree), forces)
     return np.concatenate([np.zeros(tree.arm), np.clip(torque, -tree.torque, tree.torque)])
 
 

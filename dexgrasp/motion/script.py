@@ -54,7 +54,7 @@ def make_script(
     for slower in (1.0, 0.5) if among else (1.0,):  # corners of a sampled path bend less
         # Smoothing may overshoot by a hair where the pregrasp stands at the end of a joint's range.
         approach = np.clip(time_path(waypoints, tree, checker, slower * SPEED), tree.lower, tree.upper)
-        if not among or bend(np.concatenate([start[None], approach])) <= _BEND:
+        if not among or bend(np.vstack([start, approach])) <= _BEND:
             break
     pieces = {
         "approach": np.concatenate([approach, still(motion.pregrasp, _SETTLE)]),
@@ -81,10 +81,11 @@ def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
     rise = palm_frame(path[-1], tree)[1][2] - palm_frame(motion.squeeze, tree)[1][2]
     if abs(rise - RAISED) > _LIFT_SHORT:
         raise NoPath("lift_out_of_reach", f"the lift ends {1000 * (RAISED - rise):.1f} mm short")
-    fast = (np.abs(np.diff(path, axis=0, prepend=motion.squeeze[None])) / max_step(tree)).max()
+    way = np.vstack([motion.squeeze, path])
+    fast = (np.abs(np.diff(way, axis=0)) / max_step(tree)).max()
     if fast > 1.0:
         raise NoPath("lift_out_of_reach", f"a joint would move at {fast:.1f} times its limit")
-    jerk = jerkiness(np.concatenate([motion.squeeze[None], path]))
+    jerk = jerkiness(way)
     if jerk > _LIFT_JERK:  # the arm turns at a joint limit or near a singularity
         raise NoPath("lift_out_of_reach", f"a joint would jerk by {1000 * jerk:.0f} mrad on the way up")
     return path
@@ -99,9 +100,9 @@ def check_way(script: ActionScript, cell: Cell, target: GraspTarget) -> None:
     bent = bend(script.way("approach"))
     if bent > _BEND:
         raise NoPath("approach_bends", f"a set-point stands out by {1000 * bent:.1f} mrad")
-    checker, lift = CollisionChecker(cell, target.around, 0.0), script.way("lift")
+    checker = CollisionChecker(cell, target.around, 0.0)
     for phase in ("squeeze", "lift") if target.around is not None else ("lift",):
         if (contact := checker.first_contact(script.way(phase))) is not None:
             raise NoPath(f"{phase}_blocked", str(contact))
-    if (deeper := carried_into(target, lift, robot_tree(cell))) > 0.0:
+    if (deeper := carried_into(target, script.way("lift"), robot_tree(cell))) > 0.0:
         raise NoPath("lift_blocked", f"the object {1000 * deeper:.0f} mm into what stands around it")

@@ -11,7 +11,7 @@ import numpy as np
 
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.forward import fingertips
-from dexgrasp.kinematics.palm_ik import palm_frame, palm_postures
+from dexgrasp.kinematics.palm_ik import hanging_palm, palm_frame, palm_postures
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.cartesian import shift_palm
@@ -92,7 +92,7 @@ def make_slide(push: Push, start: Array, target: GraspTarget, cell: Cell) -> Sli
         NoPath: `push_out_of_reach`, or `approach_blocked`.
     """
     tree = robot_tree(cell)
-    way = next((way for tilt in _TILTS if (way := _way(push, cell, tilt)) is not None), None)
+    way = _way(push, cell)
     if way is None:
         raise NoPath("push_out_of_reach", "the arm cannot take two fingertips along the whole way")
     checker = CollisionChecker(cell, target.distance, _MARGIN)
@@ -108,38 +108,33 @@ def make_slide(push: Push, start: Array, target: GraspTarget, cell: Cell) -> Sli
 
 def _pushing(tree: RobotTree) -> Array:
     """Return a configuration (n,) rad whose index and middle finger are curled, the others straight."""
-    q = tree.home.copy()
-    q[tree.arm :] = 0.0
+    q = np.zeros_like(tree.home)
     for first, end in tree.fingers[1:]:
         q[first:end] = _FINGER
-    inside = np.clip(q, tree.lower + 0.01, tree.upper - 0.01)
-    return arm_and_hand(tree.home, inside, tree)
+    return arm_and_hand(tree.home, np.clip(q, tree.lower + 0.01, tree.upper - 0.01), tree)
 
 
-def _way(push: Push, cell: Cell, tilt: float) -> Array | None:
+def _way(push: Push, cell: Cell) -> Array | None:
     """Return configurations (m, n) rad of a push, the tips `_BEFORE` the object at first; None where there is none."""
     tree = robot_tree(cell)
     q = _pushing(tree)
     R0, p0 = palm_frame(q, tree)
     tips = (fingertips(q, tree)[1:] - p0) @ R0
     ahead = np.array([*push.direction, 0.0])
-    c, s, up = np.cos(tilt), np.sin(tilt), np.array([0.0, 0.0, 1.0])
-    x, z = s * ahead - c * up, -c * ahead - s * up
-    R = np.stack([x, np.cross(z, x), z], axis=1)
-    line = (R @ (tips[0] - tips[1]))[:2]
-    off_square = np.arctan(line @ push.direction / (line @ [-push.direction[1], push.direction[0]]))
-    R = quat_to_matrix(yaw_quat(off_square)) @ R  # both tips touch a straight side at once
-    begin = np.array([*(push.touch - _BEFORE * push.direction), _HEIGHT]) - R @ tips.mean(0)
     length = _BEFORE + push.distance + _LAG
     along = np.linspace(length, 0.0, int(np.ceil(length / _SPACING)) + 1)
-    end, back = begin + length * ahead, (along[1:, None] - length) * ahead
-    for last in palm_postures(
-        q, R, end, tree
-    ):  # the end is next to the base, where the arm has the least room
-        path, strayed = shift_palm(last, tree, back)
-        way = np.concatenate([last[None], path])[::-1]
-        if strayed < _STRAY and CollisionChecker(cell, None, _OFF_TABLE).first_contact(way) is None:
-            return way
+    for tilt in _TILTS:
+        R = hanging_palm(-ahead, tilt)
+        line = (R @ (tips[0] - tips[1]))[:2]
+        off_square = np.arctan(line @ push.direction / (line @ [-push.direction[1], push.direction[0]]))
+        R = quat_to_matrix(yaw_quat(off_square)) @ R  # both tips touch a straight side at once
+        begin = np.array([*(push.touch - _BEFORE * push.direction), _HEIGHT]) - R @ tips.mean(0)
+        # The end is next to the base, where the arm has the least room.
+        for last in palm_postures(q, R, begin + length * ahead, tree):
+            path, strayed = shift_palm(last, tree, (along[1:, None] - length) * ahead)
+            way = np.vstack([last, path])[::-1]
+            if strayed < _STRAY and CollisionChecker(cell, None, _OFF_TABLE).first_contact(way) is None:
+                return way
     return None
 
 

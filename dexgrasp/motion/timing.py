@@ -31,7 +31,8 @@ def time_path(
         checker: of the scene, or None where roundings need no check.
         speed: share of the limits to use, above 0 and up to 1.
     """
-    path = _without_repeats(path)
+    path = np.asarray(path, dtype=float)
+    path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]  # without repeats
     if len(path) < 2:
         return path[:0]
     for blend in _BLENDS if len(path) > 2 else ():
@@ -42,8 +43,9 @@ def time_path(
         # Set-points go straight between control steps, so they cut the roundings a little.
         if checker is None or checker.first_contact(np.concatenate([path[:1], timed]), _CUT) is None:
             return timed
-    legs = [path[i : i + 2] for i in range(len(path) - 1)]
-    return np.concatenate([_time_smooth(*round_corners(leg, 0.0), tree, speed) for leg in legs])
+    return np.concatenate(
+        [_time_smooth(*round_corners(path[i : i + 2], 0.0), tree, speed) for i in range(len(path) - 1)]
+    )
 
 
 def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
@@ -57,9 +59,10 @@ def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
         Points (m, n) of the rounded path, and where they are, (m,) rad along the polyline. In that measure,
         unlike in the length of the rounded path, the second derivative is bounded even at reversals.
     """
-    legs = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    ways = np.diff(path, axis=0)
+    legs = np.linalg.norm(ways, axis=1)
     corners = np.concatenate([[0.0], np.cumsum(legs)])
-    tangents = np.diff(path, axis=0) / legs[:, None]
+    tangents = ways / legs[:, None]
     at = np.linspace(0.0, corners[-1], max(20, int(np.ceil(corners[-1] / _SPACING)) + 1))
     points = points_at(at, corners, path)
     for i in range(1, len(path) - 1):
@@ -69,12 +72,6 @@ def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
         turn = (tangents[i] - tangents[i - 1]) * along**2 / (4.0 * reach)
         points[near] = path[i] + tangents[i - 1] * (along - reach) + turn
     return points, at
-
-
-def _without_repeats(path: Array) -> Array:
-    path = np.asarray(path, dtype=float)
-    keep = np.concatenate([[True], np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6])
-    return path[keep]
 
 
 def _time_smooth(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
@@ -93,13 +90,13 @@ def _time_smooth(points: Array, at: Array, tree: RobotTree, speed: float) -> Arr
 
 def within_limits(start: Array, samples: Array, tree: RobotTree) -> bool:
     """Whether set-points (T, n) that follow `start` (n,) keep the velocity limits of the control step."""
-    steps = np.abs(np.diff(np.concatenate([start[None], samples]), axis=0))
+    steps = np.abs(np.diff(samples, axis=0, prepend=start[None]))
     return bool((steps <= tree.velocity * CONTROL_PERIOD + 1e-9).all())
 
 
 def _gentle(start: Array, samples: Array, tree: RobotTree, speed: float) -> bool:
     """Whether set-points, from rest to rest, keep the limits of velocity and acceleration."""
-    rest = np.concatenate([start[None], start[None], samples, samples[-1:]])
+    rest = np.vstack([start, start, samples, samples[-1]])
     change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2
     slow = bool((change <= _EXCESS * speed * tree.acceleration).all())
     return slow and within_limits(start, samples, tree)
