@@ -1,6 +1,5 @@
 """What stands in the way of an object is taken first and set aside: which neighbour, by which grasp, and where to."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
@@ -80,7 +79,7 @@ def _most_in_the_way(
             (_depth(found.script, beside, planner) for found in alone.found if found.script), default=0.0
         )
         off = np.linalg.norm(one.points[:, :2] - target.centre[:2], axis=1).min() - one.points[:, 2].max()
-        ranks.append((-max(deep, raised_into(beside, RAISED)), float(off), k))
+        ranks.append((-max(deep, raised_into(beside, RAISED)), off, k))
     return [k for _, _, k in sorted(ranks)]
 
 
@@ -105,17 +104,19 @@ def _way_aside(script: ActionScript, problem: Problem, kept: Array) -> WayAside 
             path, strayed = carried(now, at, leg, tree)
             there, error, at, now = [*there, path], max(error, strayed), at + leg, path[-1]
         rows = np.concatenate(there)
-        if error > _STRAY or checker.first_contact(rows) is not None:
-            continue
-        if carried_into(target, rows, tree, script.phases["squeeze"][-1]) > 0.0:
+        if (
+            error > _STRAY
+            or checker.first_contact(rows) is not None
+            or carried_into(target, rows, tree, script.phases["squeeze"][-1]) > 0.0
+        ):
             continue
         free = arm_and_hand(now, opened, tree)
         return WayAside(rows[1:], carried(free, at, np.array([0.0, 0.0, _LEFT]), tree)[0])
     return None
 
 
-def _free_places(target: GraspTarget, kept: Array) -> Iterator[Array]:
-    """Yield places (2,) m on the table where an object and the hand around it have room, the nearest first."""
+def _free_places(target: GraspTarget, kept: Array) -> Array:
+    """Return places (N, 2) m on the table where an object and the hand around it have room, the nearest first."""
     axes = [np.arange(low, high, _GRID) for low, high in _TABLE]
     places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     corners = np.concatenate(target.corners)[:, :2]
@@ -126,4 +127,4 @@ def _free_places(target: GraspTarget, kept: Array) -> Iterator[Array]:
             points = np.column_stack([places, np.full(len(places), height)])
             free &= target.around.distance(points) > radius + _HAND
     places = places[free]
-    yield from places[np.argsort(np.linalg.norm(places - target.centre[:2], axis=1))[:_PLACES]]
+    return places[np.argsort(np.linalg.norm(places - target.centre[:2], axis=1))[:_PLACES]]

@@ -136,7 +136,7 @@ def _opposed(q: Array, tree: RobotTree) -> Mask:
     between = unit(tips[:, 1:3].mean(1) - tips[:, 0])
     along = (pads * between[:, None]).sum(2)
     opposed = (along[:, 0] > 0.1) & (along[:, 1:] < 0.2).all(1)
-    in_front = (tips[:, :, 0] > 0.02).all(1)
+    in_front = (tips[..., 0] > 0.02).all(1)
     return np.asarray(inside & opposed & in_front)
 
 

@@ -63,13 +63,14 @@ def certified(candidate: Candidate, with_closure: bool) -> Grasp:
     """
     problem, hold = candidate.start.problem, candidate.hold
     settings, q, at = problem.settings, candidate.solution.q, candidate.solution.evaluation
-    least, top = float(at.contacts[:, 2].min()), problem.target.top
-    if with_closure and least < settings.lowest_contact(top):
-        raise NoGrasp("contact_height", settings.lowest_contact(top) - least)
-    if with_closure and not problem.target.was_seen(at.contacts).all():
-        raise NoGrasp("surface_not_seen")
-    if hold.share == 0.0 and with_closure:
-        raise NoGrasp(f"holding_forces: {UNBALANCED}", 1.0)
+    if with_closure:
+        lacking = settings.lowest_contact(problem.target.top) - float(at.contacts[:, 2].min())
+        if lacking > 0.0:
+            raise NoGrasp("contact_height", lacking)
+        if not problem.target.was_seen(at.contacts).all():
+            raise NoGrasp("surface_not_seen")
+        if hold.share == 0.0:
+            raise NoGrasp(f"holding_forces: {UNBALANCED}", 1.0)
     # Firm grasps are many. One that is not is worth another way to open.
     rises = settings.rises[:1] if hold.merit >= settings.firm_load else settings.rises
     if not shapes_apart(q, problem.cell):
@@ -122,7 +123,7 @@ def _in_the_way(pregrasp: Array, q: Array, problem: Problem) -> Index:
 def pressed(candidate: Candidate, forces: Array, motion: GraspMotion) -> Grasp:
     """Return the grasp of a configuration that presses with forces (N, c) N, with its certificate."""
     problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
-    certificate = certificate_of(q, forces, (candidate.hold.contacts, candidate.hold.distances), problem)
+    certificate = certificate_of(q, forces, candidate.hold.contacts, candidate.hold.distances, problem)
     return Grasp(q, at.contacts, at.normals, forces, certificate, motion, problem.cell)
 
 
@@ -203,6 +204,5 @@ def grasp_motion(q: Array, normals: Array, forces: Array, problem: Problem, preg
 def _touching(q: Array, normals: Array, problem: Problem) -> tuple[Array, Array]:
     """Return the contacts (N, 3) m, and where the tips' centres are (N, 3) m when they touch there."""
     tips = fingertips(q, problem.tree)
-    distance, _ = problem.target.distance.distance_gradient(tips)
-    off = distance[:, None]
+    off = problem.target.distance.distance(tips)[:, None]
     return tips - off * normals, tips + (problem.settings.tip_radius - off) * normals

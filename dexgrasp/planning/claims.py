@@ -24,24 +24,22 @@ def contacts_of(q: Array, problem: Problem, friction: float) -> tuple[Contacts, 
     tips = fingertips(q, tree)
     distance, normals = target.distance.distance_gradient(tips)
     points = tips - distance[:, None] * normals
-    jacobians = hand_contact_jacobian(q, points, normals, tree)
-    mu = np.full(len(points), friction)
-    return Contacts(
-        points, normals, jacobians, tree.torque, mu, target.centre, target.weight, tree.torsion
-    ), distance
+    J, mu = hand_contact_jacobian(q, points, normals, tree), np.full(len(points), friction)
+    return Contacts(points, normals, J, tree.torque, mu, target.centre, target.weight, tree.torsion), distance
 
 
-def certificate_of(q: Array, forces: Array, touched: tuple[Contacts, Array], problem: Problem) -> Certificate:
+def certificate_of(
+    q: Array, forces: Array, contacts: Contacts, distances: Array, problem: Problem
+) -> Certificate:
     """Return what is true of a grasp, however its configuration and forces were found, but for `capacity`.
 
     Args:
         q: (n,) rad.
         forces: (N, c) N on the object.
-        touched: `contacts_of` the configuration, with the friction that it is to hold with.
+        contacts, distances: `contacts_of` the configuration, with the friction that it is to hold with.
         problem: object and robot; of the settings friction coefficients and tip radius.
     """
     target, tree, settings = problem.target, problem.tree, problem.settings
-    contacts, distances = touched
     internal = solve_wrench_qp(contacts.points, contacts.normals, settings.friction)
     force_ratio, torque_ratio = wrench_ratios(contacts.points, internal.forces, target.centre)
     load = load_of(contacts, forces, tree.stiffness)

@@ -122,8 +122,8 @@ def on_surface(tips: Array, target: GraspTarget, settings: PlannerSettings) -> t
     centres = flat + (settings.tip_height - away)[:, None] * out
     distance, normals = target.distance.distance_gradient(centres)
     contacts = (centres - distance[:, None] * normals).reshape(tips.shape)
-    height = contacts[:, :, 2].min(1), centres.reshape(tips.shape)[:, :, 2].min(1)
-    usable = (height[0] > settings.table_clearance) & (height[1] > settings.tip_radius + settings.clearance)
+    usable = contacts[..., 2].min(1) > settings.table_clearance
+    usable &= centres.reshape(tips.shape)[..., 2].min(1) > settings.tip_radius + settings.clearance
     sides = np.linalg.norm(contacts - np.roll(contacts, 1, axis=1), axis=-1)
     usable &= (sides.min(1) > LEAST_DISTANCE) & fits(centres, normals, target, settings).reshape(-1, 3).all(1)
     usable &= target.was_seen(contacts).all(1)
@@ -182,8 +182,8 @@ def make_source(name: str, robot: Robot | None = None) -> ProposalSource:
     if name not in SOURCES:
         raise unknown_name("proposals", name, SOURCES)
     source = SOURCES[name]()
-    if robot is not None and name == "auto" and robot.hand.stamp != default_cell().robot.hand.stamp:
-        return SurfaceProposals()
     if robot is not None:
+        if name == "auto" and robot.hand.stamp != default_cell().robot.hand.stamp:
+            return SurfaceProposals()
         source.check_hand(robot.hand)
     return source

@@ -118,6 +118,6 @@ def robust_squeeze(contacts: Contacts, distance: Array, problem: Problem, down: 
 
 
 def _squeeze(contacts: Contacts, friction: Array, settings: PlannerSettings, down: Array) -> Squeeze:
-    limits, gravity = settings.torque_share * contacts.torque_limits, contacts.weight * down
-    counted = contacts._replace(friction=friction, torque_limits=limits, gravity=gravity)
+    limits = settings.torque_share * contacts.torque_limits
+    counted = contacts._replace(friction=friction, torque_limits=limits, gravity=contacts.weight * down)
     return firmest_squeeze(counted, settings.least_press, ENOUGH)

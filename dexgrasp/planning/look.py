@@ -49,7 +49,6 @@ def look_at(target: str, agent: Agent, seed: int = 0, **env_settings: Any) -> Lo
 def subject_of(env: gym.Env[Any, Any]) -> Subject:
     """Return the object of an environment, where it is now."""
     lift: Any = env.unwrapped
-    model, source, pose = lift.simulation.object, lift.target, lift.simulation.object_pose()
-    pose = pose_matrix(pose[:3], pose[3:])
-    identity = ObjectIdentity.of(model, source, lift.settings.mesh_scale)
-    return Subject(identity, ObjectPose(model.solid, pose))
+    model, pose = lift.simulation.object, lift.simulation.object_pose()
+    identity = ObjectIdentity.of(model, lift.target, lift.settings.mesh_scale)
+    return Subject(identity, ObjectPose(model.solid, pose_matrix(pose[:3], pose[3:])))

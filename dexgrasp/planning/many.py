@@ -175,25 +175,19 @@ def sure_of(
         InputError: where no probability is known: of another robot, among neighbours, on very slippery surfaces.
     """
     result.found = _likely(result, result.found)
-    if (
-        not result.found
-        and result.asked is None
-        and result.target is not None
-        and UNSURE in result.log.blocked
-    ):
-        others = plan_many(planner, result.target, _MORE, result.seed, start, progress)
-        result.found = _likely(result, others.found)[:1]
-    if not result.success and UNSURE in result.log.blocked:
-        result.shortfall = UNSURE
+    if UNSURE in result.log.blocked:
+        if not result.found and result.asked is None and result.target is not None:
+            others = plan_many(planner, result.target, _MORE, result.seed, start, progress)
+            result.found = _likely(result, others.found)[:1]
+        if not result.success:
+            result.shortfall = UNSURE
     return result
 
 
 def _likely(result: PlanResult, found: list[Planned]) -> list[Planned]:
     """Return those that are likely enough, the likeliest first where one was asked for; note what the others lack."""
-    least, chances = (
-        result.settings.at_least,
-        np.array([chances_of(one, result).lifted.value for one in found]),
-    )
+    least = result.settings.at_least
+    chances = np.array([chances_of(one, result).lifted.value for one in found])
     for chance in chances[chances < least]:
         result.log.block(UNSURE, float(least - chance))
     order = np.argsort(-chances, kind="stable") if result.asked is None else np.arange(len(found))

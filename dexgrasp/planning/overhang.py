@@ -113,11 +113,9 @@ def _load(plan: PlanResult) -> float:
 def slid(target: GraspTarget, shift: Array) -> GraspTarget:
     """Return the object, moved by (2,) m, with the table as its neighbour and the floor as z = 0."""
     by = np.array([*shift, _FLOOR])
-    corners = [part + by for part in target.corners]
-    low, high = (_MIDDLE - _HALF, _MIDDLE + _HALF)
-    spans = [*zip(low, high, strict=True), (_FLOOR - TABLE_SIZE[2], _FLOOR - _SUNK)]
-    table = np.array(list(product(*spans)))
-    moved = GraspTarget.of_corners(corners, target.mass, target.centre + by)
+    level = zip(_MIDDLE - _HALF, _MIDDLE + _HALF, strict=True)
+    table = np.array(list(product(*level, (_FLOOR - TABLE_SIZE[2], _FLOOR - _SUNK))))
+    moved = GraspTarget.of_corners([part + by for part in target.corners], target.mass, target.centre + by)
     return replace(moved, neighbours=((table,),))
 
 
@@ -140,8 +138,10 @@ def pushes(target: GraspTarget, apart: float, tip: float) -> list[Push]:
         touch = centre + min(one, other) * direction
         for out in map(np.array, _EDGES):
             distance = _distance(outline, centre, direction, out)
-            there = centre + (distance or 0.0) * direction
-            if distance is not None and (np.abs(there - _MIDDLE) <= _HALF - 0.99 * _INSIDE).all():
+            if distance is None:
+                continue
+            there = centre + distance * direction
+            if (np.abs(there - _MIDDLE) <= _HALF - 0.99 * _INSIDE).all():
                 before_base = out[0] < 0.0 and abs(there[1]) < _NEAR_BASE
                 price = _CROWDED * before_base + _FAR * (out[0] > 0.0)
                 found.append((distance + price, Push(direction, distance, touch)))
@@ -157,7 +157,6 @@ def _touches(target: GraspTarget, apart: float, tip: float) -> tuple[Array, Arra
     across = np.stack([-directions[:, 1], directions[:, 0]], axis=1)
     beside = target.centre[:2] + apart * np.array([0.5, 0.0, -0.5])[:, None] * across[:, None]
     way = np.full(beside.shape[:2], -np.linalg.norm(np.ptp(np.concatenate(target.corners), axis=0)))
-    off = np.zeros_like(way)
     for _ in range(_MARCH):
         level = beside + way[..., None] * directions[:, None]
         tips = np.dstack([level, np.full(way.shape, tip)]).reshape(-1, 3)

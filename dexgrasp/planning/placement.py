@@ -185,11 +185,7 @@ def _useful(
 
 
 def place_on_atlas(
-    contacts: Array,
-    normals: Array,
-    problem: Problem,
-    orders: Index,
-    neighbours: int = NEIGHBOURS,
+    contacts: Array, normals: Array, problem: Problem, orders: Index, neighbours: int = NEIGHBOURS
 ) -> Placements:
     """Put hand postures on contacts: a neighbour search by triangle, and one rigid alignment each.
 
@@ -203,10 +199,10 @@ def place_on_atlas(
     Returns:
         What will do; goal A k + a is triple k in order a.
     """
-    atlas, palm = hand_atlas(problem.cell), problem.tree.palm_box_centre
-    centres = (contacts + problem.settings.tip_height * normals)[:, orders].reshape(-1, orders.shape[1], 3)
+    atlas, height = hand_atlas(problem.cell), problem.settings.tip_height
+    centres = (contacts + height * normals)[:, orders].reshape(-1, orders.shape[1], 3)
     inward = -normals[:, orders].reshape(centres.shape)
     goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
     _, near = atlas.search.query(triangle_sides(centres), neighbours, distance_upper_bound=SIDE_TOLERANCE)
     obstacle = problem.target.everything.obstacle
-    return _useful(goals, near, atlas.tips, obstacle, palm, problem.settings.tip_height)
+    return _useful(goals, near, atlas.tips, obstacle, problem.tree.palm_box_centre, height)

@@ -60,8 +60,9 @@ class Planner:
         self.tree = robot_tree(self.cell)
         if self.settings.fingers == 2:
             gap = float(hand_atlas(self.cell).search.maxes[0])  # m between the tips' centres, open
-            widest = gap - 2.0 * (self.settings.tip_radius + OPEN_CLEARANCE)
-            self.settings = replace(self.settings, widest=widest)
+            self.settings = replace(
+                self.settings, widest=gap - 2.0 * (self.settings.tip_radius + OPEN_CLEARANCE)
+            )
         self.source, self._with_closure = source or SurfaceProposals(), with_closure
         self.source.check_hand(self.cell.robot.hand)
 

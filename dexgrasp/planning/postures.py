@@ -86,8 +86,8 @@ def _by_room(placed: Placements, merit: Array, problem: Problem) -> Index:
     if problem.target.field is not None:
         robot, tree = problem.cell.robot, problem.tree
         bodies = [robot.bodies.index(name) for finger in robot.grasping for name in finger.bodies]
-        joints, of = hand_atlas(problem.cell).joints, np.array([tree.palm, *bodies])
-        rooms = _rooms(placed, joints, tree, of, problem.target.field)
+        joints = hand_atlas(problem.cell).joints
+        rooms = _rooms(placed, joints, tree, np.array([tree.palm, *bodies]), problem.target.field)
         merit = merit - _CROWDED * (_ROOM - np.minimum(rooms, _ROOM))
     return np.argsort(-merit, kind="stable")
 
@@ -205,8 +205,8 @@ def posture_at(R: Array, p: Array, proposal: int, proposals: Proposals, problem:
 
 def oriented_postures(proposal: int, proposals: Proposals, problem: Problem) -> list[Posture]:
     """Return IK solutions for one proposal from palms above the object, turned in even steps (section 3.3)."""
-    contacts, normals = proposals.contacts[proposal], proposals.normals[proposal]
-    middle = (contacts + problem.settings.tip_height * normals).mean(0)
+    tips = proposals.contacts[proposal] + problem.settings.tip_height * proposals.normals[proposal]
+    middle = tips.mean(0)
     middle[2] = problem.target.top + 0.09
     count, postures = problem.settings.initial_orientations, []
     for k in range(count):

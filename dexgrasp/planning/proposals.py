@@ -191,11 +191,10 @@ def contact_sensitivity(contacts: Array, normals: Array, target: GraspTarget) ->
     Gravity turns contacts far from the centre of mass. A contact off the object's middle height, or whose normal points
     up, squeezes the object out of the hand if the true surface curves away.
     """
-    extremes = target.distance.triangles.reshape(-1, 3)
-    size, height = float(np.linalg.norm(np.ptp(extremes, axis=0))), float(extremes[:, 2].max())
+    size = np.linalg.norm(np.ptp(target.distance.triangles, axis=(0, 1)))
     offset = np.linalg.norm(contacts.mean(1) - target.centre, axis=1) / size
-    uneven = np.abs(contacts[:, :, 2] - target.centre[2]).max(1) / height
-    return offset + uneven + np.maximum(normals[:, :, 2], 0.0).max(1)
+    uneven = np.abs(contacts[..., 2] - target.centre[2]).max(1) / target.top
+    return offset + uneven + np.maximum(normals[..., 2], 0.0).max(1)
 
 
 def most_robust(contacts: Array, normals: Array, target: GraspTarget, settings: PlannerSettings) -> Index:
@@ -214,7 +213,7 @@ def most_robust(contacts: Array, normals: Array, target: GraspTarget, settings: 
         score[some] = np.where(margin > 0.0, np.minimum(margin, _ENOUGH) - risk[some], -np.inf)
         best = np.argsort(-score, kind="stable")[: int(np.isfinite(score).sum())]
         chosen = _best_apart(contacts, best, settings.triples)
-        rest = order[first + _AT_ONCE : first + _AT_ONCE + 1]
+        rest = order[first + _AT_ONCE :]
         if len(chosen) == settings.triples and len(rest) and score[chosen[-1]] >= _ENOUGH - risk[rest[0]]:
             break
     return chosen

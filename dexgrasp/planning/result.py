@@ -73,8 +73,7 @@ class SearchLog:
 
     def totals(self) -> Counter[str]:
         """Return the same without the names of fingers and bodies."""
-        counts = self.counts().items()
-        return Counter(reason.split(":")[0] for reason, count in counts for _ in range(count))
+        return Counter(reason.split(":")[0] for reason, count in self.counts().items() for _ in range(count))
 
     def commonest(self) -> str | None:
         """Return what stopped most postures; None if nothing did."""
@@ -145,8 +144,9 @@ class PlanResult:
     @property
     def reason(self) -> str | None:
         """Why there are fewer grasps than asked, as files and tables have it; None with all."""
-        nothing_of_it = self.target is not None and not self.found
-        return f"no_grasp:{self.shortfall}" if nothing_of_it else self.shortfall
+        if self.target is not None and not self.found:
+            return f"no_grasp:{self.shortfall}"
+        return self.shortfall
 
     @property
     def failure(self) -> str | None:

@@ -55,8 +55,9 @@ def plan_scene(
         check("count", count, GRASPS)
     began = time.perf_counter()
     try:
-        target = target_of(scene, mass, planner.settings.most_parts)
-        target = replace(target, neighbours=neighbours_of(scene, give))
+        target = replace(
+            target_of(scene, mass, planner.settings.most_parts), neighbours=neighbours_of(scene, give)
+        )
     except NoTarget as none:
         result = PlanResult(
             settings=planner.settings, seed=seed, asked=count, shortfall=str(none), sentence=scene.sentence

@@ -20,9 +20,7 @@ from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.robot.robot import Robot
 
 _SOFT = 8  # daqp's mark of a soft constraint
-_SOFTNESS = (
-    1e-7  # weight of a step against violations: so small that a feasible one is found where there is one
-)
+_SOFTNESS = 1e-7  # weight of a step against violations: so small that a feasible one is found if there is one
 # A step costs (fingertips' slide / 0.5 m)^2 + 0.001 (joints' turn / 1 rad)^2.
 _SLIDE, _TURN = 0.5, 1e-3
 _TRUST, _LEAST_TRUST, _MOST_TRUST = 0.10, 2e-3, 0.25  # rad
@@ -53,10 +51,9 @@ class Solution:
 def bounds_of(problem: Problem, margin: float, slack: float = 0.0) -> Bounds:
     """Return the thresholds, tightened by `slack` m so that rounding elsewhere cannot break them."""
     settings = problem.settings
-    low, high = settings.tip_radius + settings.distance[0], settings.tip_radius + settings.distance[1]
     return Bounds(
-        low + slack,
-        high - slack,
+        settings.tip_radius + settings.distance[0] + slack,
+        settings.tip_radius + settings.distance[1] - slack,
         margin,
         settings.tip_cosine,
         settings.pad_cosine,
@@ -112,9 +109,8 @@ class _Solver:
         merit = _merit(now.values)
         while steps < budget and merit > TOLERANCE and trust > _LEAST_TRUST:
             steps += 1
-            step = self._step(q, now, trust)
             trial = q.copy()
-            trial[self._moved] = np.clip(q[self._moved] + step, self._low, self._high)
+            trial[self._moved] = np.clip(q[self._moved] + self._step(q, now, trust), self._low, self._high)
             evaluation = self.evaluate(trial, goal)
             reached = _merit(evaluation.values)
             if reached < merit - 1e-9:
@@ -166,7 +162,7 @@ _TIP_ROWS = ("distance_min", "distance_max", "fingertip_axis", "fingertip_pad")
 
 def _name(label: Index, robot: Robot) -> str:
     """Name a constraint in words that can be counted."""
-    kind, a, b = (int(v) for v in label)
+    kind, a, b = label.tolist()
     row, g = -1 - kind, len(robot.hand.grasp)
     if row == 2 * g:
         return "closure_margin"
