@@ -7,13 +7,7 @@ starting postures.
 import numpy as np
 
 from dexgrasp.kinematics.damped import damped_step
-from dexgrasp.kinematics.forward import (
-    contact_jacobian,
-    empty_frames,
-    follow,
-    forward_part,
-    tip_positions,
-)
+from dexgrasp.kinematics.forward import contact_jacobian, empty_frames, follow, forward_part, tip_positions
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit

@@ -64,12 +64,7 @@ def _descents(checker: CollisionChecker, pregrasp: Array) -> Iterator[Array]:
 
 
 def _sampled(
-    checker: CollisionChecker,
-    start: Array,
-    pregrasp: Array,
-    descents: list[Array],
-    tries: int,
-    contact: str,
+    checker: CollisionChecker, start: Array, pregrasp: Array, descents: list[Array], tries: int, contact: str
 ) -> Array:
     opened = arm_and_hand(start, pregrasp, checker.tree)
     checker.allow(opened)
