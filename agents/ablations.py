@@ -69,8 +69,9 @@ class LatentPlanner(Planner):
         """Yield what IK finds for each latent, in the order drawn: from its own palm, then from those above."""
         for k in range(len(proposals.contacts)):
             assert proposals.palms is not None  # latents have them
-            R, p = np.ascontiguousarray(proposals.palms[k, :3, :3]), proposals.palms[k, :3, 3].copy()
-            if found := posture_at(R, p, k, proposals, problem):
+            palm = proposals.palms[k]
+            R = np.ascontiguousarray(palm[:3, :3])
+            if found := posture_at(R, palm[:3, 3].copy(), k, proposals, problem):
                 yield found
             yield from oriented_postures(k, proposals, problem)
 

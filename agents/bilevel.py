@@ -103,8 +103,10 @@ class BilevelAgent(Agent):
         """
         if (cell := cell_of(info, self._planner.cell)) != self._planner.cell:
             self._planner = self._make(cell)
-        scene, start = self._scene(observation, info), self._start(observation)
-        return plan_scene(self._planner, scene, self._seed, start, count=count, progress=progress)
+        scene = self._scene(observation, info)
+        return plan_scene(
+            self._planner, scene, self._seed, self._start(observation), count=count, progress=progress
+        )
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Plan from the cloud of the first observation."""
@@ -191,8 +193,9 @@ class BilevelAgent(Agent):
         if not (moves and scene.neighbours and plan.target is not None):
             return None
         with plan.going_on():
-            start = self._start(observation)
-            aside = plan_aside(self._planner, scene, plan.target, self._seed + moves, start)
+            aside = plan_aside(
+                self._planner, scene, plan.target, self._seed + moves, self._start(observation)
+            )
         if aside is None:
             return None
         self.report.details["moves"] = self._moves - moves + 1
@@ -210,8 +213,7 @@ class BilevelAgent(Agent):
         """Plan the grasp of what now sticks out over the edge, from where the joints say that it was pushed to."""
         assert state.plan.target is not None  # it was pushed
         with state.plan.going_on():
-            start = self._start(observation)
-            plan = plan_slid(self._planner, state.plan.target, slide, self._seed, start)
+            plan = plan_slid(self._planner, state.plan.target, slide, self._seed, self._start(observation))
         self.report.planning_seconds = state.plan.planning_seconds
         self.report.again = False
         self.report.details["slid"] = slide.moved

@@ -104,8 +104,9 @@ def _open(path: Path, algorithm: str) -> Any:
             path, device="cpu", custom_objects=objects
         )
     except Exception as error:
-        why = first_line(error)[:160]
-        raise InputError(f"{path} cannot be opened as a {algorithm} checkpoint: {why}") from error
+        raise InputError(
+            f"{path} cannot be opened as a {algorithm} checkpoint: {first_line(error)[:160]}"
+        ) from error
     if not isinstance(policy.observation_space, spaces.Dict):
         raise InputError(
             f"{path} was not trained on this environment's dict observations: use MultiInputPolicy"

@@ -106,11 +106,9 @@ class HardcodedAgent(Agent):
             raise NoPath(NO_VOLUME, str(flat)) from None
         blocked = NoPath("out_of_reach", "the arm reaches neither of the two turns of the wrist")
         for arm in self._arms(tree, start, points):
-            pregrasp, grasp, squeeze = (np.concatenate([arm, hand]) for hand in hands)
+            motion = GraspMotion(*(np.concatenate([arm, hand]) for hand in hands))
             try:
-                return make_script(
-                    start, GraspMotion(pregrasp, grasp, squeeze), obstacle, self._cell, margin=0.002
-                )
+                return make_script(start, motion, obstacle, self._cell, margin=0.002)
             except NoPath as reason:
                 blocked = reason
         raise blocked
@@ -132,7 +130,7 @@ class HardcodedAgent(Agent):
     def _arms(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:
         """Return the configurations (a,) rad to try, of both wrist turns, nearer to `start` first."""
         arms = self._reachable(tree, start, points, [short_axis(points), -short_axis(points)])
-        return sorted(arms, key=lambda arm: float(np.abs(arm - start[: tree.arm]).max()))
+        return sorted(arms, key=lambda arm: np.abs(arm - start[: tree.arm]).max())
 
     def _reachable(self, tree: RobotTree, start: Array, points: Array, axes: list[Array]) -> list[Array]:
         """Return the configurations (a,) rad of the arm for grips along axes (3,), those that it reaches."""
@@ -142,7 +140,6 @@ class HardcodedAgent(Agent):
             p = points.mean(axis=0) + _U * axis + _V * R[:, 1]
             p[2] = max(points[:, 2].max() + _ABOVE, _LEAST_Z)
             q = start.copy()
-            q[tree.arm :] = self._hand(_OPEN)
             q[0] = np.arctan2(p[1], p[0])
             if solve_palm(q, R, p, tree, 300, 1e-5) < _IK_ERROR:
                 arms.append(q[: tree.arm].copy())

@@ -74,10 +74,10 @@ class PlacingAgent(Agent):
 
     def _lifted(self, targets: Array, q: Array) -> bool:
         robot, (_, p) = self._cell.robot, palm_frame(targets, self._tree)
-        before, self._height = self._height, float(p[2])
+        before, self._height = self._height, p[2]
         away = np.abs(targets - robot.home)[robot.arm_columns].max() > 0.05
         if not away or p[2] < self._lowest - STILL:
-            self._low, self._lowest = (targets, float(p[2])) if away else (None, np.inf)
+            self._low, self._lowest = (targets, p[2]) if away else (None, np.inf)
             return False
         risen = self._lowest + _RISEN < p[2] < before + STILL
         return bool(risen and np.abs(targets - q)[robot.hand_columns].max() > _PRESSING)

@@ -29,5 +29,4 @@ class RandomAgent(Agent):
 
     def act(self, observation: Observation) -> Single:
         """Draw an action."""
-        low, high = self._space.low, self._space.high
-        return self._rng.uniform(low, high).astype(np.float32)
+        return self._rng.uniform(self._space.low, self._space.high).astype(np.float32)

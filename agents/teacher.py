@@ -24,8 +24,7 @@ class Teacher(HardcodedAgent):
 
     def _arms(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:
         """Return those of grips along the narrowest directions, least turn of the wrist first."""
-        level = np.stack([np.cos(_TURNS), np.sin(_TURNS)])
-        widths = np.ptp(points[:, :2] @ level, axis=0)
+        widths = np.ptp(points[:, :2] @ np.stack([np.cos(_TURNS), np.sin(_TURNS)]), axis=0)
         narrow = _TURNS[widths <= widths.min() * _WIDER[0] + _WIDER[1]]
         R, _ = palm_frame(start, tree)
         middle = points.mean(axis=0)
@@ -34,8 +33,7 @@ class Teacher(HardcodedAgent):
         turns = (turns + np.pi) % (2 * np.pi) - np.pi
         best = turns[np.argmin(np.abs(turns))]
         other = best - np.sign(best) * np.pi if best else np.pi
-        angles = straight + np.array([best, other])
-        axes = [np.array([np.cos(a), np.sin(a), 0.0]) for a in angles]
+        axes = [np.array([np.cos(a), np.sin(a), 0.0]) for a in straight + np.array([best, other])]
         return self._reachable(tree, start, points, axes)
 
 
