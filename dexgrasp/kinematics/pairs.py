@@ -60,7 +60,7 @@ def _chain(model: mujoco.MjModel, body: int) -> set[int]:
     chain = set()
     while body:
         chain.add(body)
-        body = int(model.body_parentid[body])
+        body = model.body_parentid[body]
     return chain
 
 
@@ -72,10 +72,10 @@ def told_apart(pairs: Pairs, robot: Robot, model: mujoco.MjModel, spheres: list[
             idle[robot.columns[finger.name]] = finger.aside
     weights, postures = [_LOOKS, _LOOKS] + [1] * _LOOKS, [robot.home, idle, *robot.drawn(_LOOKS)]
     for weight, data in zip(weights, swept(model, postures), strict=True):
-        bodies = [data.body(name) for name in robot.bodies]
-        centres = [s.centre @ b.xmat.reshape(3, 3).T + b.xpos for s, b in zip(spheres, bodies, strict=True)]
+        placed = zip(spheres, map(data.body, robot.bodies), strict=True)
+        centres = [s.centre @ b.xmat.reshape(3, 3).T + b.xpos for s, b in placed]
         for k, (a, b) in enumerate(pairs):
             apart = np.linalg.norm(centres[a][:, None] - centres[b], axis=2)
             room = _APART if weight > 1 else 0.0
-            inside[k] += weight * bool((apart < spheres[a].radius[:, None] + spheres[b].radius + room).any())
+            inside[k] += weight * (apart < spheres[a].radius[:, None] + spheres[b].radius + room).any()
     return [pair for pair, often in zip(pairs, inside, strict=True) if often < _MOSTLY * _LOOKS]

@@ -87,8 +87,11 @@ def _kinematics(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
         data, frames = _at(home.model, q), body_frames(q, tree)
         for b, name in enumerate(robot.bodies):
             body = data.body(name)
-            off, turned = frames.p[b] - body.xpos, frames.R[b] - body.xmat.reshape(3, 3)
-            worst = max(worst, np.abs(off).max(), np.abs(turned).max())
+            worst = max(
+                worst,
+                np.abs(frames.p[b] - body.xpos).max(),
+                np.abs(frames.R[b] - body.xmat.reshape(3, 3)).max(),
+            )
     mend = "joints have to sit at their bodies' origins, and to turn or slide"
     yield _told(worst < _ROUNDING, f"kinematics and simulation differ by {worst:.0e}", mend)
 
@@ -127,7 +130,7 @@ def _excluded(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
 def _touching(data: mujoco.MjData) -> Iterator[tuple[frozenset[int], float]]:
     """The pairs of bodies in contact, and how deep they are in each other, m."""
     for contact in data.contact:
-        yield frozenset(data.model.geom_bodyid[contact.geom].tolist()), -float(contact.dist)
+        yield frozenset(data.model.geom_bodyid[contact.geom].tolist()), -contact.dist
 
 
 def _authority(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
@@ -137,7 +140,7 @@ def _authority(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     for j in np.flatnonzero(C.any(0)):  # the others follow
         name, push = robot.joints[j], _PUSH * unit[j]
         ways = [_moved(home, C[:, j], way) for way in (push, -push)]
-        moved = max(ways, key=lambda way: float(way[j]))  # an end of the range or a finger may be in the way
+        moved = max(ways, key=lambda way: way[j])  # an end of the range or a finger may be in the way
         strays = np.delete(np.abs(moved - moving[:, j]), j)
         if moved[j] < _FOLLOWS * moving[j, j]:
             lags = f"joint {name} follows its servo by {100 * moved[j] / moving[j, j]:.0f} %"
@@ -191,7 +194,7 @@ def _opposition(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
         yield Finding("error", f"an open tip is {1000 * front.min():.0f} mm in front of the palm", mend)
     tips = np.array([home.site(finger.tip).xpos for finger in cell.robot.grasping])
     between = tips[1:].mean(0) - tips[0]
-    facing = float(_pad(home, cell.robot.grasping[0]) @ between / np.linalg.norm(between))
+    facing = _pad(home, cell.robot.grasping[0]) @ between / np.linalg.norm(between)
     if facing < 0.0:
         mend = "x of a tip's frame has to point out of its pad; or change `open`, or which finger is first in `grasp`"
         yield Finding("error", f"the pad of {cell.robot.hand.grasp[0]} looks away from the others", mend)
@@ -231,11 +234,11 @@ def closed_posture(cell: Cell) -> tuple[Array, Array]:
             tips[f, k] = data.site(finger.tip).xpos
             pads[f, k] = _pad(data, finger)
     gaps = np.stack([_gaps(tips[0], pads[0], *of) for of in zip(tips[1:], pads[1:], strict=True)])
-    thumb = int(gaps.min(2).max(0).argmin())
+    thumb = gaps.min(2).max(0).argmin()
     closed = drawn[thumb]
     for finger, own in zip(robot.grasping[1:], gaps[:, thumb], strict=True):
         columns = robot.columns[finger.name]
-        closed[columns] = drawn[int(own.argmin()), columns]
+        closed[columns] = drawn[own.argmin(), columns]
     return closed, gaps.min((1, 2)) - 2.0 * robot.hand.tip_radius
 
 
@@ -254,7 +257,7 @@ def _strength(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
         body = home.body(finger.bodies[-1])
         mujoco.mj_jac(home.model, home, J, None, home.site(finger.tip).xpos, body.id)
         lever = np.abs(_pad(home, finger) @ J)[robot.arm_dof :]
-        force = float((robot.torque[robot.hand_columns] / np.maximum(lever, 1e-9)).min())
+        force = (robot.torque[robot.hand_columns] / np.maximum(lever, 1e-9)).min()
         mend = "torque of its joints, Nm: heavy objects will be beyond it"
         yield _told(force >= _PINCH, f"{finger.name} can press with {force:.1f} N", mend, "warning")
     yield from _bearing(cell, home.model)

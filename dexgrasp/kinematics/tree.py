@@ -90,19 +90,16 @@ def robot_tree(cell: Cell) -> RobotTree:
     palm = robot.hand.palm
     site, tips = model.site(palm).id, [model.site(tip).id for tip in touching]
     beside, edges = _beside_palm(model, robot)
-    box = _palm_box(model, robot, spheres[robot.bodies.index(palm)])
+    middle, half = _palm_box(model, robot, spheres[robot.bodies.index(palm)])
     tree = RobotTree(
         parent=np.array([index.get(model.body_parentid[b], -1) for b in bodies]),
         offset=model.body_pos[bodies].copy(),
         rotation=np.stack([rotation_matrix(q) for q in model.body_quat[bodies]]),
         joint=np.array([follows[j] if j >= 0 and follows[j] >= 0 and not stands[j] else j for j in columns]),
         axis=np.array([model.jnt_axis[j] if j >= 0 else np.zeros(3) for j in columns]),
-        slides=np.array([j >= 0 and bool(slides[j]) for j in columns]),
+        slides=np.array([j >= 0 and slides[j] for j in columns]),
         gear=np.array(
-            [
-                [1.0, 0.0, float(j < 0)] if j < 0 or stands[j] else [*ratio[j, :2], ratio[j, 0]]
-                for j in columns
-            ]
+            [[1.0, 0.0, float(j < 0)] if j < 0 or stands[j] else ratio[j, [0, 1, 0]] for j in columns]
         ),
         tip_body=np.array([index[model.site_bodyid[s]] for s in tips]),
         tip_offset=model.site_pos[tips].copy(),
@@ -116,8 +113,8 @@ def robot_tree(cell: Cell) -> RobotTree:
         bound_centre=np.array(centres),
         bound_radius=np.array(radii),
         pairs=_sphered_pairs(robot, model, spheres),
-        palm_box_centre=box[0],
-        palm_box_half=box[1],
+        palm_box_centre=middle,
+        palm_box_half=half,
         beside=beside,
         beside_edges=edges,
         torsion=robot.hand.torsion,
@@ -159,9 +156,8 @@ def _starts(model: mujoco.MjModel, robot: Robot) -> Array:
     if robot.arm.starts:
         return np.array(robot.arm.starts)
     x, y, _ = posed(model, robot.home).body(robot.arm.bodies[-1]).xpos
-    heading = round(float(robot.home[0] - np.arctan2(y, x)), 9) + 0.0
     starts = np.tile(robot.arm.home, (5, 1))
-    starts[:, 0] = heading
+    starts[:, 0] = round(float(robot.home[0] - np.arctan2(y, x)), 9) + 0.0
     starts[1:3, -1] += [_TWIST, -_TWIST]
     starts[3:, 0] += [_SWING, -_SWING]
     return starts
@@ -201,16 +197,16 @@ def _palm_box(model: mujoco.MjModel, robot: Robot, spheres: Spheres) -> tuple[Ar
     palm = robot.hand.palm
     if robot.hand.frame is None:
         return model.geom(palm).pos.copy(), model.geom(palm).size.copy()
-    low, high = ((spheres.centre + sign * spheres.radius[:, None]) for sign in (-1.0, 1.0))
-    return 0.5 * (low.min(0) + high.max(0)), 0.5 * (high.max(0) - low.min(0))
+    low = (spheres.centre - spheres.radius[:, None]).min(0)
+    high = (spheres.centre + spheres.radius[:, None]).max(0)
+    return 0.5 * (low + high), 0.5 * (high - low)
 
 
 def body_pairs(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, int]]:
     """Return the pairs of bodies, their numbers, that a motion can bring together: no neighbours in the chain."""
     number = robot.bodies.index
     pairs = [(number(a), number(b)) for a, b in robot.hand.self_pairs or meeting_pairs(robot, model)]
-    arm = [number(name) for name in robot.arm.bodies]
-    hand = [number(name) for name in robot.hand.bodies]
+    arm, hand = (list(map(number, part.bodies)) for part in (robot.arm, robot.hand))
     low, elbow, wrist = arm[:-3], arm[-3], arm[-2:]
     pairs += [(a, b) for a in low for b in hand]
     pairs += [(a, b) for a in low[:3] for b in wrist]
