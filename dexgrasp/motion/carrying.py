@@ -72,8 +72,8 @@ class GuardedCarry(Motion):
         if step == 0:
             turned = arm_and_hand(turn.arm[-1], q, self.tree)
             change = self._wanted(turned, 1.0) - self._wanted(q, 0.0)
-            after = self._pressed + lag_of(change, self.tree)
-            self._before, self._after = self._pressed, within_range(after, self.tree)
+            self._before = self._pressed
+            self._after = within_range(self._pressed + lag_of(change, self.tree), self.tree)
         self._turned = min(1.0, (step + 1) / len(turn.arm))
         self._pressed = self._before + self._turned * (self._after - self._before)
         return arm_and_hand(turn.arm[min(step, len(turn.arm) - 1)], self._pressed, self.tree)

@@ -137,9 +137,9 @@ def _moved_into(target: GraspTarget, origin: Array, poses: Iterable[tuple[Array,
         return 0.0
     points = triangle_samples(target.distance.triangles, _CARRIED, 0).points
     held = np.concatenate([points, *target.corners]) - origin
-    deepest = least = min(float(target.around.distance(held + origin).min()), 0.0)
+    deepest = least = min(target.around.distance(held + origin).min(), 0.0)
     for turn, at in poses:
-        deepest = min(deepest, float(target.around.distance(held @ turn.T + at).min()))
+        deepest = min(deepest, target.around.distance(held @ turn.T + at).min())
     return max(least - deepest - _DEEPER, 0.0)
 
 

@@ -118,7 +118,7 @@ def pressing_torques(q: Array, normals: Array, forces: Array, tree: RobotTree) -
     """Return the torques (n,) Nm with which fingers at `q` (n,) press with forces (g, c) N; 0 for the arm."""
     points = fingertips(q, tree) - TIP_DEPTH * tree.tip_radius * normals
     torque = np.einsum("frj,fr->j", hand_contact_jacobian(q, points, normals, tree), forces)
-    return np.concatenate([np.zeros(tree.arm), np.clip(torque, -tree.torque, tree.torque)])
+    return np.append(np.zeros(tree.arm), np.clip(torque, -tree.torque, tree.torque))
 
 
 def tip_spans(q: Array, tree: RobotTree) -> Array:

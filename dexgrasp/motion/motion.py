@@ -45,7 +45,7 @@ class Played(Motion):
 
     def _next(self, q: Array) -> Array:
         self._step += 1
-        return np.asarray(self._rows[min(self._step, len(self._rows)) - 1])
+        return self._rows[min(self._step, len(self._rows)) - 1]
 
 
 def arm_and_hand(arm: Array, hand: Array, tree: RobotTree) -> Array:

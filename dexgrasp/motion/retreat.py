@@ -19,7 +19,7 @@ _SPEED = 0.9  # of the limits: the hand is empty, and an episode has time for a 
 class Retreat(Played):
     """Goes home and stays there; where the object lies now nobody knows, so only its neighbours are kept clear of."""
 
-    def __init__(self, start: Array, cell: Cell, around: ConvexDistance | None = None) -> None:
+    def __init__(self, start: Array, cell: Cell, around: ConvexDistance | None) -> None:
         """Plan the way.
 
         Args:

@@ -74,8 +74,8 @@ def _ramp(a: Array, b: Array, seconds: float, tree: RobotTree) -> Array:
 
 def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
     """Raise the palm straight up from the squeeze, (m, n)."""
-    up = RAISED * smooth_steps(round(_LIFT / CONTROL_PERIOD))
-    path, error = shift_palm(motion.squeeze, tree, up[:, None] * np.array([0.0, 0.0, 1.0]))
+    up = np.outer(RAISED * smooth_steps(round(_LIFT / CONTROL_PERIOD)), [0.0, 0.0, 1.0])
+    path, error = shift_palm(motion.squeeze, tree, up)
     if error > _LIFT_ERROR:
         raise NoPath("lift_out_of_reach", f"the palm strays {1000 * error:.0f} mm from the way up")
     rise = palm_frame(path[-1], tree)[1][2] - palm_frame(motion.squeeze, tree)[1][2]

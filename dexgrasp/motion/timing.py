@@ -77,8 +77,9 @@ def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
 def _time_smooth(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
     """Time a smooth path as fast as limits allow; by a slow smooth law where that fails."""
     curve = CubicSpline(at, points, bc_type="natural")
-    velocity, acceleration = _ROOM * speed * tree.velocity, _ROOM * speed * tree.acceleration
-    squared = fastest_squared_speeds(at, curve(at, 1), curve(at, 2), velocity, acceleration)
+    squared = fastest_squared_speeds(
+        at, curve(at, 1), curve(at, 2), _ROOM * speed * tree.velocity, _ROOM * speed * tree.acceleration
+    )
     places = places_at(at, squared, CONTROL_PERIOD) if len(squared) else squared
     if len(places):
         samples = curve(places)
@@ -98,14 +99,13 @@ def _gentle(start: Array, samples: Array, tree: RobotTree, speed: float) -> bool
     """Whether set-points, from rest to rest, keep the limits of velocity and acceleration."""
     rest = np.vstack([start, start, samples, samples[-1]])
     change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2
-    slow = bool((change <= _EXCESS * speed * tree.acceleration).all())
-    return slow and within_limits(start, samples, tree)
+    return bool((change <= _EXCESS * speed * tree.acceleration).all()) and within_limits(start, samples, tree)
 
 
 def _slow(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
     """Quintic time law along the path, stretched until every set-point keeps the limits."""
     span = np.abs(np.diff(points, axis=0)).sum(axis=0)
-    duration = max(float((2.0 * span / (speed * tree.velocity)).max()), 4 * CONTROL_PERIOD)
+    duration = max((2.0 * span / (speed * tree.velocity)).max(), 4 * CONTROL_PERIOD)
     while True:
         count = int(np.ceil(duration / CONTROL_PERIOD))
         samples = points_at(smooth_steps(count) * at[-1], at, points)

@@ -120,7 +120,7 @@ def _free_places(target: GraspTarget, kept: Array) -> Array:
     axes = [np.arange(low, high, _GRID) for low, high in _TABLE]
     places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     corners = np.concatenate(target.corners)[:, :2]
-    radius = float(np.linalg.norm(corners - target.centre[:2], axis=1).max())
+    radius = np.linalg.norm(corners - target.centre[:2], axis=1).max()
     free = np.linalg.norm(places - kept[:2], axis=1) > radius + _AWAY
     if target.around is not None:
         for height in _HEIGHTS:

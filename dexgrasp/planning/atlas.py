@@ -137,7 +137,7 @@ def _opposed(q: Array, tree: RobotTree) -> Mask:
     along = (pads * between[:, None]).sum(2)
     opposed = (along[:, 0] > 0.1) & (along[:, 1:] < 0.2).all(1)
     in_front = (tips[..., 0] > 0.02).all(1)
-    return np.asarray(inside & opposed & in_front)
+    return inside & opposed & in_front
 
 
 def _pressing(q: Array, tree: RobotTree, pairs: Index) -> Mask:

@@ -37,10 +37,10 @@ def plan_turn(grasp: Grasp, script: ActionScript, problem: Problem) -> Turn | No
         script: that lifts it.
         problem: the object where it lies, and the robot; of the settings friction and torque limits.
     """
-    target, tree, settings = problem.target, problem.tree, problem.settings
+    target, tree = problem.target, problem.tree
     if grasp.certificate.capacity >= ENOUGH:
         return None
-    contacts, distance = contacts_of(grasp.q, problem, settings.friction_squeeze)
+    contacts, distance = contacts_of(grasp.q, problem, problem.settings.friction_squeeze)
     start = script.phases["lift"][-1]
     centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
     corners, pushes = np.concatenate(target.corners) - target.centre, cube_directions()

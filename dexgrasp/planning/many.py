@@ -114,7 +114,7 @@ class _Pool:
 
 def _distance(points: Array, to: Array) -> Array:
     """Root mean square distance (N,) m of hands' points (N, 3 m) to those of one (3 m,)."""
-    return np.asarray(np.sqrt(((points - to) ** 2).sum(1) / (len(to) / 3.0)))
+    return np.sqrt(((points - to) ** 2).sum(1) / (len(to) / 3.0))
 
 
 class _Search(Search):

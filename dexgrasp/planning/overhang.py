@@ -59,8 +59,7 @@ def plan_slide(planner: Planner, target: GraspTarget, seed: int, start: Array) -
     guessed = target.spread is not None or target.neighbours
     if guessed or not planner.settings.is_low(target.top) or not can_push(planner.cell):
         return None
-    found = pushes(target, tips_apart(planner.cell), planner.settings.tip_radius)
-    slides = list(islice(_slides(found, start, target, planner), _TRIED))
+    slides = list(islice(_slides(start, target, planner), _TRIED))
     in_brief = _best(slides, target, _at_edge(planner, _BRIEF), seed, _FIRM)
     return in_brief or _best(slides, target, _at_edge(planner, _AT_LENGTH), seed, _BORNE)
 
@@ -78,10 +77,10 @@ def _best(slides: list[Slide], target: GraspTarget, there: Planner, seed: int, e
     return best
 
 
-def _slides(found: list[Push], start: Array, target: GraspTarget, planner: Planner) -> Iterator[Slide]:
-    """Yield those of pushes that the arm can make, but none nearly in the direction of another."""
+def _slides(start: Array, target: GraspTarget, planner: Planner) -> Iterator[Slide]:
+    """Yield the pushes that the arm can make, best first, but none nearly in the direction of another."""
     made = list[Array]()
-    for push in found:
+    for push in pushes(target, tips_apart(planner.cell), planner.settings.tip_radius):
         if all(push.direction @ other < _APART for other in made):
             with suppress(NoPath):
                 yield make_slide(push, start, target, planner.cell)
@@ -184,12 +183,12 @@ class _Overhanging(SurfaceProposals):
 
 def _distance(outline: Array, centre: Array, direction: Array, out: Array) -> float | None:
     """Return how far, m, to push along a direction for as much as is wanted to stick out; None where that falls."""
-    towards = float(direction @ out)
+    towards = direction @ out
     if towards < _TOWARDS:
         return None
-    edge = float(_MIDDLE @ out + np.abs(_HALF @ out))
-    reach = float((outline @ out).max())
-    most = (edge - _INSIDE - float(centre @ out)) / towards
+    edge = _MIDDLE @ out + np.abs(_HALF @ out)
+    reach = (outline @ out).max()
+    most = (edge - _INSIDE - centre @ out) / towards
     distance = min((edge + _WANTED - reach) / towards, most)
     sticks_out = reach + distance * towards - edge
     return distance if 0.0 < distance < _LONGEST and sticks_out > _LEAST else None

@@ -235,8 +235,13 @@ class Search:
         try:
             if self._start is not None:
                 target = self._problem.target
-                among = target.around is not None
-                script = make_script(self._start, grasp.motion, target.everything, planner.cell, among=among)
+                script = make_script(
+                    self._start,
+                    grasp.motion,
+                    target.everything,
+                    planner.cell,
+                    among=target.around is not None,
+                )
                 check_way(script, planner.cell, target)
             self.result.found.append(Planned(completed(grasp, candidate.hold), script))
             return True

@@ -141,8 +141,9 @@ def loads_on(placed: Placements, problem: Problem, friction: Array | None = None
     if friction is None:
         tips, normals = goals.centres.reshape(-1, 3), -goals.inward.reshape(-1, 3)
         friction = narrowed_friction(tips, normals, target, settings).reshape(-1, shape.contacts)
-    limit = settings.torque_share * tree.torque
-    burden = _Burden(settings.tip_height, target.centre, target.weight, friction, limit)
+    burden = _Burden(
+        settings.tip_height, target.centre, target.weight, friction, settings.torque_share * tree.torque
+    )
     return _estimates(placed, hand_atlas(problem.cell).joints, tree, burden, shape)
 
 
@@ -200,7 +201,7 @@ def posture_at(R: Array, p: Array, proposal: int, proposals: Proposals, problem:
     if not reach_palm(q, R, p, tree):
         return None
     tips = proposals.contacts[proposal] + problem.settings.tip_height * proposals.normals[proposal]
-    return Posture(q, problem, proposal, -float(solve_tips(q, tips, tree, 60, 1e-3)))
+    return Posture(q, problem, proposal, -solve_tips(q, tips, tree, 60, 1e-3))
 
 
 def oriented_postures(proposal: int, proposals: Proposals, problem: Problem) -> list[Posture]:

@@ -119,9 +119,8 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
         return _points_beside(target, settings, rng)
     samples = triangle_samples(target.distance.triangles, settings.surface_points, rng)
     centres = samples.points + settings.tip_height * samples.normals
-    above = (samples.points[:, 2] > settings.table_clearance) & (
-        centres[:, 2] > settings.tip_radius + settings.clearance
-    )
+    above = samples.points[:, 2] > settings.table_clearance
+    above &= centres[:, 2] > settings.tip_radius + settings.clearance
     centres = centres[above]
     distance, gradient = target.distance.distance_gradient(centres)
     contacts = centres - distance[:, None] * gradient

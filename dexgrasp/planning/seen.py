@@ -151,8 +151,7 @@ def scene_of(
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
     cell = cell or default_cell()
     data = posed(compiled_robot(cell), cell.robot.home if start is None else start)
-    rng = np.random.default_rng(seed)
-    return find_object(cloud, rng, cell, pointing=pointing, own=_shape(cell).at(data))
+    return find_object(cloud, np.random.default_rng(seed), cell, pointing=pointing, own=_shape(cell).at(data))
 
 
 @lru_cache(maxsize=8)

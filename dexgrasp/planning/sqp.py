@@ -145,7 +145,7 @@ class _Solver:
         if self._with_margin:
             values[closure] += MARGIN_SCALE * (goal.margin - least.margin)
         values[fixed:] += goal.clearance - least.clearance
-        worst = int(np.argmin(values))
+        worst = np.argmin(values)
         violation = max(0.0, -float(values[worst]))
         feasible = violation <= TOLERANCE and bool(np.isfinite(values).all())
         blocking = None if feasible else _name(now.labels[worst], self._robot)
@@ -153,7 +153,7 @@ class _Solver:
 
 
 def _merit(values: Array) -> float:
-    return float(-np.minimum(values, 0.0).sum())
+    return -np.minimum(values, 0.0).sum()
 
 
 _TIP_ROWS = ("distance_min", "distance_max", "fingertip_axis", "fingertip_pad")
