@@ -235,13 +235,8 @@ class Search:
         try:
             if self._start is not None:
                 target = self._problem.target
-                script = make_script(
-                    self._start,
-                    grasp.motion,
-                    target.everything,
-                    planner.cell,
-                    among=target.around is not None,
-                )
+                among = target.around is not None
+                script = make_script(self._start, grasp.motion, target.everything, planner.cell, among=among)
                 check_way(script, planner.cell, target)
             self.result.found.append(Planned(completed(grasp, candidate.hold), script))
             return True
