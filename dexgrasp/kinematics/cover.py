@@ -123,8 +123,7 @@ def box_edges(centre: Array, half: Array) -> Array:
     """Return points (n, 3) m along the twelve edges of an axis-aligned box, at most 1.5 mm apart."""
     points = []
     for axis in range(3):
-        count = int(np.ceil(2.0 * half[axis] / _SPACING)) + 1
-        along = np.linspace(-half[axis], half[axis], count)
+        along = np.linspace(-half[axis], half[axis], int(np.ceil(2.0 * half[axis] / _SPACING)) + 1)
         across = [(-side, side) for side in (half[axis - 2], half[axis - 1])]
         points.append(np.roll(grid(*across, along), axis + 1, axis=1))
     return np.concatenate(points) + centre

@@ -97,7 +97,7 @@ def turn_arm(
         return None
     if around is not None:
         moved = turned + (centre + shifts + arm - turns @ arm)[:, None]
-        if around.distance(moved.reshape(-1, 3)).min() < 0.0:
+        if around.distance(moved).min() < 0.0:
             return None
     return path[:, : tree.arm]
 

@@ -41,7 +41,7 @@ def time_path(
             continue
         timed = _time_smooth(rounded, at, tree, speed)
         # Set-points go straight between control steps, so they cut the roundings a little.
-        if checker is None or checker.first_contact(np.concatenate([path[:1], timed]), _CUT) is None:
+        if checker is None or checker.first_contact(np.vstack([path[0], timed]), _CUT) is None:
             return timed
     return np.concatenate(
         [_time_smooth(*round_corners(path[i : i + 2], 0.0), tree, speed) for i in range(len(path) - 1)]

@@ -124,7 +124,6 @@ def _free_places(target: GraspTarget, kept: Array) -> Array:
     free = np.linalg.norm(places - kept[:2], axis=1) > radius + _AWAY
     if target.around is not None:
         for height in _HEIGHTS:
-            points = np.column_stack([places, np.full(len(places), height)])
-            free &= target.around.distance(points) > radius + _HAND
+            free &= target.around.distance(np.insert(places, 2, height, axis=1)) > radius + _HAND
     places = places[free]
     return places[np.argsort(np.linalg.norm(places - target.centre[:2], axis=1))[:_PLACES]]

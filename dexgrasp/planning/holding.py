@@ -51,7 +51,7 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
     """
     t1, t2 = tangent_basis(normals)
     around = tips[:, None] + settings.place_error * np.stack([t1, -t1, t2, -t2], axis=1)
-    turned = target.distance.distance_gradient(around.reshape(-1, 3))[1].reshape(-1, 4, 3)
+    turned = target.distance.distance_gradient(around)[1].reshape(around.shape)
     turn = np.arccos(np.clip((turned * normals[:, None]).sum(-1), -1.0, 1.0)).max(1)
     if target.spread is not None:
         turn += np.maximum(target.spread.along(normals) - settings.place_error, 0.0) / _LEVER

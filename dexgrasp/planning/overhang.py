@@ -157,9 +157,8 @@ def _touches(target: GraspTarget, apart: float, tip: float) -> tuple[Array, Arra
     beside = target.centre[:2] + apart * np.array([0.5, 0.0, -0.5])[:, None] * across[:, None]
     way = np.full(beside.shape[:2], -np.linalg.norm(np.ptp(np.concatenate(target.corners), axis=0)))
     for _ in range(_MARCH):
-        level = beside + way[..., None] * directions[:, None]
-        tips = np.dstack([level, np.full(way.shape, tip)]).reshape(-1, 3)
-        off = target.distance.distance_gradient(tips)[0].reshape(way.shape) - tip
+        tips = np.insert(beside + way[..., None] * directions[:, None], 2, tip, axis=2)
+        off = target.distance.distance(tips).reshape(way.shape) - tip
         way += off
     return directions, np.where(np.abs(off) < _ALIKE, way, np.nan)
 
