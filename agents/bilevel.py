@@ -236,8 +236,7 @@ class BilevelAgent(Agent):
         if way is None and tries >= self._regrasps:
             plan = self._among(scene, plan, start, _PUSH)
             looks *= bool(plan.found)  # what has not been found so far is not there
-        waiting = State(self._grasp(plan) if plan.found else state.motion, plan, looks, moves)
-        after = way or waiting
+        after = way or State(self._grasp(plan) if plan.found else state.motion, plan, looks, moves)
         if tries:
             self.report.details["regrasps"] = tries
         if self.report.failure:  # the first grasp is still to be found

@@ -189,14 +189,15 @@ def _beside_palm(model: mujoco.MjModel, robot: Robot) -> tuple[int, Array]:
     name = robot.hand.beside_palm
     if not name:
         return -1, np.zeros((0, 3))
-    return robot.bodies.index(name), box_edges(model.geom(name).pos, model.geom(name).size)
+    geom = model.geom(name)
+    return robot.bodies.index(name), box_edges(geom.pos, geom.size)
 
 
 def _palm_box(model: mujoco.MjModel, robot: Robot, spheres: Spheres) -> tuple[Array, Array]:
     """Return centre and half lengths (3,) m of the palm's box, or of one around the palm where it is none."""
-    palm = robot.hand.palm
     if robot.hand.frame is None:
-        return model.geom(palm).pos.copy(), model.geom(palm).size.copy()
+        geom = model.geom(robot.hand.palm)
+        return geom.pos.copy(), geom.size.copy()
     low = (spheres.centre - spheres.radius[:, None]).min(0)
     high = (spheres.centre + spheres.radius[:, None]).max(0)
     return 0.5 * (low + high), 0.5 * (high - low)

@@ -111,7 +111,7 @@ def _load(plan: PlanResult) -> float:
 
 def slid(target: GraspTarget, shift: Array) -> GraspTarget:
     """Return the object, moved by (2,) m, with the table as its neighbour and the floor as z = 0."""
-    by = np.array([*shift, _FLOOR])
+    by = [*shift, _FLOOR]
     level = zip(_MIDDLE - _HALF, _MIDDLE + _HALF, strict=True)
     table = np.array(list(product(*level, (_FLOOR - TABLE_SIZE[2], _FLOOR - _SUNK))))
     moved = GraspTarget.of_corners([part + by for part in target.corners], target.mass, target.centre + by)

@@ -212,6 +212,6 @@ def oriented_postures(proposal: int, proposals: Proposals, problem: Problem) -> 
     count, postures = problem.settings.initial_orientations, []
     for k in range(count):
         R = about_z(2.0 * np.pi * k / count) @ PALM_DOWN
-        if found := posture_at(R, middle + R @ np.array([0.0, 0.0, 0.03]), proposal, proposals, problem):
+        if found := posture_at(R, middle + R @ [0.0, 0.0, 0.03], proposal, proposals, problem):
             postures.append(found)
     return sorted(postures, key=lambda posture: -posture.score)
