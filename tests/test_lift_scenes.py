@@ -103,7 +103,7 @@ def test_commands_come_late():
 
 def test_each_of_many_objects_is_stood_up_once(monkeypatch):
     dropped = []
-    monkeypatch.setattr(rest_poses, "stays", lambda model, up, angle: not dropped.append(model))
+    monkeypatch.setattr(rest_poses, "stays", lambda model, up: not dropped.append(model))
     base = load_object("sugar_box")
     models = [base.scaled(1.0 + k / 1000) for k in range(1, 100)]
     heights = [[upright_rest(model)[1] for model in models] for _ in range(2)]

@@ -65,7 +65,7 @@ def test_bad_input_is_named():
     with refused("unit length"):
         tangent_basis([[0, 0, 2]])
     with refused("mu"):
-        cone_edges([[0, 0, 1]], -1.0)
+        cone_edges([[0, 0, 1]], -1.0, 8)
     with refused("edges"):
         cone_edges([[0, 0, 1]], 0.5, 2)
 

@@ -28,8 +28,10 @@ class Report(Command):
         text = write_report(self.folders, out)
         note(f"report and plots are in {out}")
         content = {
-            "report": out / "report.md", "html": out / "report.html", "agents": read_agents(self.folders)
-        }  # fmt: skip
+            "report": out / "report.md",
+            "html": out / "report.html",
+            "agents": read_agents(self.folders),
+        }
         return Answer(content, text.rstrip("\n"))
 
 

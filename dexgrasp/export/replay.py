@@ -85,10 +85,12 @@ def load_scene(scene: Path, recording: Recording) -> tuple[Any, Any]:
 
 def set_points(recording: Recording, time: float) -> Array:
     """The set-points that the controllers hold at a time: each takes its last row."""
-    return np.concatenate([
-        part.positions[np.searchsorted(part.times, time + 1e-9, side="right") - 1]
-        for part in (recording.arm, recording.hand)
-    ])  # fmt: skip
+    return np.concatenate(
+        [
+            part.positions[np.searchsorted(part.times, time + 1e-9, side="right") - 1]
+            for part in (recording.arm, recording.hand)
+        ]
+    )
 
 
 def displace(pose: Array, rng: np.random.Generator) -> None:

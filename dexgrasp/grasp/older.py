@@ -36,8 +36,9 @@ def of_schema_2(old: Fields, cell: Cell) -> Fields:
 
 def _script(approach: Fields, lift: Fields) -> Fields:
     phases = [
-        approach | {"name": APPROACH, "measure": approach["bend"]}, lift | {"name": LIFT, "measure": lift["stray"]}
-    ]  # fmt: skip
+        approach | {"name": APPROACH, "measure": approach["bend"]},
+        lift | {"name": LIFT, "measure": lift["stray"]},
+    ]
     return {"lift_height": lift["height"], "phases": phases}
 
 

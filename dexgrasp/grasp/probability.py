@@ -116,9 +116,12 @@ def read_model(path: Path) -> Model:
         if stated["schema"] != SCHEMA:
             raise ValueError
         return Model(
-            content_hash(content), str(stated["robot"]), tuple(stated["features"]),
-            float(stated["least_friction"]), {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES},
-        )  # fmt: skip
+            content_hash(content),
+            str(stated["robot"]),
+            tuple(stated["features"]),
+            float(stated["least_friction"]),
+            {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES},
+        )
     except (ValueError, LookupError, TypeError):
         raise InputError(f"{path} holds no model of probabilities of schema {SCHEMA}") from None
 

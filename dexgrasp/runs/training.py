@@ -144,9 +144,12 @@ class Training(ABC):
         """
         torch.set_num_threads(self.settings.threads)
         run = {
-            "schema": 1, **self.identity(), "settings": asdict(self.settings), "minutes": self.course.minutes,
+            "schema": 1,
+            **self.identity(),
+            "settings": asdict(self.settings),
+            "minutes": self.course.minutes,
             "trials": self.course.tester and asdict(self.course.tester),
-        }  # fmt: skip
+        }
         with RunFolder(self.out, self.about, "training").claim(run), self.open:
             self.begin()
             self._go_on(progress, stop_after)

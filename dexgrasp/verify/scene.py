@@ -129,11 +129,11 @@ class Scene:
         """
         self.place(q)
         return {
-            kind: self._least([
-                (a, b) for a, b in pairs if not (tips_touch and a in self._tip_geoms and b in self.object)
-            ])
+            kind: self._least(
+                [(a, b) for a, b in pairs if not (tips_touch and a in self._tip_geoms and b in self.object)]
+            )
             for kind, pairs in self._pairs.items()
-        }  # fmt: skip
+        }
 
     @cached_property
     def _pairs(self) -> dict[str, list[tuple[int, int]]]:

@@ -18,8 +18,12 @@ def add_arena(spec: mujoco.MjSpec, base: float) -> None:
     spec.option, spec.visual = arena.option, arena.visual
     attach(spec, arena, spec.worldbody.add_frame())
     plinth = {
-        "type": mujoco.mjtGeom.mjGEOM_CYLINDER, "material": "plinth", "contype": 0, "conaffinity": 0, "group": 2,
-    }  # fmt: skip
+        "type": mujoco.mjtGeom.mjGEOM_CYLINDER,
+        "material": "plinth",
+        "contype": 0,
+        "conaffinity": 0,
+        "group": 2,
+    }
     half_height, middle = 0.5 * (TABLE_HEIGHT + base) - 0.005, 0.5 * (base - TABLE_HEIGHT) - 0.005
     spec.worldbody.add_geom(size=[0.11, half_height, 0], pos=[-0.04, 0, middle], **plinth)
     spec.worldbody.add_geom(size=[0.17, 0.012, 0], pos=[-0.04, 0, base - 0.012], **plinth)

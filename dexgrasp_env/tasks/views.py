@@ -131,9 +131,12 @@ class Views:
         if known is None or known[0] != key:
             cameras = tuple(camera for camera in self._cameras if camera.name in names)
             perception = Perception(
-                simulation.model, cameras, sensor=self._settings.sensor, rays=self.rays,
+                simulation.model,
+                cameras,
+                sensor=self._settings.sensor,
+                rays=self.rays,
                 robot=None if known is None else known[1].robot,
-            )  # fmt: skip
+            )
             known = self._perceptions[simulation] = key, perception
         return known[1]
 
