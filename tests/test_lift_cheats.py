@@ -13,7 +13,6 @@ from robots import HOME
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import DISTURB_SHIFT, GRASP_STEPS, HOLD_STEPS
-from dexgrasp_env.tasks.infos import only
 from dexgrasp_env.tasks.settings import WEIGHTS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
@@ -86,7 +85,7 @@ def test_success_stays_and_failure_takes_the_rest():
     assert terms["success"] == 1.0
     env.data.qpos[25], env.data.qpos[24] = 0.0, 2.0  # let fall, and lost
     env._conclude(0)
-    terms = only(env._episodes.infos())["reward_terms"]
+    terms = env._episodes.info(0)["reward_terms"]
     assert terms.pop("success") == 1.0
     assert set(terms.values()) == {0.0}
 
@@ -164,7 +163,7 @@ def held(env, steps, *, any_contacts=2, hand_contacts=2, forces=None):
     seen = []
     for _ in range(steps):
         env._conclude(0)
-        seen.append((only(env._episodes.infos()), float(episodes.rewards[0])))
+        seen.append((env._episodes.info(0), float(episodes.rewards[0])))
     return seen
 
 

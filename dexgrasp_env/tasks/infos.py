@@ -5,11 +5,6 @@ import numpy as np
 from dexgrasp_env.arrays import Fields, Mask
 
 
-def only(infos: Fields) -> Fields:
-    """Return the infos of the only environment, as plain values."""
-    return {key: only(value) if isinstance(value, dict) else value.item() for key, value in infos.items()}
-
-
 def with_masks(infos: Fields, number: int) -> Fields:
     """Add Gymnasium's masks: every environment of so many has every key."""
     values = {k: with_masks(v, number) if isinstance(v, dict) else v for k, v in infos.items()}

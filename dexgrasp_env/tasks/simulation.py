@@ -162,13 +162,14 @@ class Simulation:
             forces = np.concatenate([force.ravel() for force in self._forces])
             spec |= _FORCES
             control = np.dstack([rows, np.broadcast_to(forces, (*rows.shape[:2], len(forces)))])
-        readings = np.zeros((1, rows.shape[1], model.nsensordata))
+        readings = np.zeros((1, rows.shape[1], model.nsensordata)) if self.neighbours else None
         mujoco.mj_getState(model, data, self._state[0], _PHYSICS)
         self._rollout.rollout(
             [model], [data], self._state, control, control_spec=spec, skip_checks=True, nstep=rows.shape[1],
             initial_warmstart=data.qacc_warmstart.copy()[None], sensordata=readings,
         )  # fmt: skip
-        data.sensordata[self.touches] = readings[0, :, self.touches].max(axis=0)
+        if readings is not None:
+            data.sensordata[self.touches] = readings[0, :, self.touches].max(axis=0)
         return sum(1 << k for k, count in enumerate(data.warning.number.tolist()) if count)
 
     def get_state(self) -> Array:

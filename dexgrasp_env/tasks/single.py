@@ -14,7 +14,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import Episodes
-from dexgrasp_env.tasks.infos import only
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.physics import give_physics
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -179,9 +178,9 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
     def _told(self, observed: Arrays) -> tuple[Arrays, Fields]:
         """Return the observation and the info, both with what cameras saw last: callers may write to that."""
         view = self._episodes.slots[0].view
-        seen, info = copy.deepcopy((view.seen, view.info))
+        seen, info = copy.deepcopy((view.seen, view.info)) if view.seen else ({}, {})
         observation = {key: values[0] for key, values in observed.items()} | seen
-        return dict(sorted(observation.items())), only(self._episodes.infos()) | info
+        return dict(sorted(observation.items())), self._episodes.info(0) | info
 
     def get_state(self) -> EpisodeState:
         """Return everything that the running episode's future depends on.
