@@ -66,7 +66,10 @@ class RunFolder:
         Raises:
             InputError: as `check`; where another process holds the folder, or it cannot be written to.
         """
-        file = (make_folder(self.path) / ".lock").open("ab")
+        try:
+            file = (make_folder(self.path) / ".lock").open("ab")
+        except OSError as error:
+            raise InputError(f"cannot write to {self.path}: {error.strerror or error}") from None
         try:
             lock(file, f"another process is writing to {self.path}: wait for it, or choose another --out")
             self.check(identity)

@@ -61,8 +61,10 @@ class Episodes:
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
         self._rows, self._push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
         hulls = [simulation.hull for simulation in self.simulations.values()]
+        ends = np.cumsum([len(hull) for hull in hulls]).tolist()
         self._hull_spans = {
-            target: (sum(map(len, hulls[:k])), len(hulls[k])) for k, target in enumerate(self.simulations)
+            target: (end - len(hull), len(hull))
+            for target, hull, end in zip(self.simulations, hulls, ends, strict=True)
         }
         first = next(iter(self.simulations.values()))
         self.control = control_of(settings, arm_chain(first.base, robot))
