@@ -11,8 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp
-from dexgrasp.physics.closure import TOLERANCE
-from dexgrasp.physics.wrench import solve_wrench_qp
+from dexgrasp.mechanics.closure import TOLERANCE
+from dexgrasp.mechanics.wrench import solve_wrench_qp
 from dexgrasp.planning.certifier import OPENINGS, Candidate, NoGrasp, grasp_motion, opened, pressed
 from dexgrasp.planning.constraints import fixed_rows
 from dexgrasp.planning.cvae_source import CvaeProposals

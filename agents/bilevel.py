@@ -7,16 +7,16 @@ from typing import Any, NamedTuple
 from dexgrasp.agent import BY_CLOUD, Agent, Observation, cell_of
 from dexgrasp.motion.carried import SettingAside, WayAside
 from dexgrasp.motion.carrying import GuardedCarry
-from dexgrasp.motion.guarded import GuardedGrasp
 from dexgrasp.motion.motion import NoPath
+from dexgrasp.motion.move_until_contact import GuardedGrasp
 from dexgrasp.motion.retreat import Retreat
 from dexgrasp.motion.slide import Slide
-from dexgrasp.planning.aside import plan_aside
 from dexgrasp.planning.carry import plan_turn
 from dexgrasp.planning.overhang import plan_slid, plan_slide
+from dexgrasp.planning.plan_scene import default_planner, plan_scene, start_of
 from dexgrasp.planning.planner import LIFT_BLOCKED, Planner
+from dexgrasp.planning.rearrange import plan_aside
 from dexgrasp.planning.result import PlanResult, Progress
-from dexgrasp.planning.seen import default_planner, plan_scene, start_of
 from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError

@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.agent import BY_CLOUD, Agent, Observation, Report, cell_of
+from dexgrasp.geometry.completion import NO_VOLUME, NoTarget, target_of
+from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.script import ActionScript
-from dexgrasp.kinematics.palm_ik import hanging_palm, solve_palm
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.mechanics.kinematics.palm_ik import hanging_palm, solve_palm
+from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
-from dexgrasp.planning.seen import start_of
+from dexgrasp.planning.plan_scene import start_of
 from dexgrasp.runs.compiling import ensure_compiled
-from dexgrasp.shape.completion import NO_VOLUME, NoTarget, target_of
-from dexgrasp.shape.hull import standing_hull
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from dexgrasp.agent import BY_CLOUD, BY_STATE, Agent, Observation, Report, cell_of
-from dexgrasp.imitation.clone import Clone
-from dexgrasp.imitation.grasper import Grasper
-from dexgrasp.imitation.policy import Policy, PolicyRun
-from dexgrasp.reinforcement.actor import Actor, Grip
+from dexgrasp.learning.imitation.clone import Clone
+from dexgrasp.learning.imitation.grasper import Grasper
+from dexgrasp.learning.imitation.policy import Policy, PolicyRun
+from dexgrasp.learning.reinforcement.actor import Actor, Grip
 from dexgrasp.runs.policy_folder import read_policy
 from dexgrasp_env.arrays import Single
 from dexgrasp_env.assets import asset_path

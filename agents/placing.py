@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.agent import Agent, Observation, Report, cell_of
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.carried import STILL, carried, let_go
 from dexgrasp.motion.motion import arm_and_hand
 from dexgrasp_env.arrays import Array, Single

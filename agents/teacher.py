@@ -3,8 +3,8 @@
 import numpy as np
 
 from dexgrasp.agent import BY_CLOUD
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
 from .bilevel import BilevelAgent

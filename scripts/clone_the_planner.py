@@ -12,13 +12,13 @@ from typing import Annotated
 
 from dexgrasp.cli.command import Folder, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.demos.generate import generate
-from dexgrasp.demos.settings import DemoSettings
+from dexgrasp.data.demonstrations.generate import generate
+from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.report.tables import rate_words
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.imitation.cloning import VIEWS
-from dexgrasp.imitation.settings import BcSettings
+from dexgrasp.learning.imitation.cloning import VIEWS
+from dexgrasp.learning.imitation.settings import BcSettings
 from dexgrasp.runs.pool import Backend
 from dexgrasp_env.valid import Count, one_of
 

@@ -27,7 +27,7 @@ from dexgrasp.cli.command import Argument, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.cli.main import main as dexgrasp
 from dexgrasp.export.read import read_trajectory
-from dexgrasp.verify.scene import Scene
+from dexgrasp.grasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import gather, remove_flying
 from dexgrasp_env.poses import about_z

@@ -28,10 +28,10 @@ from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from dexgrasp.cli.command import Folder, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.demos.resets import DemoResets
+from dexgrasp.data.demonstrations.resets import DemoResets
 from dexgrasp.evaluation.statistics import wilson_interval
-from dexgrasp.reinforcement.grasp_space import SIZE, GraspSpace
-from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
+from dexgrasp.learning.reinforcement.grasp_space import SIZE, GraspSpace
+from dexgrasp.learning.reinforcement.sb3_vec_env import SB3VecEnv
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.tasks.constants import PALM_STEP

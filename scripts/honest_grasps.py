@@ -26,8 +26,8 @@ from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.grasp.content import grasp_json
 from dexgrasp.grasp.file import read_grasp, write_grasp
-from dexgrasp.planning.look import Subject, subject_of
-from dexgrasp.verify.verify import verify
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.planning.scene_setup import Subject, subject_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.load import load_object, resolve_targets
 from dexgrasp_env.perception.cloud import gather

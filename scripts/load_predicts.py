@@ -26,14 +26,14 @@ from dexgrasp.cli.command import Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import trial_seeds
 from dexgrasp.evaluation.summary import pooled
-from dexgrasp.physics.contacts import GRAVITY
-from dexgrasp.planning.look import Look, look_at
+from dexgrasp.planning.scene_setup import Look, look_at
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.lines import Lines
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import write_json
 from dexgrasp_env.objects.load import resolve_targets
+from dexgrasp_env.scene.constants import GRAVITY
 from dexgrasp_env.valid import Count, Natural
 
 FRICTION = 0.6  # of the world, as in the cones of `friction_hold`

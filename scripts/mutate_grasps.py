@@ -24,7 +24,7 @@ from tqdm import tqdm
 from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.grasp.file import read_grasp, record_of
-from dexgrasp.verify.verify import PARTS, verify
+from dexgrasp.grasp.verify.verify import PARTS, verify
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, Natural
 

@@ -21,11 +21,11 @@ from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.report.tables import rate_words
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import grouped, summarise_agent
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.runs.lines import Lines
 from dexgrasp.runs.progress import progress_bar
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rotate

@@ -32,8 +32,8 @@ from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.store import Outcome
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.motion.carrying import PickUp
+from dexgrasp.planning.plan_scene import plan_scene, start_of
 from dexgrasp.planning.result import Planned, PlanResult
-from dexgrasp.planning.seen import plan_scene, start_of
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.registry import make_agent
 from dexgrasp.runs.pool import Backend

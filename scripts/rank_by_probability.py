@@ -17,9 +17,9 @@ from probability_data import Job, look, outcome_of
 from dexgrasp.cli.command import Argument, File, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.statistics import mcnemar
-from dexgrasp.planning.many import chances_of, plan_many
+from dexgrasp.planning.diverse import chances_of, plan_many
+from dexgrasp.planning.plan_scene import plan_scene
 from dexgrasp.planning.result import Planned, PlanResult
-from dexgrasp.planning.seen import plan_scene
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.valid import Count
 

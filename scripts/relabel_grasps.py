@@ -21,8 +21,8 @@ from dexgrasp.cli.commands import run_script
 from dexgrasp.grasp.file import read_grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.record import GraspRecord
-from dexgrasp.verify.check import Check
-from dexgrasp.verify.verify import verify
+from dexgrasp.grasp.verify.check import Check
+from dexgrasp.grasp.verify.verify import verify
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.load import load_object, resolve_targets
 from dexgrasp_env.objects.model import ObjectModel

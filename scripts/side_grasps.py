@@ -18,8 +18,8 @@ from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import grouped
 from dexgrasp.grasp.file import read_grasp
-from dexgrasp.kinematics.forward import empty_frames, forward
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.mechanics.kinematics.forward import empty_frames, forward
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 
 STEEP = np.sin(np.radians(45.0))
 

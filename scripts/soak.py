@@ -139,7 +139,7 @@ def run(
 
 def run_plans(plans: int, objects: list[str], robots: list[str], *, scenes: int = 2) -> PlanSoak:
     """Look and plan, with objects and robots in turns; every object in `scenes` scenes, then the same again."""
-    from dexgrasp.planning.look import look_at
+    from dexgrasp.planning.scene_setup import look_at
     from dexgrasp.registry import make_agent
 
     agents = {robot: make_agent("bilevel") for robot in robots}

@@ -16,7 +16,7 @@ from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.report.tables import rate_words
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import grouped, summarise_agent
-from dexgrasp.planning.many import UNSURE
+from dexgrasp.planning.diverse import UNSURE
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Fields
 

@@ -28,8 +28,8 @@ from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, File, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.shape.network import LOG_SPREAD, OUTPUT, SCHEMA
-from dexgrasp.shape.view import UNIT, WRITTEN, View
+from dexgrasp.geometry.network import LOG_SPREAD, OUTPUT, SCHEMA
+from dexgrasp.geometry.view import UNIT, WRITTEN, View
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.load import load_target
 from dexgrasp_env.perception.plane import Plane

@@ -25,7 +25,7 @@ def check(tmp_path):
     """Write a grasp file, verify it, and return check by name."""
 
     from dexgrasp.grasp.file import read_grasp, write_grasp
-    from dexgrasp.verify.verify import verify
+    from dexgrasp.grasp.verify.verify import verify
 
     def run(content):
         path = tmp_path / "grasp.json"
@@ -42,7 +42,7 @@ def clone(tmp_path):
     import numpy as np
 
     import dexgrasp_env  # noqa: F401
-    from dexgrasp.imitation.features import features, first_look
+    from dexgrasp.learning.imitation.features import features, first_look
     from dexgrasp.runs.policy_folder import write_policy
 
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")

@@ -5,11 +5,11 @@ import daqp
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from dexgrasp.physics.closure import TOLERANCE, closure_sweep
-from dexgrasp.physics.cones import tangent_basis
-from dexgrasp.physics.equilibrium import grasp_map
-from dexgrasp.physics.simplex import FAR
-from dexgrasp.physics.wrench import pyramid_rows, restore_feasible
+from dexgrasp.mechanics.closure import TOLERANCE, closure_sweep
+from dexgrasp.mechanics.cones import tangent_basis
+from dexgrasp.mechanics.equilibrium import grasp_map
+from dexgrasp.mechanics.simplex import FAR
+from dexgrasp.mechanics.wrench import pyramid_rows, restore_feasible
 
 
 def sample_box(n, rng, half=(0.03, 0.08, 0.105)):

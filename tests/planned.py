@@ -3,11 +3,11 @@
 import trimesh
 from robots import HOME
 
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.content import ObjectPose, Origin, grasp_json, planned_record
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import load_object
 

@@ -201,7 +201,7 @@ def test_a_checkpoint_tells_its_modes_and_brings_its_normalisation(settings, tmp
     library = pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.vec_env import VecNormalize
 
-    from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
+    from dexgrasp.learning.reinforcement.sb3_vec_env import SB3VecEnv
 
     env = VecNormalize(
         SB3VecEnv("DexGrasp/Lift-v2", 2, objects="lego", **settings), norm_obs_keys=["palm_pose"]

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 from refusals import refused
 
-from dexgrasp.benchmarks import proposals
-from dexgrasp.benchmarks.registry import BENCHMARKS, run_benchmark
+from dexgrasp.cli.benchmarks import proposals
+from dexgrasp.cli.benchmarks.registry import BENCHMARKS, run_benchmark
 
 
 def numbers(figures):

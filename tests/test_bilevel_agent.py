@@ -16,15 +16,15 @@ from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.trial import run_trial
-from dexgrasp.kinematics.forward import fingertips
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.geometry.completion import target_of
+from dexgrasp.mechanics.kinematics.forward import fingertips
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.carrying import GuardedCarry
-from dexgrasp.motion.guarded import GuardedGrasp
+from dexgrasp.motion.move_until_contact import GuardedGrasp
 from dexgrasp.planning.cvae_source import make_source
-from dexgrasp.planning.look import look_at
+from dexgrasp.planning.plan_scene import plan_scene
 from dexgrasp.planning.result import PlansGrasps
-from dexgrasp.planning.seen import plan_scene
-from dexgrasp.shape.completion import target_of
+from dexgrasp.planning.scene_setup import look_at
 from dexgrasp_env.perception.scene import Scene
 
 COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
@@ -358,7 +358,7 @@ def test_works_without_torch_and_the_same_in_another_process(attempt):
                     raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
         sys.meta_path.insert(0, Absent())
-        from dexgrasp.planning.look import look_at
+        from dexgrasp.planning.scene_setup import look_at
         from dexgrasp.agents.bilevel import BilevelAgent
         agent = BilevelAgent()
         look = look_at("sugar_box", agent, seed=0)

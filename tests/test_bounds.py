@@ -16,9 +16,9 @@ import yaml
 from refusals import refused
 
 from dexgrasp.agents.checkpoint_reader import read_settings
+from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dictionary
 from dexgrasp.runs.arrays import read_arrays
 from dexgrasp.runs.lines import Lines, read_lines
-from dexgrasp.scoring.readers.dexgraspbench import read_dictionary
 from dexgrasp_env import files
 from dexgrasp_env.files import read_file, read_json_object, read_npz, read_yaml, write_atomically
 from dexgrasp_env.objects import user_mesh

@@ -8,13 +8,13 @@ from numpy.testing import assert_allclose, assert_array_equal, assert_array_less
 from planned import lying
 from robots import CELL, HOME, ROBOT, denormalise
 
-from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.mechanics.kinematics.forward import body_frames, tip_jacobian, tip_positions
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.mechanics.strength import capacity_of, hold_residual, torque_fraction
 from dexgrasp.motion.carried import turn_arm
 from dexgrasp.motion.carrying import GuardedCarry
-from dexgrasp.motion.guarded import GuardedGrasp
-from dexgrasp.physics.strength import capacity_of, hold_residual, torque_fraction
+from dexgrasp.motion.move_until_contact import GuardedGrasp
 from dexgrasp.planning.carry import ENOUGH, plan_turn
 from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.planner import Planner

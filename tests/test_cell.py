@@ -14,9 +14,9 @@ from refusals import refused
 from robots import ARM_JOINTS, CELL, HAND_JOINTS
 
 from dexgrasp.cli.commands import run_command
-from dexgrasp.dataset.generate import _identity
-from dexgrasp.dataset.settings import DatasetSettings
-from dexgrasp.demos.settings import DemoSettings
+from dexgrasp.data.dataset.generate import _identity
+from dexgrasp.data.dataset.settings import DatasetSettings
+from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import TrialStore, check_folder
 from dexgrasp.runs.folder import RunFolder

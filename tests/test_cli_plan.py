@@ -12,7 +12,7 @@ from processes import typed
 from dexgrasp.cli import plan_results
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
-from dexgrasp.planning import look
+from dexgrasp.planning import scene_setup as look
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.rendering import rendering_fault
 

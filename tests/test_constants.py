@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from project_scripts import load_script
 
-from dexgrasp.imitation import taken
-from dexgrasp.motion import carrying, guarded
+from dexgrasp.learning.imitation import taken
+from dexgrasp.motion import carrying
+from dexgrasp.motion import move_until_contact as guarded
 from dexgrasp.planning import constraints
 from dexgrasp_env.errors import InputError
 
@@ -102,11 +103,13 @@ def varying(monkeypatch, tmp_path):
 
 
 def test_constants_are_named_by_file_or_name_and_scenes_are_of_single_objects(varying):
-    assert varying.table(("motion",), ("guarded._GAIN",)) == [("dexgrasp/motion/guarded.py", "_GAIN")]
+    assert varying.table(("motion",), ("guarded._GAIN",)) == [
+        ("dexgrasp/motion/move_until_contact.py", "_GAIN")
+    ]
     apart = varying.table(("planning", "shape"), ("_APART",))
     assert {name for _, name in apart} == {"_APART"}
     assert len(apart) > 2
-    assert {file for file, _ in varying.table(("shape",), ("around",))} == {"dexgrasp/shape/around.py"}
+    assert {file for file, _ in varying.table(("shape",), ("around",))} == {"dexgrasp/geometry/around.py"}
     with pytest.raises(InputError, match="no constant 'guarded' in these rooms"):
         varying.table(("shape",), ("guarded",))
     assert len(varying.Vary(out="vary.json").objects) == 20

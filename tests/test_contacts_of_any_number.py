@@ -5,13 +5,13 @@ import pytest
 from numpy.testing import assert_allclose
 from refusals import refused
 
-from dexgrasp.physics.closure import opposed_pairs
-from dexgrasp.physics.contacts import Contacts, shape_of
-from dexgrasp.physics.margin import UNDEFINED, cone_margin, margins
-from dexgrasp.physics.squeeze import firmest_squeeze
-from dexgrasp.physics.strength import capacity_of, hold_residual, load_of, torque_fraction
-from dexgrasp.verify.cones import conic_margin, largest_push, slides, wrench_map
-from dexgrasp.verify.rays import least_way
+from dexgrasp.grasp.verify.cones import conic_margin, largest_push, slides, wrench_map
+from dexgrasp.grasp.verify.rays import least_way
+from dexgrasp.mechanics.closure import opposed_pairs
+from dexgrasp.mechanics.contacts import Contacts, shape_of
+from dexgrasp.mechanics.internal_force import firmest_squeeze
+from dexgrasp.mechanics.margin import UNDEFINED, cone_margin, margins
+from dexgrasp.mechanics.strength import capacity_of, hold_residual, load_of, torque_fraction
 from dexgrasp_env.arrays import cube_directions
 
 KINDS = [(2, 0.008), (3, 0.008), (4, 0.0), (4, 0.008), (5, 0.0)]

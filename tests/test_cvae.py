@@ -22,14 +22,16 @@ from dexgrasp.agents.ablations import (  # noqa: E402
     KinematicPlanner,
     RawPlanner,
 )
-from dexgrasp.cvae.autoencoder import Cvae, losses, rotation_of  # noqa: E402
-from dexgrasp.cvae.batches import split, training_batch  # noqa: E402
-from dexgrasp.cvae.cvae_training import CvaeTraining  # noqa: E402
-from dexgrasp.cvae.settings import TrainingSettings  # noqa: E402
-from dexgrasp.dataset.dataset import read_dataset  # noqa: E402
-from dexgrasp.dataset.generate import generate  # noqa: E402
-from dexgrasp.dataset.settings import DatasetSettings  # noqa: E402
-from dexgrasp.physics.margin import margins  # noqa: E402
+from dexgrasp.data.dataset.dataset import read_dataset  # noqa: E402
+from dexgrasp.data.dataset.generate import generate  # noqa: E402
+from dexgrasp.data.dataset.settings import DatasetSettings  # noqa: E402
+from dexgrasp.geometry.target import GraspTarget  # noqa: E402
+from dexgrasp.learning.cvae.autoencoder import Cvae, losses, rotation_of  # noqa: E402
+from dexgrasp.learning.cvae.batches import split, training_batch  # noqa: E402
+from dexgrasp.learning.cvae.cvae_training import CvaeTraining  # noqa: E402
+from dexgrasp.learning.cvae.settings import TrainingSettings  # noqa: E402
+from dexgrasp.learning.training.checkpoint import write_tensors  # noqa: E402
+from dexgrasp.mechanics.margin import margins  # noqa: E402
 from dexgrasp.planning.cvae_source import CvaeProposals, decode, on_surface, shipped_weights  # noqa: E402
 from dexgrasp.planning.decoder import (  # noqa: E402
     SCALE,
@@ -40,9 +42,7 @@ from dexgrasp.planning.planner import Planner  # noqa: E402
 from dexgrasp.planning.proposals import ProposalSource  # noqa: E402
 from dexgrasp.planning.settings import PlannerSettings  # noqa: E402
 from dexgrasp.runs.arrays import read_arrays  # noqa: E402
-from dexgrasp.runs.checkpoint import write_tensors  # noqa: E402
 from dexgrasp.runs.folder import RunFolder  # noqa: E402
-from dexgrasp.shape.target import GraspTarget  # noqa: E402
 from dexgrasp_env.errors import InputError  # noqa: E402
 from dexgrasp_env.robot.cell import make_cell  # noqa: E402
 

@@ -16,13 +16,13 @@ from robots import CELL
 
 from dexgrasp.cli.dataset import describe
 from dexgrasp.cli.main import main
-from dexgrasp.dataset.dataset import complete, fields_of, read_arrays, read_dataset, read_manifest
-from dexgrasp.dataset.generate import Job, generate, make
-from dexgrasp.dataset.info import check_sample, summary
-from dexgrasp.dataset.rest_scene import placed, rest_scene
-from dexgrasp.dataset.sampler import bearable
-from dexgrasp.dataset.settings import DatasetSettings
-from dexgrasp.physics.margin import margins
+from dexgrasp.data.dataset.dataset import complete, fields_of, read_arrays, read_dataset, read_manifest
+from dexgrasp.data.dataset.generate import Job, generate, make
+from dexgrasp.data.dataset.info import check_sample, summary
+from dexgrasp.data.dataset.rest_scene import placed, rest_scene
+from dexgrasp.data.dataset.sampler import bearable
+from dexgrasp.data.dataset.settings import DatasetSettings
+from dexgrasp.mechanics.margin import margins
 from dexgrasp.planning.placement import assignments, place_on_atlas
 from dexgrasp.planning.postures import loads_on
 from dexgrasp.planning.proposals import closure_sweep

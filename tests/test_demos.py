@@ -16,16 +16,16 @@ from robots import CELL, HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.agents.hardcoded import HardcodedAgent
-from dexgrasp.demos import DemoResets
-from dexgrasp.demos import generate as generation
-from dexgrasp.demos.convert import to_action
-from dexgrasp.demos.generate import generate
-from dexgrasp.demos.info import replay_all, summary
-from dexgrasp.demos.minari_format import read_episodes, write_minari
-from dexgrasp.demos.rollout import Recorder, intended, replay
-from dexgrasp.demos.settings import DemoSettings
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.data.demonstrations import DemoResets
+from dexgrasp.data.demonstrations import generate as generation
+from dexgrasp.data.demonstrations.convert import to_action
+from dexgrasp.data.demonstrations.generate import generate
+from dexgrasp.data.demonstrations.info import replay_all, summary
+from dexgrasp.data.demonstrations.minari_format import read_episodes, write_minari
+from dexgrasp.data.demonstrations.rollout import Recorder, intended, replay
+from dexgrasp.data.demonstrations.settings import DemoSettings
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 from dexgrasp_env.tasks.constants import GOAL_STEPS
 

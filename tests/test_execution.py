@@ -10,9 +10,9 @@ from robots import CELL, HOME, LOWER, ROBOT, UPPER, VELOCITY
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.grasp.grasp import GraspMotion
-from dexgrasp.kinematics import shapes
-from dexgrasp.kinematics.palm_ik import palm_frame, solve_palm
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.mechanics.kinematics import shapes
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, solve_palm
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion import collision
 from dexgrasp.motion.approach import plan_arm
 from dexgrasp.motion.cartesian import shift_palm

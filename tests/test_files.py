@@ -12,7 +12,7 @@ import pytest
 from refusals import refused
 
 from dexgrasp.agents.learned import LearnedAgent
-from dexgrasp.scoring.hand import find_hand
+from dexgrasp.evaluation.scoring.hand import find_hand
 from dexgrasp_env import files
 from dexgrasp_env.files import cached_arrays, read_json_object, read_npz, write_atomically
 from dexgrasp_env.objects.load import load_object

@@ -3,9 +3,9 @@
 import yaml
 
 from dexgrasp.grasp.content import Origin, planned_record
+from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.planner import Planner, small_box
-from dexgrasp.verify.verify import verify
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.robot.cell import make_cell
 

@@ -16,8 +16,8 @@ from dexgrasp.grasp.file import read_grasp, record_of, write_grasp
 from dexgrasp.grasp.identity import surface_hash
 from dexgrasp.grasp.record import as_json
 from dexgrasp.grasp.thresholds import FROZEN
-from dexgrasp.planning.look import subject_of
-from dexgrasp.verify.verify import verify
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.planning.scene_setup import subject_of
 
 
 def test_round_trip(contents, tmp_path):

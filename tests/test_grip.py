@@ -10,10 +10,10 @@ from refusals import refused
 from robots import CELL, HOME
 from trainings import begun, goes_on_to_the_same_bits
 
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.learning.reinforcement.actor import GRIP_SIZE, Grip, arm_step, look
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
-from dexgrasp.reinforcement.actor import GRIP_SIZE, Grip, arm_step, look
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 
 torch = pytest.importorskip("torch")
@@ -21,8 +21,8 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
-from dexgrasp.reinforcement.policy_training import GripTraining  # noqa: E402
-from dexgrasp.reinforcement.settings import GripSettings  # noqa: E402
+from dexgrasp.learning.reinforcement.policy_training import GripTraining  # noqa: E402
+from dexgrasp.learning.reinforcement.settings import GripSettings  # noqa: E402
 
 SETTINGS = GripSettings(
     ("sugar_box",), episode_steps=12, episodes=12, num_envs=2, round_episodes=2, alike=2, hidden=8

@@ -12,11 +12,11 @@ from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.export.grasp_export import grasp_facts
 from dexgrasp.grasp.file import read_grasp
-from dexgrasp.kinematics.forward import fingertips, hand_contact_jacobian
-from dexgrasp.kinematics.robot_check import check_robot
-from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.verify.scene import Scene
-from dexgrasp.verify.verify import verify
+from dexgrasp.grasp.verify.scene import Scene
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.mechanics.kinematics.forward import fingertips, hand_contact_jacobian
+from dexgrasp.mechanics.kinematics.robot_check import check_robot
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.robot.cell import make_cell

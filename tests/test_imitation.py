@@ -14,30 +14,30 @@ from robots import CELL
 from trainings import goes_on_to_the_same_bits
 
 from dexgrasp.cli.commands import run_script
-from dexgrasp.demos.generate import generate
-from dexgrasp.demos.minari_format import read_episodes
-from dexgrasp.demos.settings import DemoSettings
+from dexgrasp.data.demonstrations.generate import generate
+from dexgrasp.data.demonstrations.minari_format import read_episodes
+from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.imitation.clone import Clone, CloneRun
-from dexgrasp.imitation.cloud_look import along, look_at
-from dexgrasp.imitation.data import read_grips, read_rows
-from dexgrasp.imitation.features import features, first_look, side_by_side
-from dexgrasp.imitation.grasper import Grasper
-from dexgrasp.imitation.taken import as_row, of_row, taken
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.learning.imitation.clone import Clone, CloneRun
+from dexgrasp.learning.imitation.cloud_look import along, look_at
+from dexgrasp.learning.imitation.data import read_grips, read_rows
+from dexgrasp.learning.imitation.features import features, first_look, side_by_side
+from dexgrasp.learning.imitation.grasper import Grasper
+from dexgrasp.learning.imitation.taken import as_row, of_row, taken
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp_env.poses import about_z, quat_multiply, rotate, yaw_quat
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("minari")
-from dexgrasp.imitation.clone_net import CloneNet, GraspNet  # noqa: E402
-from dexgrasp.imitation.cloning import VIEWS, Cloning, StateCloning  # noqa: E402
-from dexgrasp.imitation.settings import BcSettings, CloneNetwork, GraspNetwork  # noqa: E402
-from dexgrasp.imitation.trials import Trials  # noqa: E402
-from dexgrasp.runs.checkpoint import read_state  # noqa: E402
+from dexgrasp.learning.imitation.clone_net import CloneNet, GraspNet  # noqa: E402
+from dexgrasp.learning.imitation.cloning import VIEWS, Cloning, StateCloning  # noqa: E402
+from dexgrasp.learning.imitation.settings import BcSettings, CloneNetwork, GraspNetwork  # noqa: E402
+from dexgrasp.learning.imitation.trials import Trials  # noqa: E402
+from dexgrasp.learning.training.checkpoint import read_state  # noqa: E402
+from dexgrasp.learning.training.training import CHECKPOINT, Course  # noqa: E402
 from dexgrasp.runs.policy_folder import read_policy  # noqa: E402
-from dexgrasp.runs.training import CHECKPOINT, Course  # noqa: E402
 
 SMALL = CloneNetwork(hidden=24, layers=2)
 NARROW = GraspNetwork(local=8, cloud=12, width=24)

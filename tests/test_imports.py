@@ -22,7 +22,7 @@ env.step(env.action_space.sample())
          "numba torch OpenGL mujoco matplotlib"),
         (EPISODE, "torch OpenGL"),
         ("import dexgrasp; dexgrasp.make_agent", "torch numba"),
-        ("from dexgrasp.physics import closure, squeeze, margin, ratios, wrench", "torch"),
+        ("from dexgrasp.mechanics import closure, internal_force, margin, ratios, wrench", "torch"),
         ("import dexgrasp.agents.learned", "torch"),
         ("from dexgrasp.cli.main import main; main(['--help'])", "mujoco numba torch trimesh scipy"),
         ("from dexgrasp.cli.main import main; assert main(['plan', 'soda']) == 0",

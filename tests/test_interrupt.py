@@ -148,11 +148,11 @@ def test_evaluate_in_the_middle_keeps_every_trial(tmp_path):
 @pytest.mark.parametrize(
     ("words", "work"),
     [
-        ("dataset generate --objects pear", "dexgrasp.dataset.generate.generate"),
-        ("demos generate --objects pear", "dexgrasp.demos.generate.generate"),
-        ("train cvae --data data", "dexgrasp.cvae.cvae_training.CvaeTraining"),
-        ("train bc --data data --view state", "dexgrasp.imitation.cloning.Cloning.__init__"),
-        ("train ppo --objects pear", "dexgrasp.reinforcement.policy_training.PolicyTraining"),
+        ("dataset generate --objects pear", "dexgrasp.data.dataset.generate.generate"),
+        ("demos generate --objects pear", "dexgrasp.data.demonstrations.generate.generate"),
+        ("train cvae --data data", "dexgrasp.learning.cvae.cvae_training.CvaeTraining"),
+        ("train bc --data data --view state", "dexgrasp.learning.imitation.cloning.Cloning.__init__"),
+        ("train ppo --objects pear", "dexgrasp.learning.reinforcement.policy_training.PolicyTraining"),
     ],
 )
 def test_long_commands_say_what_is_kept(words, work, tmp_path, monkeypatch, capsys):

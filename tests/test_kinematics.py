@@ -12,11 +12,11 @@ from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_kernel import NOTHING
-from dexgrasp.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows, empty_rows
-from dexgrasp.kinematics.cover import body_spheres
-from dexgrasp.kinematics.forward import body_frames, contact_jacobian, fingertips, tip_jacobian
-from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm, solve_palm
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.mechanics.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows, empty_rows
+from dexgrasp.mechanics.kinematics.forward import body_frames, contact_jacobian, fingertips, tip_jacobian
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, reach_palm, solve_palm
+from dexgrasp.mechanics.kinematics.sphere_cover import body_spheres
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.robot.model import robot_spec
 
 MOUNTS = ("palm_normal", "fingers_along")

@@ -6,8 +6,8 @@ from project_scripts import load_script
 
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.grasp.file import record_of
-from dexgrasp.planning.look import look_at
-from dexgrasp.verify.verify import verify
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.planning.scene_setup import look_at
 
 
 @pytest.fixture(scope="module")

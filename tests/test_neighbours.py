@@ -11,29 +11,29 @@ from robots import CELL, HOME
 from dexgrasp.agent import public_info
 from dexgrasp.agents import bilevel
 from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.geometry.around import SEEN, UNSEEN, columns, neighbours_of
+from dexgrasp.geometry.completion import target_of
 from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.field import field_at, field_of
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.content import planned_record
-from dexgrasp.kinematics.clearance import NEIGHBOUR, clearance_rows, empty_rows
-from dexgrasp.kinematics.forward import body_frames, fingertips
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.grasp.verify.scene import Scene as Judge
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR, clearance_rows, empty_rows
+from dexgrasp.mechanics.kinematics.forward import body_frames, fingertips
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.collision import carried_into, raised_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
-from dexgrasp.planning.aside import plan_aside
 from dexgrasp.planning.certifier import _in_the_way
 from dexgrasp.planning.claims import overlap, too_near
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import _has_room, atlas_postures
 from dexgrasp.planning.proposals import SurfaceProposals
+from dexgrasp.planning.rearrange import plan_aside
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import PlannerSettings, Problem
-from dexgrasp.shape.around import SEEN, UNSEEN, columns, neighbours_of
-from dexgrasp.shape.completion import target_of
-from dexgrasp.shape.target import GraspTarget
-from dexgrasp.verify.scene import Scene as Judge
-from dexgrasp.verify.verify import verify
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 TREE = robot_tree(CELL)

@@ -11,14 +11,14 @@ from robots import CELL, HOME, denormalise
 
 from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.content import Origin, planned_record
-from dexgrasp.kinematics.forward import fingertips
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.mechanics.kinematics.forward import fingertips
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.slide import Push, Slide, make_slide, tips_apart
 from dexgrasp.planning.overhang import plan_slid, plan_slide, pushes, slid
 from dexgrasp.planning.planner import Planner
-from dexgrasp.shape.target import GraspTarget
-from dexgrasp.verify.verify import verify
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 
 START, TREE = np.array(HOME), robot_tree(CELL)

@@ -5,7 +5,7 @@ import pytest
 from test_scene_cloud import box
 
 from dexgrasp_env.objects.load import load_target
-from dexgrasp_env.perception.parting import parted
+from dexgrasp_env.perception.instances import parted
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.poses import about_z

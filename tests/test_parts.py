@@ -5,12 +5,12 @@ import pytest
 import trimesh
 from planned import hammer
 
+from dexgrasp.geometry.completion import target_of
+from dexgrasp.geometry.hull import cloud_corners
+from dexgrasp.geometry.parts import MOST_PARTS, parts_within
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.proposals import graspable_points
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.completion import target_of
-from dexgrasp.shape.hull import cloud_corners
-from dexgrasp.shape.parts import MOST_PARTS, parts_within
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 

@@ -9,7 +9,7 @@ import trimesh
 from refusals import refused
 from robots import CELL
 
-from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy
+from dexgrasp.cli.benchmarks.cloud_accuracy import measure_accuracy
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.perception.segment import segment
 from dexgrasp_env.sensing.perception import Perception
@@ -185,7 +185,7 @@ def test_each_image_has_its_camera():
 
 
 def test_the_benchmark_splits_the_cost_by_step():
-    benchmark = pytest.importorskip("dexgrasp.benchmarks.perception")
+    benchmark = pytest.importorskip("dexgrasp.cli.benchmarks.perception")
     result = benchmark.run(quick=True)
     assert result["total_ms"] > 0
     assert {"render", "measure", "fit_plane", "smooth"} <= set(result["steps_ms"])

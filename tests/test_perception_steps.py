@@ -9,8 +9,8 @@ import trimesh
 from robots import CELL, HOME
 from scipy.spatial import ConvexHull
 
-from dexgrasp.benchmarks.cloud_accuracy import covered_share, surface_distance
-from dexgrasp.shape.hull import cloud_corners, trim_extremes
+from dexgrasp.cli.benchmarks.cloud_accuracy import covered_share, surface_distance
+from dexgrasp.geometry.hull import cloud_corners, trim_extremes
 from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.perception.cloud import (
     Cloud,

@@ -6,10 +6,10 @@ from numpy.testing import assert_array_equal
 from oracles import against_proof, closed, sample_box, sample_can
 from refusals import refused
 
-from dexgrasp.physics.checks import rms_radius
-from dexgrasp.physics.closure import closure_sweep
-from dexgrasp.physics.wrench import solve_wrench_qp
-from dexgrasp.verify.cones import conic_residual
+from dexgrasp.grasp.verify.cones import conic_residual
+from dexgrasp.mechanics.checks import rms_radius
+from dexgrasp.mechanics.closure import closure_sweep
+from dexgrasp.mechanics.wrench import solve_wrench_qp
 
 
 def with_noise(points, normals, rng):

@@ -4,8 +4,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from oracles import cone_distance, project_to_cone, pyramid_violation
 from refusals import refused
 
-from dexgrasp.physics.cones import C, cone_edges, tangent_basis
-from dexgrasp.physics.ratios import wrench_ratios
+from dexgrasp.mechanics.cones import C, cone_edges, tangent_basis
+from dexgrasp.mechanics.ratios import wrench_ratios
 
 
 def unit(rng, *shape):

@@ -3,10 +3,10 @@ import pytest
 from oracles import closed, directional_error, random_grasps, sample_box
 from refusals import refused
 
-from dexgrasp.physics.contacts import shape_of
-from dexgrasp.physics.margin import UNDEFINED, cone_margin, margins, margins_to
-from dexgrasp.physics.metrics import ferrari_canny
-from dexgrasp.verify.cones import conic_margin
+from dexgrasp.grasp.verify.cones import conic_margin
+from dexgrasp.mechanics.contacts import shape_of
+from dexgrasp.mechanics.margin import UNDEFINED, cone_margin, margins, margins_to
+from dexgrasp.mechanics.metrics import ferrari_canny
 
 
 def test_cone_margin_is_the_cone_programme():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from dexgrasp.physics.simplex import empty_simplex, restart, solve
+from dexgrasp.mechanics.simplex import empty_simplex, restart, solve
 
 
 def add(lp, A, b):

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from dexgrasp.physics.contacts import Contacts, checked, shape_of
-from dexgrasp.physics.equilibrium import grasp_map
-from dexgrasp.physics.squeeze import RESERVED, empty_room, firmest_squeeze, squeeze_estimate
-from dexgrasp.physics.strength import load_of
+from dexgrasp.mechanics.contacts import Contacts, checked, shape_of
+from dexgrasp.mechanics.equilibrium import grasp_map
+from dexgrasp.mechanics.internal_force import RESERVED, empty_room, firmest_squeeze, squeeze_estimate
+from dexgrasp.mechanics.strength import load_of
 
 POINTS = np.array([[0.03, 0, 0.05], [-0.03, 0.02, 0.05], [-0.03, -0.02, 0.05]])
 NORMALS = np.array([[1.0, 0, 0], [-1, 0, 0], [-1, 0, 0]])

@@ -3,7 +3,7 @@ import pytest
 from oracles import closed, pyramid_violation, random_grasps
 from refusals import refused
 
-from dexgrasp.physics.wrench import solve_wrench_qp
+from dexgrasp.mechanics.wrench import solve_wrench_qp
 
 
 def test_solvers_agree_and_forces_are_feasible():

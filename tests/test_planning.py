@@ -12,16 +12,18 @@ from planned import hammer
 from refusals import refused
 from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 
-from dexgrasp.benchmarks.proposals import UniformProposals
+from dexgrasp.cli.benchmarks.proposals import UniformProposals
 from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.exact import closest_on_mesh
-from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
-from dexgrasp.kinematics.forward import body_frames, fingertips
-from dexgrasp.kinematics.tip_ik import solve_tips
-from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.physics.contacts import shape_of
-from dexgrasp.physics.margin import margins
-from dexgrasp.physics.wrench import solve_wrench_qp
+from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.grasp.verify.cones import conic_margin, conic_residual
+from dexgrasp.mechanics.contacts import shape_of
+from dexgrasp.mechanics.kinematics.clearance import clearance_rows, empty_rows
+from dexgrasp.mechanics.kinematics.forward import body_frames, fingertips
+from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
+from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.mechanics.margin import margins
+from dexgrasp.mechanics.wrench import solve_wrench_qp
 from dexgrasp.planning.atlas import hand_atlas, triangle_sides
 from dexgrasp.planning.constraints import evaluate, fixed_rows
 from dexgrasp.planning.cvae_source import make_source
@@ -29,8 +31,6 @@ from dexgrasp.planning.postures import atlas_postures, oriented_postures
 from dexgrasp.planning.proposals import SurfaceProposals, robustness
 from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp.planning.sqp import bounds_of
-from dexgrasp.shape.target import GraspTarget
-from dexgrasp.verify.cones import conic_margin, conic_residual
 from dexgrasp_env.robot.model import robot_spec
 
 TREE, SETTINGS = robot_tree(CELL), PlannerSettings()

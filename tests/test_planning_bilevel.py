@@ -8,13 +8,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from planned import lying
 from robots import CELL, HOME, LOWER, UPPER
 
-from dexgrasp.benchmarks.proposals import UniformProposals
+from dexgrasp.cli.benchmarks.proposals import UniformProposals
 from dexgrasp.geometry.convex_kernel import NOTHING
-from dexgrasp.kinematics.forward import fingertips
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.mechanics.contacts import shape_of
+from dexgrasp.mechanics.kinematics.forward import fingertips
+from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.mechanics.strength import load_of
 from dexgrasp.motion.collision import CollisionChecker
-from dexgrasp.physics.contacts import shape_of
-from dexgrasp.physics.strength import load_of
 from dexgrasp.planning.certifier import grasp_motion, opened
 from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.constraints import evaluate
@@ -23,7 +24,6 @@ from dexgrasp.planning.postures import atlas_postures, oriented_postures
 from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp.planning.sqp import TOLERANCE, bounds_of, solve
-from dexgrasp.shape.target import GraspTarget
 
 TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
 

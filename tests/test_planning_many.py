@@ -13,13 +13,13 @@ from dexgrasp.cli.codes import ANSWER_IS_NO, OK
 from dexgrasp.cli.main import main
 from dexgrasp.grasp.content import Origin, planned_record
 from dexgrasp.grasp.variety import component_shares, hand_points
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.planning.atlas import _key
-from dexgrasp.planning.many import plan_many
+from dexgrasp.planning.diverse import plan_many
+from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.seen import plan_cloud
 from dexgrasp.planning.settings import MOST
-from dexgrasp.verify.verify import verify
 
 COUNT = 6
 

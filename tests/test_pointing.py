@@ -8,7 +8,7 @@ from test_scene_cloud import scene_points
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
-from dexgrasp.planning.seen import plan_cloud
+from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.pointing import mask_of, point_of_pixel
 

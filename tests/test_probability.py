@@ -15,7 +15,7 @@ from dexgrasp.grasp.features import Draws, _borne, features_of
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.probability import OUTCOMES, probability_of, read_model, shipped_model
 from dexgrasp.grasp.record import as_json
-from dexgrasp.planning.many import UNSURE, chances_of, sure_of
+from dexgrasp.planning.diverse import UNSURE, chances_of, sure_of
 from dexgrasp.planning.planner import Planner, small_box
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import PlannerSettings
@@ -123,14 +123,14 @@ def test_of_a_set_those_remain_that_are_sure(found, monkeypatch):
     planner = Planner(PlannerSettings(at_least=0.9), cell=CELL)
     result = PlanResult(small_box(), planner.settings, asked=3, found=[*found.found] * 3)
     chances = (SimpleNamespace(lifted=SimpleNamespace(value=value)) for value in (0.95, 0.2, 0.92))
-    monkeypatch.setattr("dexgrasp.planning.many.chances_of", lambda one, result: next(chances))
+    monkeypatch.setattr("dexgrasp.planning.diverse.chances_of", lambda one, result: next(chances))
     left = sure_of(copy.copy(result), planner, HOME)
     assert (len(left.found), left.success, left.reason) == (2, False, UNSURE)
 
 
 def test_no_probability_is_known_of_others(found, monkeypatch):
     unknown = SimpleNamespace(holds_probability=None)
-    monkeypatch.setattr("dexgrasp.planning.many.planned_record", lambda *args: unknown)
+    monkeypatch.setattr("dexgrasp.planning.diverse.planned_record", lambda *args: unknown)
     with pytest.raises(InputError, match=r"friction 0\.3 or more"):
         chances_of(found.found[0], found)
 

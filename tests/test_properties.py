@@ -21,8 +21,8 @@ from dexgrasp.cli.parsing import reader
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.file import record_of
-from dexgrasp.physics.contacts import shape_of
-from dexgrasp.physics.margin import cone_margin
+from dexgrasp.mechanics.contacts import shape_of
+from dexgrasp.mechanics.margin import cone_margin
 from dexgrasp_env.perception import kernels
 from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate
 from dexgrasp_env.valid import NATURAL, number

@@ -2,8 +2,8 @@
 
 from dexgrasp.evaluation.reasons import REASONS, explain, sentence
 from dexgrasp.evaluation.trial import NOT_HELD
+from dexgrasp.geometry import completion
 from dexgrasp.planning import cvae_source, planner, proposals
-from dexgrasp.shape import completion
 from dexgrasp_env.perception.segment import REASONS as UNSEEN
 
 PLANNERS = [

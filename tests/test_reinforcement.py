@@ -8,8 +8,8 @@ import pytest
 from refusals import refused
 from trainings import begun, goes_on_to_the_same_bits
 
-from dexgrasp.demos.generate import generate
-from dexgrasp.demos.settings import DemoSettings
+from dexgrasp.data.demonstrations.generate import generate
+from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.registry import make_agent
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp_env.valid import read
@@ -19,10 +19,10 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym
 
 import dexgrasp_env  # noqa: F401
-from dexgrasp.reinforcement import policy_training
-from dexgrasp.reinforcement.grasp_space import GraspSpace
-from dexgrasp.reinforcement.policy_training import PolicyTraining
-from dexgrasp.reinforcement.settings import RlSettings
+from dexgrasp.learning.reinforcement import policy_training
+from dexgrasp.learning.reinforcement.grasp_space import GraspSpace
+from dexgrasp.learning.reinforcement.policy_training import PolicyTraining
+from dexgrasp.learning.reinforcement.settings import RlSettings
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,7 @@ import yaml
 from foreign_parts import ALLEGRO, foreign_hand
 
 from dexgrasp.cli.commands import run_command
-from dexgrasp.kinematics.robot_check import check_robot
+from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.make import make_robot

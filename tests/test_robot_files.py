@@ -14,23 +14,23 @@ from robots import CELL, GRASP_FINGERS
 
 from dexgrasp.agent import public_info
 from dexgrasp.cli.commands import run_command
+from dexgrasp.evaluation.scoring.hand import find_hand
 from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.file import record_of
-from dexgrasp.kinematics.clearance import SELF, clearance_rows, empty_rows
-from dexgrasp.kinematics.cover import hull_cells
-from dexgrasp.kinematics.forward import body_frames
-from dexgrasp.kinematics.pairs import meeting_pairs
-from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
-from dexgrasp.kinematics.robot_check import check_robot
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.mechanics.kinematics.clearance import SELF, clearance_rows, empty_rows
+from dexgrasp.mechanics.kinematics.forward import body_frames
+from dexgrasp.mechanics.kinematics.pairs import meeting_pairs
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, reach_palm
+from dexgrasp.mechanics.kinematics.robot_check import check_robot
+from dexgrasp.mechanics.kinematics.sphere_cover import hull_cells
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.cvae_source import make_source
-from dexgrasp.planning.look import look_at
 from dexgrasp.planning.planner import Planner, Search, small_box
+from dexgrasp.planning.scene_setup import look_at
 from dexgrasp.registry import make_agent
-from dexgrasp.scoring.hand import find_hand
-from dexgrasp.verify.verify import verify
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import make_cell

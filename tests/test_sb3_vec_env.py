@@ -9,7 +9,7 @@ import gymnasium as gym
 from refusals import refused
 from stable_baselines3 import PPO, SAC, HerReplayBuffer
 
-from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
+from dexgrasp.learning.reinforcement.sb3_vec_env import SB3VecEnv
 
 
 def test_terminal_observations_and_time_limits():

@@ -5,10 +5,10 @@ import pytest
 import trimesh
 from refusals import refused
 
-from dexgrasp.scoring.hand import Candidate, HandStage, find_hand
-from dexgrasp.scoring.metrics import contact_metrics
-from dexgrasp.scoring.protocols import GRASP_PROTOCOLS, get_grasp_protocol
-from dexgrasp.scoring.scene import FloatingScene
+from dexgrasp.evaluation.scoring.hand import Candidate, HandStage, find_hand
+from dexgrasp.evaluation.scoring.metrics import contact_metrics
+from dexgrasp.evaluation.scoring.protocols import GRASP_PROTOCOLS, get_grasp_protocol
+from dexgrasp.evaluation.scoring.scene import FloatingScene
 from dexgrasp_env.objects.model import centred_model
 from dexgrasp_env.objects.parts import ContactPart
 

@@ -16,12 +16,12 @@ from robots import CELL, HAND_JOINTS, TIPS
 
 from dexgrasp.cli.main import main
 from dexgrasp.cli.score import short_names
-from dexgrasp.scoring.closing import PRESS, balanced_forces, close_around
-from dexgrasp.scoring.hand import HandStage, find_hand
-from dexgrasp.scoring.metrics import diversity
-from dexgrasp.scoring.readers import ReadOptions, ours, read_candidates
-from dexgrasp.scoring.readers.dexgraspbench import read_dictionary
-from dexgrasp.scoring.readers.plain import FORMAT, joints_in_order
+from dexgrasp.evaluation.scoring.closing import PRESS, balanced_forces, close_around
+from dexgrasp.evaluation.scoring.hand import HandStage, find_hand
+from dexgrasp.evaluation.scoring.metrics import diversity
+from dexgrasp.evaluation.scoring.readers import ReadOptions, ours, read_candidates
+from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dictionary
+from dexgrasp.evaluation.scoring.readers.plain import FORMAT, joints_in_order
 from dexgrasp_env.poses import pose_matrix
 from dexgrasp_env.robot.model import robot_spec
 
@@ -179,7 +179,7 @@ def test_dexgraspbench_needs_every_stage(folder):
 
 
 def frogger(folder, **more):
-    from dexgrasp.scoring.readers.frogger import JOINTS, PALM
+    from dexgrasp.evaluation.scoring.readers.frogger import JOINTS, PALM
 
     names = [*JOINTS][::-1]
     values = {ours: 0.1 + 0.01 * i for i, ours in enumerate(HAND_JOINTS)}

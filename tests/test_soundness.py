@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from robots import CELL, HOME
 
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way
-from dexgrasp.shape.target import GraspTarget
 
 TARGET = GraspTarget.of_corners([np.array(list(product((0.50, 0.55), (0.30, 0.35), (0.0, 0.05))))])
 

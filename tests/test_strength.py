@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from dexgrasp.physics.checks import rms_radius
-from dexgrasp.physics.cones import tangent_basis
-from dexgrasp.physics.contacts import Contacts
-from dexgrasp.physics.equilibrium import grasp_map
-from dexgrasp.physics.strength import capacity_of, hold_residual, load_of
+from dexgrasp.mechanics.checks import rms_radius
+from dexgrasp.mechanics.cones import tangent_basis
+from dexgrasp.mechanics.contacts import Contacts
+from dexgrasp.mechanics.equilibrium import grasp_map
+from dexgrasp.mechanics.strength import capacity_of, hold_residual, load_of
 from dexgrasp_env.arrays import cube_directions
 
 MU = 0.6

@@ -9,16 +9,16 @@ from numpy.testing import assert_allclose
 from refusals import refused
 
 from dexgrasp.evaluation.evaluate import evaluate
+from dexgrasp.evaluation.scoring.hand import Candidate, HandStage, find_hand
+from dexgrasp.evaluation.scoring.scene import FloatingScene, Physics
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.grasp.file import read_grasp
-from dexgrasp.kinematics.forward import follow, hand_contact_jacobian, stop_torques
-from dexgrasp.kinematics.robot_check import check_robot
-from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.scoring.hand import Candidate, HandStage, find_hand
-from dexgrasp.scoring.scene import FloatingScene, Physics
-from dexgrasp.verify.scene import Scene
-from dexgrasp.verify.verify import verify
+from dexgrasp.grasp.verify.scene import Scene
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.mechanics.kinematics.forward import follow, hand_contact_jacobian, stop_torques
+from dexgrasp.mechanics.kinematics.robot_check import check_robot
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.make import make_robot

@@ -10,18 +10,18 @@ import yaml
 from processes import python
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp.dataset.dataset import read_arrays
-from dexgrasp.dataset.generate import Job, make
-from dexgrasp.dataset.settings import DatasetSettings
+from dexgrasp.data.dataset.dataset import read_arrays
+from dexgrasp.data.dataset.generate import Job, make
+from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.grasp.file import record_of
-from dexgrasp.kinematics.forward import fingertips
-from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.planning.look import look_at
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.mechanics.kinematics.forward import fingertips
+from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.planning.scene_setup import look_at
 from dexgrasp.registry import make_agent
-from dexgrasp.verify.verify import verify
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import make_cell

@@ -8,13 +8,13 @@ import pytest
 from refusals import refused
 
 import dexgrasp_env  # noqa: F401
+from dexgrasp.geometry.completion import NoTarget, completed_corners, target_of
+from dexgrasp.geometry.hull import cloud_corners
+from dexgrasp.geometry.network import read_network
+from dexgrasp.geometry.view import ONE_SIDED, one_sidedness
 from dexgrasp.planning.holding import narrowed_friction
-from dexgrasp.planning.seen import plan_cloud
+from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.completion import NoTarget, completed_corners, target_of
-from dexgrasp.shape.hull import cloud_corners
-from dexgrasp.shape.network import read_network
-from dexgrasp.shape.view import ONE_SIDED, one_sidedness
 from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 

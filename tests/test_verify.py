@@ -13,9 +13,9 @@ from robots import LOWER, UPPER
 
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.thresholds import planned_friction
+from dexgrasp.grasp.verify.scene import Scene
+from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.verify.scene import Scene
-from dexgrasp.verify.verify import verify
 from dexgrasp_env.objects.catalogue import CATALOGUE
 
 
@@ -92,10 +92,10 @@ def test_the_judge_shares_what_the_docs_say_and_no_more():
     assert {name for name in ours if not name.startswith("verify")} == SHARED
     text = (root / "docs" / "concepts.md").read_text()
     assert [name for name in SHARED if f"`dexgrasp.{name}`" not in text] == []
-    code = "import sys, dexgrasp.verify.verify; print(*sys.modules)"
+    code = "import sys, dexgrasp.grasp.verify.verify; print(*sys.modules)"
     loaded = python(code).split()
     assert [
-        m for m in loaded if m.startswith(("dexgrasp.planning", "dexgrasp.physics", "dexgrasp.registry"))
+        m for m in loaded if m.startswith(("dexgrasp.planning", "dexgrasp.mechanics", "dexgrasp.registry"))
     ] == []
 
 

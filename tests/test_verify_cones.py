@@ -7,8 +7,8 @@ from oracles import random_grasps
 from scipy.optimize import linprog
 from scipy.sparse import csc_matrix
 
-from dexgrasp.verify import cones
-from dexgrasp.verify.cones import conic_margin, conic_residual, largest_push, pyramid_forces, wrench_map
+from dexgrasp.grasp.verify import cones
+from dexgrasp.grasp.verify.cones import conic_margin, conic_residual, largest_push, pyramid_forces, wrench_map
 
 FACES = 256
 

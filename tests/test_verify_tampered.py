@@ -9,7 +9,7 @@ from project_scripts import load_script
 from robots import HOME, LOWER, UPPER
 
 from dexgrasp.grasp.file import record_of
-from dexgrasp.verify.verify import verify
+from dexgrasp.grasp.verify.verify import verify
 from dexgrasp_env.objects.load import load_object
 
 

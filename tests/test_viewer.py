@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from robots import CELL, HOME
 
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.content import Origin, planned_record
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp.viewer.film import Film, carried, palm_poses
 from dexgrasp_env.objects.load import load_object
 

@@ -3,10 +3,10 @@
 import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.geometry.walls import LOW, walls_of
 from dexgrasp.grasp.thresholds import FROZEN
 from dexgrasp.planning.planner import Planner
-from dexgrasp.shape.target import GraspTarget
-from dexgrasp.shape.walls import LOW, walls_of
 
 WALL = 0.004  # m
 

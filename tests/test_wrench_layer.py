@@ -6,10 +6,10 @@ torch = pytest.importorskip("torch")
 
 from oracles import directional_error, pyramid_violation  # noqa: E402
 
-from dexgrasp.cvae.wrench_layer import tangent_basis as torch_basis  # noqa: E402
-from dexgrasp.cvae.wrench_layer import wrench_layer  # noqa: E402
-from dexgrasp.physics.cones import tangent_basis  # noqa: E402
-from dexgrasp.physics.wrench import solve_wrench_qp  # noqa: E402
+from dexgrasp.learning.cvae.wrench_layer import tangent_basis as torch_basis  # noqa: E402
+from dexgrasp.learning.cvae.wrench_layer import wrench_layer  # noqa: E402
+from dexgrasp.mechanics.cones import tangent_basis  # noqa: E402
+from dexgrasp.mechanics.wrench import solve_wrench_qp  # noqa: E402
 
 
 def contacts(B, N=3, seed=0):

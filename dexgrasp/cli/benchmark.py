@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from dexgrasp.benchmarks.registry import BENCHMARKS, run_benchmark
+from dexgrasp.cli.benchmarks.registry import BENCHMARKS, run_benchmark
 from dexgrasp.cli.command import Answer, Argument, Command
 from dexgrasp.cli.figures import tables
 from dexgrasp.cli.output import note
@@ -33,7 +33,7 @@ class Benchmark(Command):
         """Measure."""
         note(f"benchmark {self.name}: this takes a while; close what else is busy")
         if self.accuracy:
-            from dexgrasp.benchmarks.perception import accuracy
+            from dexgrasp.cli.benchmarks.perception import accuracy
 
             if self.name != "perception":
                 raise InputError(f"--accuracy goes with the benchmark perception, not with {self.name}")

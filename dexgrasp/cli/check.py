@@ -38,7 +38,7 @@ class Check(Command, InCell):
         from dexgrasp.export.read import read_trajectory
         from dexgrasp.export.replay import replay
         from dexgrasp.grasp.file import read_grasp
-        from dexgrasp.verify.verify import verify
+        from dexgrasp.grasp.verify.verify import verify
 
         folder = self.trajectory if self.trajectory.is_dir() else self.trajectory.parent
         recording = read_trajectory(self.trajectory, self.cell)

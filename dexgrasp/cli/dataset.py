@@ -11,7 +11,7 @@ from typing import Annotated
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell, check_mesh_options
 from dexgrasp.cli.figures import tables
 from dexgrasp.cli.output import resumable
-from dexgrasp.dataset.settings import DatasetSettings
+from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.arrays import Fields
@@ -37,8 +37,8 @@ class Generate(Command):
 
     def run(self) -> Answer:
         """Make it; say what it holds."""
-        from dexgrasp.dataset.generate import generate
-        from dexgrasp.dataset.info import summary
+        from dexgrasp.data.dataset.generate import generate
+        from dexgrasp.data.dataset.info import summary
 
         settings = self.settings
         check_mesh_options(settings.objects, settings)
@@ -63,7 +63,7 @@ class Info(Command, InCell):
 
     def run(self) -> Answer:
         """Look at it; 1 if a grasp that was checked does not hold."""
-        from dexgrasp.dataset.info import check_sample, picture, summary
+        from dexgrasp.data.dataset.info import check_sample, picture, summary
 
         figures = summary(self.folder)
         path = self.picture or self.folder / "dataset.png"

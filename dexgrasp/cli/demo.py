@@ -14,8 +14,8 @@ from dexgrasp_env.arrays import Fields
 
 if TYPE_CHECKING:
     from dexgrasp.agent import Agent
-    from dexgrasp.planning.look import Look
     from dexgrasp.planning.result import PlanResult
+    from dexgrasp.planning.scene_setup import Look
 
 _OUTCOME = (
     "is_success", "is_stable", "failure", "stage", "object_height", "object_slip", "object_tilt", "held_seconds",
@@ -50,7 +50,7 @@ class Demo(Command, Scene):
     def run(self) -> Answer:
         """Run the demo; return outcome and times."""
         from dexgrasp.cli.plan_results import describe, write_results
-        from dexgrasp.planning.look import look_at
+        from dexgrasp.planning.scene_setup import look_at
         from dexgrasp.registry import agent_for
         from dexgrasp_env.rendering import rendering_fault
 

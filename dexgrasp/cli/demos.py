@@ -11,7 +11,7 @@ from typing import Annotated
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell
 from dexgrasp.cli.figures import tables
 from dexgrasp.cli.output import resumable
-from dexgrasp.demos.settings import DemoSettings
+from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.valid import Count, one_of
@@ -46,7 +46,7 @@ class Generate(Command):
 
     def run(self) -> Answer:
         """Make them; say how many there are."""
-        from dexgrasp.demos.generate import generate
+        from dexgrasp.data.demonstrations.generate import generate
 
         with resumable(f"finished files are kept in {self.out}"), progress_bar("file", "demos") as bar:
             generate(self.settings, self.out, self.formats, self.backend, bar)
@@ -64,7 +64,7 @@ class Info(Command):
 
     def run(self) -> Answer:
         """Say it."""
-        from dexgrasp.demos.info import summary
+        from dexgrasp.data.demonstrations.info import summary
 
         figures = summary(self.folder)
         return Answer(figures, tables(figures))
@@ -83,7 +83,7 @@ class Replay(Command, InCell):
 
     def run(self) -> Answer:
         """Play them."""
-        from dexgrasp.demos.info import replay_all
+        from dexgrasp.data.demonstrations.info import replay_all
 
         with progress_bar("episode", "replay") as bar:
             figures = replay_all(self.folder, self.episodes, bar, self.robot)

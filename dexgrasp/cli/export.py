@@ -44,7 +44,7 @@ class Export(Command, InCell):
         from dexgrasp.export.grasp_export import export_grasp
         from dexgrasp.grasp.file import read_grasp, write_grasp
         from dexgrasp.grasp.record import as_json
-        from dexgrasp.verify.verify import verify
+        from dexgrasp.grasp.verify.verify import verify
 
         record = read_grasp(self.grasp, self.cell)
         rejected = [check.name for check in verify(record) if not check.holds]

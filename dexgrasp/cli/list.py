@@ -58,7 +58,7 @@ def list_agents() -> Rows:
 def list_protocols() -> Rows:
     """Return the protocols: name, environment, what is special."""
     from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS
-    from dexgrasp.scoring.protocols import GRASP_PROTOCOLS
+    from dexgrasp.evaluation.scoring.protocols import GRASP_PROTOCOLS
 
     return [
         {"name": name, "env": env, "description": text}

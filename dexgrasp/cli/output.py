@@ -7,7 +7,7 @@ from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dexgrasp.verify.check import Check
+    from dexgrasp.grasp.verify.check import Check
 
 
 @contextmanager

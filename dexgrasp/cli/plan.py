@@ -15,8 +15,8 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, Share, check
 
 if TYPE_CHECKING:
-    from dexgrasp.planning.look import Look
     from dexgrasp.planning.result import PlanResult, Progress
+    from dexgrasp.planning.scene_setup import Look
     from dexgrasp_env.perception.cloud import Cloud
     from dexgrasp_env.perception.scene import Scene as PerceivedScene
     from dexgrasp_env.perception.segment import Seen
@@ -115,7 +115,7 @@ class Plan(Command, Scan, Scene):
         """Plan for the named object; return what came of it, and the same as JSON."""
         if self.floating:
             from dexgrasp.planning.floating import plan_floating
-            from dexgrasp.planning.seen import default_planner
+            from dexgrasp.planning.plan_scene import default_planner
             from dexgrasp.planning.settings import PlannerSettings
 
             planner = default_planner(self.cell, PlannerSettings.of(self.friction), "surface")
@@ -137,7 +137,7 @@ class Plan(Command, Scan, Scene):
 
     def _plan_scan(self, scan: "Cloud", progress: "Progress") -> "tuple[PlanResult, Fields]":
         """Plan on a cloud; return what came of it, and the same as JSON."""
-        from dexgrasp.planning.seen import default_planner, plan_scene
+        from dexgrasp.planning.plan_scene import default_planner, plan_scene
         from dexgrasp.planning.settings import PlannerSettings
         from dexgrasp_env.perception.recorded import SEVERAL
 
@@ -165,7 +165,7 @@ class Plan(Command, Scan, Scene):
 
     def _look(self, scan: "Cloud") -> "tuple[PerceivedScene, list[Seen]]":
         """Return the scene of a cloud, and the objects that are seen there."""
-        from dexgrasp.planning.seen import scene_of
+        from dexgrasp.planning.plan_scene import scene_of
         from dexgrasp_env.perception.segment import listed
 
         scene = scene_of(scan, self.pointing(), seed=self.seed, cell=self.cell)
@@ -224,8 +224,8 @@ def plan_target(
         import mujoco  # noqa: F401
 
         del os.environ["MUJOCO_GL"]
-    from dexgrasp.planning.look import look_at
     from dexgrasp.planning.result import PlansGrasps
+    from dexgrasp.planning.scene_setup import look_at
     from dexgrasp.registry import agent_for
 
     agent = agent_for(agent_name, scene.friction, at_least)

@@ -92,7 +92,7 @@ class CheckRobot(Command):
 
     def run(self) -> Answer:
         """Test it."""
-        from dexgrasp.kinematics.robot_check import check_robot
+        from dexgrasp.mechanics.kinematics.robot_check import check_robot
         from dexgrasp_env.robot.cell import make_cell
 
         cell = make_cell(self.robot)
@@ -110,7 +110,7 @@ def _draw(cell: Any, path: Path) -> list[str]:
     """Draw the hand open, closed and in grasps; return the objects that it found no grasp of."""
     from dexgrasp.cli.plan import plan_target
     from dexgrasp.grasp.picture import hand_picture
-    from dexgrasp.kinematics.robot_check import closed_posture
+    from dexgrasp.mechanics.kinematics.robot_check import closed_posture
 
     grasps, missed = Fields(), list[str]()
     for name in _SHOWN:

@@ -48,8 +48,8 @@ class Score(Command, InCell):
 
     def run(self) -> Answer:
         """Score; 1 if nothing succeeded."""
-        from dexgrasp.scoring.readers import ReadOptions
-        from dexgrasp.scoring.score import score_files
+        from dexgrasp.evaluation.scoring.readers import ReadOptions
+        from dexgrasp.evaluation.scoring.score import score_files
 
         options = ReadOptions(self.hand, self.mesh, self.mesh_scale, self.robot)
         content = score_files(self.files, self.protocol, options, seed=self.seed, workers=self.workers)

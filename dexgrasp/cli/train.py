@@ -20,15 +20,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 from dexgrasp.cli.command import Answer, Command, Folder, Options
 from dexgrasp.cli.figures import shown
 from dexgrasp.cli.output import resumable
-from dexgrasp.cvae.settings import TrainingSettings
-from dexgrasp.imitation.settings import BcSettings
-from dexgrasp.reinforcement.settings import GripSettings, RlSettings
+from dexgrasp.learning.cvae.settings import TrainingSettings
+from dexgrasp.learning.imitation.settings import BcSettings
+from dexgrasp.learning.reinforcement.settings import GripSettings, RlSettings
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.valid import Count, Natural, Positive, one_of
 
 if TYPE_CHECKING:
-    from dexgrasp.runs.training import Progress, Training
+    from dexgrasp.learning.training.training import Progress, Training
 
 _CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")
 _BC = ("epochs", "threads", "hidden", "chunk", "execute")
@@ -68,8 +68,8 @@ class TrainingCommand(Command):
             out: folder, where it is not that of the command.
             **course: what the course has beside the device.
         """
-        from dexgrasp.runs.curves import draw_curves
-        from dexgrasp.runs.training import Course
+        from dexgrasp.learning.training.curves import draw_curves
+        from dexgrasp.learning.training.training import Course
 
         folder, name = out or self.out, type(self).__name__.lower()
         with resumable(f"the last checkpoint is kept in {folder}"), progress_bar(unit, name + of) as bar:
@@ -126,7 +126,7 @@ class PolicyCommand(TrainingCommand, Tried):
         """
         tester = None
         if self.try_on:
-            from dexgrasp.imitation.trials import Trials
+            from dexgrasp.learning.imitation.trials import Trials
             from dexgrasp_env.objects.load import resolve_targets
 
             tester = Trials(tuple(resolve_targets(self.try_on)), self.trials, every=self.every)
@@ -167,7 +167,7 @@ class Cvae(TrainingCommand):
 
     def run(self) -> Answer:
         """Train, return the losses."""
-        from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeTraining
+        from dexgrasp.learning.cvae.cvae_training import WEIGHTS, CvaeTraining
 
         make = partial(CvaeTraining, self.data, settings=self.settings)
         training = self.train(make, "epoch", minutes=self.minutes)
@@ -219,9 +219,9 @@ class Bc(PolicyCommand):
 
     def run(self) -> Answer:
         """Train a policy for each seed, return losses and successes."""
-        from dexgrasp.demos.generate import read_about
-        from dexgrasp.imitation.cloning import VIEWS
-        from dexgrasp.imitation.features import view_of
+        from dexgrasp.data.demonstrations.generate import read_about
+        from dexgrasp.learning.imitation.cloning import VIEWS
+        from dexgrasp.learning.imitation.features import view_of
 
         view = self.view or view_of(str(read_about(self.data[0])["settings"].get("obs_mode")))
         settings = replace(self.settings, view=view)
@@ -252,7 +252,7 @@ class Grip(PolicyCommand):
 
     def run(self) -> Answer:
         """Train a policy for each seed, return returns and successes."""
-        from dexgrasp.reinforcement.policy_training import GripTraining
+        from dexgrasp.learning.reinforcement.policy_training import GripTraining
 
         return self.train_each(partial(GripTraining, clone=self.clone), "round", self.settings)
 
@@ -270,7 +270,7 @@ class _Rl(PolicyCommand):
 
     def run(self) -> Answer:
         """Train a policy for each seed, return returns and successes."""
-        from dexgrasp.reinforcement.policy_training import PolicyTraining
+        from dexgrasp.learning.reinforcement.policy_training import PolicyTraining
 
         settings = replace(self.settings, algorithm=type(self).__name__.lower())
         return self.train_each(partial(PolicyTraining, clone=self.clone), "round", settings)

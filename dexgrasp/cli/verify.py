@@ -28,7 +28,7 @@ class Verify(Command, InCell):
     def run(self) -> Answer:
         """Verify; every check of one file, of several what came of each."""
         from dexgrasp.grasp.file import read_grasp
-        from dexgrasp.verify.verify import verify
+        from dexgrasp.grasp.verify.verify import verify
 
         cell = self.cell
         records = [read_grasp(path, cell) for path in self.grasps]

@@ -10,8 +10,8 @@ from dexgrasp.agent import Agent, Env, complete, public_info, renew_report, repo
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.store import Outcome
 from dexgrasp.evaluation.video import Video
-from dexgrasp.planning.look import Subject, subject_of
 from dexgrasp.planning.result import PlansGrasps
+from dexgrasp.planning.scene_setup import Subject, subject_of
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable

@@ -7,8 +7,8 @@ import numpy as np
 
 from dexgrasp.export.read import Recording, Rows
 from dexgrasp.grasp.path import limit_shares
-from dexgrasp.verify.check import Check, at_least, at_most, flag
-from dexgrasp.verify.scene import Scene
+from dexgrasp.grasp.verify.check import Check, at_least, at_most, flag
+from dexgrasp.grasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Arm, Hand

@@ -9,9 +9,9 @@ from dexgrasp.export.formats import write_csv, write_json, write_ros2
 from dexgrasp.export.scene_folder import write_scene
 from dexgrasp.export.trajectory import Waypoints, make_trajectory
 from dexgrasp.grasp.record import GraspRecord
-from dexgrasp.kinematics.forward import hand_contact_jacobian
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.mechanics.kinematics.forward import hand_contact_jacobian
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from dexgrasp.geometry.target import GraspTarget, assumed_mass, hull_volume, volume_centre
 from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.grasp import RAISED, Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
@@ -14,9 +15,8 @@ from dexgrasp.grasp.probability import probability_of
 from dexgrasp.grasp.record import APPROACH, LIFT, Contact, GraspRecord, Neighbour, Phase, Script, as_json
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.grasp.thresholds import thresholds_for
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.shape.target import GraspTarget, assumed_mass, hull_volume, volume_centre
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env import __version__
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.objects.model import Solid

@@ -13,8 +13,8 @@ import numpy as np
 
 from dexgrasp.grasp.record import GraspRecord
 from dexgrasp_env.arrays import Array, cube_directions, unit
+from dexgrasp_env.scene.constants import GRAVITY
 
-GRAVITY = 9.81  # m/s^2
 _DRAWS = 64
 _PLACE, _TILT = 0.003, 0.07  # m of contacts and centre; rad of normals: standard deviations
 _MOST = 8.0  # weights: larger pushes tell nothing more

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import Grasp
-from dexgrasp.physics.cones import cone_edges
-from dexgrasp.shape.target import GraspTarget
+from dexgrasp.mechanics.cones import cone_edges
 from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.perception.picture import save
 from dexgrasp_env.robot.cell import Cell

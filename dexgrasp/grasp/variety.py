@@ -4,8 +4,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.grasp.grasp import Grasp
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array
 
 _COMPONENTS = 5

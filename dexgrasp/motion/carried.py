@@ -6,12 +6,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
-from dexgrasp.motion.guarded import GuardedGrasp
 from dexgrasp.motion.motion import Played, arm_and_hand
+from dexgrasp.motion.move_until_contact import GuardedGrasp
 from dexgrasp.motion.timing import eased, ramp, smooth_steps, within_limits
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import about_z

@@ -8,9 +8,10 @@ import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.script import ActionScript
-from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.carried import Turn
-from dexgrasp.motion.guarded import (
+from dexgrasp.motion.motion import Motion, arm_and_hand
+from dexgrasp.motion.move_until_contact import (
     GuardedGrasp,
     finger_of_joints,
     lag_of,
@@ -18,7 +19,6 @@ from dexgrasp.motion.guarded import (
     tip_spans,
     within_range,
 )
-from dexgrasp.motion.motion import Motion, arm_and_hand
 from dexgrasp_env.arrays import Array
 
 _FREE_SHARE = 0.15  # of the torque asked for: a finger that lags by less has nothing left to press against

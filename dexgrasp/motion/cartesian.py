@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from dexgrasp.kinematics.damped import damped_step
-from dexgrasp.kinematics.forward import empty_frames, forward, to_world
-from dexgrasp.kinematics.palm_ik import TURN_SCALE, palm_jacobian, twice_turned
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.mechanics.kinematics.damped import damped_step
+from dexgrasp.mechanics.kinematics.forward import empty_frames, forward, to_world
+from dexgrasp.mechanics.kinematics.palm_ik import TURN_SCALE, palm_jacobian, twice_turned
+from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 

@@ -8,8 +8,9 @@ import numpy as np
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle, convex_distance
 from dexgrasp.geometry.samples import triangle_samples
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.path import densify
-from dexgrasp.kinematics.clearance import (
+from dexgrasp.mechanics.kinematics.clearance import (
     OBJECT,
     ROUNDING,
     SELF,
@@ -23,11 +24,10 @@ from dexgrasp.kinematics.clearance import (
     self_clearance,
     table_clearance,
 )
-from dexgrasp.kinematics.forward import Frames, empty_frames, forward
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.shapes import LEAST, near_shapes
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
-from dexgrasp.shape.target import GraspTarget
+from dexgrasp.mechanics.kinematics.forward import Frames, empty_frames, forward
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.shapes import LEAST, near_shapes
+from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell

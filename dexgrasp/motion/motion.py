@@ -4,8 +4,8 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from dexgrasp.kinematics.forward import follow
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.mechanics.kinematics.forward import follow
+from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.tasks.control import normalise
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import Played, arm_and_hand

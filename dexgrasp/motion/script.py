@@ -3,17 +3,17 @@
 import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import RAISED, GraspMotion
 from dexgrasp.grasp.path import bend, jerkiness
 from dexgrasp.grasp.script import ActionScript
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import TRIES, plan_approach
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker, carried_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.timing import SPEED, ramp, smooth_steps, still, time_path
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD

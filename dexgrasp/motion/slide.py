@@ -9,16 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.script import ActionScript
-from dexgrasp.kinematics.forward import fingertips
-from dexgrasp.kinematics.palm_ik import hanging_palm, palm_frame, palm_postures
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.mechanics.kinematics.forward import fingertips
+from dexgrasp.mechanics.kinematics.palm_ik import hanging_palm, palm_frame, palm_postures
+from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import NoPath, Played, arm_and_hand
 from dexgrasp.motion.timing import eased, time_path, within_limits
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import quat_to_matrix, yaw_quat
 from dexgrasp_env.robot.cell import Cell, default_cell

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
 from dexgrasp_env.arrays import Array

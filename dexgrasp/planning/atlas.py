@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
-from dexgrasp.kinematics.clearance import cover_of, self_clearance
-from dexgrasp.kinematics.forward import empty_frames, forward, forward_part, tip_positions
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.mechanics.kinematics.clearance import cover_of, self_clearance
+from dexgrasp.mechanics.kinematics.forward import empty_frames, forward, forward_part, tip_positions
+from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array, Index, Mask, unit
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError

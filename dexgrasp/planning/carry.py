@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.script import ActionScript
-from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.contacts import Contacts
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.strength import capacity_of
 from dexgrasp.motion.carried import Turn, turn_arm
-from dexgrasp.physics.contacts import Contacts
-from dexgrasp.physics.strength import capacity_of
 from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.holding import DOWN, robust_squeeze
 from dexgrasp.planning.settings import Problem

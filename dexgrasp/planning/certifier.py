@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
-from dexgrasp.kinematics.clearance import NEIGHBOUR, SELF
-from dexgrasp.kinematics.forward import (
+from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR, SELF
+from dexgrasp.mechanics.kinematics.forward import (
     body_frames,
     fingertips,
     follow,
@@ -16,11 +16,11 @@ from dexgrasp.kinematics.forward import (
     stop_torques,
     tip_jacobian,
 )
-from dexgrasp.kinematics.shapes import shapes_apart
-from dexgrasp.kinematics.tip_ik import solve_tips
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.mechanics.kinematics.shapes import shapes_apart
+from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
+from dexgrasp.mechanics.kinematics.tree import RobotTree
+from dexgrasp.mechanics.strength import capacity_of
 from dexgrasp.motion.timing import ramp
-from dexgrasp.physics.strength import capacity_of
 from dexgrasp.planning.claims import certificate_of, too_near
 from dexgrasp.planning.holding import UNBALANCED, Hold
 from dexgrasp.planning.postures import Posture

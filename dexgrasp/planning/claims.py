@@ -3,13 +3,13 @@
 import numpy as np
 
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp.kinematics.clearance import NEIGHBOUR, SELF, TABLE, clearances
-from dexgrasp.kinematics.forward import fingertips, hand_contact_jacobian
-from dexgrasp.physics.contacts import Contacts
-from dexgrasp.physics.margin import margins
-from dexgrasp.physics.ratios import wrench_ratios
-from dexgrasp.physics.strength import hold_residual, load_of, torque_fraction
-from dexgrasp.physics.wrench import solve_wrench_qp
+from dexgrasp.mechanics.contacts import Contacts
+from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR, SELF, TABLE, clearances
+from dexgrasp.mechanics.kinematics.forward import fingertips, hand_contact_jacobian
+from dexgrasp.mechanics.margin import margins
+from dexgrasp.mechanics.ratios import wrench_ratios
+from dexgrasp.mechanics.strength import hold_residual, load_of, torque_fraction
+from dexgrasp.mechanics.wrench import solve_wrench_qp
 from dexgrasp.planning.settings import Problem
 from dexgrasp_env.arrays import Array, Index, Mask
 

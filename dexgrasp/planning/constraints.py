@@ -12,8 +12,9 @@ import numpy as np
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance_hessian
 from dexgrasp.geometry.triangle import cross
-from dexgrasp.kinematics.clearance import TABLE, Rows, clearance_rows
-from dexgrasp.kinematics.forward import (
+from dexgrasp.mechanics.contacts import Shape
+from dexgrasp.mechanics.kinematics.clearance import TABLE, Rows, clearance_rows
+from dexgrasp.mechanics.kinematics.forward import (
     Frames,
     add_turn_row,
     empty_frames,
@@ -21,9 +22,8 @@ from dexgrasp.kinematics.forward import (
     tip_jacobian,
     tip_positions,
 )
-from dexgrasp.kinematics.tree import RobotTree
-from dexgrasp.physics.contacts import Shape
-from dexgrasp.physics.margin import cone_margin
+from dexgrasp.mechanics.kinematics.tree import RobotTree
+from dexgrasp.mechanics.margin import cone_margin
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.random import Generator
 
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.planning.decoder import CROPPED, SCALE, Decoder, centre_of, read_decoder
 from dexgrasp.planning.proposals import (
     LEAST_DISTANCE,
@@ -16,7 +17,6 @@ from dexgrasp.planning.proposals import (
     most_robust,
 )
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array, Mask, unit
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name

@@ -5,15 +5,15 @@ import time
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dexgrasp.geometry.parts import parts_within
 from dexgrasp.geometry.samples import triangle_samples
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.content import ObjectPose
 from dexgrasp.grasp.identity import ObjectIdentity
-from dexgrasp.planning.look import Subject
-from dexgrasp.planning.many import plan_many
+from dexgrasp.planning.diverse import plan_many
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.result import PlanResult, Progress
-from dexgrasp.shape.parts import parts_within
-from dexgrasp.shape.target import GraspTarget
+from dexgrasp.planning.scene_setup import Subject
 from dexgrasp_env.objects.load import load_target
 from dexgrasp_env.poses import rigid
 

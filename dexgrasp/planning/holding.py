@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.physics.cones import tangent_basis
-from dexgrasp.physics.contacts import Contacts
-from dexgrasp.physics.squeeze import Squeeze, firmest_squeeze
+from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.mechanics.cones import tangent_basis
+from dexgrasp.mechanics.contacts import Contacts
+from dexgrasp.mechanics.internal_force import Squeeze, firmest_squeeze
 from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.settings import PlannerSettings, Problem
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 
 ENOUGH = 6.0

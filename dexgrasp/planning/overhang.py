@@ -12,13 +12,13 @@ from itertools import islice, product
 import numpy as np
 from numpy.random import Generator
 
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.slide import Push, Slide, can_push, make_slide, tips_apart
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
 from dexgrasp.geometry.triangle import cross
-from dexgrasp.kinematics.forward import to_world
-from dexgrasp.physics.cones import basis_of
+from dexgrasp.mechanics.cones import basis_of
+from dexgrasp.mechanics.kinematics.forward import to_world
 from dexgrasp.planning.atlas import Tips, hand_atlas, triangle_sides
 from dexgrasp.planning.settings import Problem
 from dexgrasp_env.arrays import Array, Index

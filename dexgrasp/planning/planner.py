@@ -6,8 +6,9 @@ from itertools import islice, product
 
 import numpy as np
 
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import RAISED, Grasp
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.collision import raised_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
@@ -20,7 +21,6 @@ from dexgrasp.planning.result import Planned, PlanResult, SearchLog
 from dexgrasp.planning.settings import PlannerSettings, Problem
 from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.runs.compiling import ensure_compiled
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell, default_cell
 

@@ -11,7 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.geometry.field import Field, field_at
-from dexgrasp.kinematics.forward import (
+from dexgrasp.mechanics.contacts import Contacts, Shape
+from dexgrasp.mechanics.internal_force import empty_room, squeeze_estimate
+from dexgrasp.mechanics.kinematics.forward import (
     contact_jacobian,
     empty_frames,
     forward,
@@ -19,11 +21,9 @@ from dexgrasp.kinematics.forward import (
     tip_positions,
     to_world,
 )
-from dexgrasp.kinematics.palm_ik import PALM_DOWN, reach_palm
-from dexgrasp.kinematics.tip_ik import solve_tips
-from dexgrasp.kinematics.tree import RobotTree
-from dexgrasp.physics.contacts import Contacts, Shape
-from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
+from dexgrasp.mechanics.kinematics.palm_ik import PALM_DOWN, reach_palm
+from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
+from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.claims import overlap
 from dexgrasp.planning.holding import ENOUGH, narrowed_friction

@@ -11,10 +11,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.samples import triangle_samples
-from dexgrasp.physics.closure import closure_sweep, opposed_pairs
-from dexgrasp.physics.margin import margins, margins_to
+from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.mechanics.closure import closure_sweep, opposed_pairs
+from dexgrasp.mechanics.margin import margins, margins_to
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.robot import Hand

@@ -6,12 +6,12 @@ import gymnasium as gym
 import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environment)
+from dexgrasp.geometry.completion import target_of
 from dexgrasp.planning import atlas
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.planner import Planner, small_box
 from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.completion import target_of
 from dexgrasp_env.perception.cloud import downsample
 from dexgrasp_env.perception.scene import Scene
 

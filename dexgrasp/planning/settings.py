@@ -5,11 +5,11 @@ from math import inf
 from typing import NamedTuple
 
 from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle
+from dexgrasp.geometry.parts import MOST_PARTS
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.thresholds import FROZEN, Thresholds, frozen_for, planned_friction
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
-from dexgrasp.physics.contacts import Shape, shape_of
-from dexgrasp.shape.parts import MOST_PARTS
-from dexgrasp.shape.target import GraspTarget
+from dexgrasp.mechanics.contacts import Shape, shape_of
+from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Hand
 from dexgrasp_env.valid import number

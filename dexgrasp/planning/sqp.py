@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import daqp
 import numpy as np
 
-from dexgrasp.kinematics.clearance import KINDS
-from dexgrasp.kinematics.forward import follow
+from dexgrasp.mechanics.kinematics.clearance import KINDS
+from dexgrasp.mechanics.kinematics.forward import follow
 from dexgrasp.planning.constraints import MARGIN_SCALE, Bounds, Evaluation, evaluate, fixed_rows
 from dexgrasp.planning.settings import Problem
 from dexgrasp_env.arrays import Array, Index

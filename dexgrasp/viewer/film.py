@@ -6,8 +6,8 @@ import numpy as np
 
 from dexgrasp.grasp.certificate import figures_of
 from dexgrasp.grasp.record import GraspRecord
-from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import rigid

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dexgrasp.physics.cones import cone_edges
+from dexgrasp.mechanics.cones import cone_edges
 from dexgrasp.viewer.film import Film
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.hulls import colour_of

@@ -12,7 +12,7 @@ from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.perception.cloud import Cloud, cells_of, crop, inside
-from dexgrasp_env.perception.parting import parted
+from dexgrasp_env.perception.instances import parted
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, fit_plane
 from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import Own

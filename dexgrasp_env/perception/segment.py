@@ -20,7 +20,7 @@ from dexgrasp_env.perception.cloud import (
     remove_outliers,
     smooth,
 )
-from dexgrasp_env.perception.parting import (
+from dexgrasp_env.perception.instances import (
     LEAST_EXTENT,
     LEAST_POINTS,
     MOST_EXTENT,

@@ -1,6 +1,7 @@
 """Physics constants of the scene, frozen as v0; the solver's and the table's look stand in assets/scene/arena.xml."""
 
 TIMESTEP = 0.002  # s, one physics step
+GRAVITY = 9.81  # m/s^2, MuJoCo's default
 CONTROL_STEPS = 25  # physics steps in a control step: 20 Hz
 CONTROL_PERIOD = TIMESTEP * CONTROL_STEPS  # s
 

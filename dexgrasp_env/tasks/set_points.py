@@ -11,7 +11,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.scene.constants import CONTROL_PERIOD, GRAVITY
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN, at_pace
 from dexgrasp_env.tasks.control import CONTROL_MODES, max_step
 from dexgrasp_env.tasks.disturbance import KINDS, PAUSE_STEPS, PUSH_STEPS
@@ -27,7 +27,6 @@ _LOWER, _UPPER, _STEP, _HOME = range(4)
 _TARGETS, _COMMAND, _BEFORE = range(len(COMMANDS))
 ARM_ROOM = 16  # joints, the palm as one of them, that `ee_delta` has room for
 
-_GRAVITY = 9.81  # m/s^2, MuJoCo's default
 _DAMPING = 0.02  # of the least-squares inverse; keeps joint steps bounded near singularities
 _POSTURE_GAIN = 0.05  # pull towards home in the arm's null space, per 50 ms
 
@@ -251,4 +250,4 @@ def _push(e: Record, control: Control, push: Array) -> None:
     lasts = control.push[0]
     turn, at = e.disturbed // (lasts + control.push[1]), e.disturbed % (lasts + control.push[1])
     if control.kind == _PUSHED and e.phase == _RUNNING and at < lasts:
-        push[turn // 2] = control.size * e.mass * _GRAVITY * (1.0 if turn % 2 == 0 else -1.0)
+        push[turn // 2] = control.size * e.mass * GRAVITY * (1.0 if turn % 2 == 0 else -1.0)

@@ -4,6 +4,7 @@ import math
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
+from dexgrasp_env.scene.constants import GRAVITY
 from dexgrasp_env.tasks.constants import GRASP_FORCE, LIFT_HEIGHT
 from dexgrasp_env.tasks.records import FAILURES, PHASES, Record
 from dexgrasp_env.tasks.rules import PRESSES, TIP_FORCES, TIPS, Rules
@@ -14,7 +15,6 @@ _TIP = 0.016  # m, of a tip's centre from a surface that it is about to touch
 _CLOSE = 0.06  # m beyond, at which a tenth is left
 _TAIL = 3.0  # sqrt(1 / 0.1 - 1)
 _FIRM = 1.0  # N: a fingertip force that counts as contact
-_GRAVITY = 9.81  # m/s^2
 _FRICTION = 1  # column of the variation
 _NO_FAILURE = FAILURES.index("")
 _NO_PHASE, _OVER = PHASES.index("none"), PHASES.index("over")
@@ -77,7 +77,7 @@ def progress_terms(
     terms[1] = near * _nearness(_distance_to_box(e, pose, R, x, y, z), 0.0, _CLOSE)
     force = _opposed_force(s, rules)
     terms[2] = min(force / GRASP_FORCE, 1.0)
-    borne = e.mass * _GRAVITY / (2.0 * e.variation[_FRICTION])
+    borne = e.mass * GRAVITY / (2.0 * e.variation[_FRICTION])
     terms[3] = min(force / max(borne, GRASP_FORCE), 1.0)
     terms[4] = min(max(e.height / LIFT_HEIGHT, 0.0), 1.0) * terms[2]
     if e.phase == _NO_PHASE or e.phase == _OVER:

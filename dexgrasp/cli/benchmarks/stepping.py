@@ -1,0 +1,270 @@
+"""What the environments cost over raw physics: process CPU time, side by side in one run.
+
+The raw loops start from the same states and replay the very controls of the environment, so they make the same
+contacts; that both end in the same states is checked. They take turns every few steps, so that a busy machine slows
+both, and medians over many rounds count.
+"""
+
+import itertools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+from mujoco.rollout import Rollout
+from numpy.typing import NDArray
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.cli.benchmarks.timing import seconds_of
+from dexgrasp.motion.timing import ramp
+from dexgrasp_env.arrays import Array, Fields
+from dexgrasp_env.extras import usable_cores
+from dexgrasp_env.poses import rotate
+from dexgrasp_env.scene.constants import CONTROL_STEPS
+
+_ID = "DexGrasp/Lift-v2"
+_TURN = 5  # control steps
+_ENVS, _MANY = 16, 64
+_THREADS = (1, 2, 4)
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One run of an environment, single or of many.
+
+    Attributes:
+        env: what ran.
+        seed: it was reset with.
+        actions: (T, n) or (T, N, n).
+        models: of each simulation.
+        states: of each at the start.
+        controls: (T, N, 25, 23) set-points of the physics steps.
+        contacts: mean number of contacts.
+    """
+
+    env: Any
+    seed: int
+    actions: NDArray[Any]
+    models: list[mujoco.MjModel]
+    states: list[Array]
+    controls: Array
+    contacts: float
+
+
+def run(quick: bool = False) -> Fields:
+    """Return raw / environment time by object and motion, of the vector environment, and beside Gymnasium's.
+
+    `random` moves all joints at random; `grasp` reaches for the object, closes the hand on it and lifts.
+
+    Args:
+        quick: fewer objects, steps and alternations.
+    """
+    objects = (
+        ("sugar_box", "massage_ball")
+        if quick
+        else ("sugar_box", "tomato_soup_can", "mustard_bottle", "massage_ball", "castle")
+    )
+    rounds, steps = (3, 60) if quick else (15, 150)
+    cases: Fields = {}
+    for name in objects:
+        for motion, record in (("random", _record_random), ("grasp", _record_grasp)):
+            recording = record(name, steps)
+            if recording is not None:
+                cases[f"{name}, {motion}"] = _compare(recording, rounds)
+    ratios = [case["ratio"] for case in cases.values()]
+    envs = gym.make_vec(_ID, num_envs=_ENVS, objects=list(objects), threads=1)
+    many = _compare(_record(envs, _random(20 if quick else 40, _ENVS)), rounds)
+    return {
+        **cases,
+        "all": {"ratio": np.median(ratios), "least_ratio": min(ratios)},
+        f"vector, {_ENVS} environments, 1 thread": many,
+        f"wall steps a second, {_ENVS} environments": _beside_wrappers(objects, 3 if quick else 9),
+        **{
+            f"vector, {_MANY} environments, {threads} threads, wall": _beside_rollout(threads, rounds)
+            for threads in _THREADS
+            if threads <= usable_cores()
+        },
+    }
+
+
+def _record_random(name: str, steps: int) -> Recording:
+    env = gym.make(_ID, objects=name, control_mode="joint_delta", disable_env_checker=True)
+    return _record(env, _random(steps))
+
+
+def _random(*shape: int) -> Array:
+    """Return random actions (*shape, 23)."""
+    return np.random.default_rng(0).uniform(-0.3, 0.3, (*shape, 23))
+
+
+def _record_grasp(name: str, steps: int) -> Recording | None:
+    """The hard-coded agent's motion, planned from the true surface; None where it finds none."""
+    from dexgrasp.agents.hardcoded import HardcodedAgent
+
+    env = gym.make(_ID, objects=name, control_mode="joint_position", disable_env_checker=True)
+    agent = HardcodedAgent()
+    for seed in range(8):
+        observation, _ = env.reset(seed=seed)
+        points = _surface(env.unwrapped)
+        seen = {**observation, "cloud": points, "cloud_mask": np.ones(len(points), bool)}
+        agent.reset(seen, {"action_space": env.action_space})
+        if agent.report.failure is None:
+            actions = np.array([agent.act({}) for _ in range(200)])
+            return _record(env, actions[: 200 if steps >= 150 else 160], seed)
+    return None
+
+
+def _surface(env: Any) -> Array:
+    points, _ = env.simulation.object.mesh.sample(1024, return_index=True, seed=0)
+    pose = env.data.qpos[23:30]
+    return rotate(pose[3:], np.asarray(points)) + pose[:3]
+
+
+def _record(env: Any, actions: Array, seed: int = 0) -> Recording:
+    """Run an environment, single or of many, until one ends; note where each began and what moved it."""
+    env.reset(seed=seed)
+    inner, many = env.unwrapped, actions.ndim == 3
+    states = _states(env, env.num_envs if many else 1)
+    models = [inner.simulation(i).model for i in range(len(states))] if many else [inner.model]
+    targets, contacts, actions = [np.atleast_2d(inner.targets)], [], actions.astype(np.float32)
+    for action in actions:
+        terminated = env.step(action)[2]
+        targets.append(np.atleast_2d(inner.targets))
+        contacts.append(float("nan") if many else inner.data.ncon)
+        if not many and terminated:
+            break
+    controls = np.array([list(map(_ramp, a, b)) for a, b in itertools.pairwise(targets)])
+    return Recording(env, seed, actions[: len(contacts)], models, states, controls, float(np.mean(contacts)))
+
+
+def _states(env: Any, count: int) -> list[Array]:
+    """Return the state of each simulation."""
+    states = [env.get_state(i) for i in range(count)] if count > 1 else [env.unwrapped.get_state()]
+    return [state.physics for state in states]
+
+
+def _ramp(start: Array, end: Array) -> Array:
+    """Return the set-points (25, 23) of the physics steps in a control step."""
+    rows = ramp(start, end, CONTROL_STEPS)
+    rows[-1] = end
+    return rows
+
+
+class _Loop:
+    """Physics alone, as a loop over simulations, from the states that a recording begins with."""
+
+    clock = staticmethod(time.process_time)
+
+    def __init__(self, recording: Recording) -> None:
+        self.models = recording.models
+        self.datas = [mujoco.MjData(model) for model in self.models]
+        for model, data, state in zip(self.models, self.datas, recording.states, strict=True):
+            mujoco.mj_setState(model, data, state, _STATE)
+
+    def run(self, controls: Array) -> None:
+        """Go on with set-points (T, N, 25, 23)."""
+        step = mujoco.mj_step
+        for rows in controls:
+            for model, data, own in zip(self.models, self.datas, rows, strict=True):
+                ctrl = data.ctrl
+                for row in own:
+                    ctrl[:] = row
+                    step(model, data)
+
+    def check(self, env: Any) -> None:
+        """Hold the end to that of the environment."""
+        for state, data in zip(_states(env, len(self.datas)), self.datas, strict=True):
+            if not np.array_equal(data.qpos, state[1:31]):  # after the time
+                raise RuntimeError("the raw loop and the environment do not end in the same state")
+
+
+class _Rolled(_Loop):
+    """The same by `mujoco.rollout`, timed by the clock; it begins without what warms the solver: ends may differ."""
+
+    clock = staticmethod(time.perf_counter)
+
+    def __init__(self, recording: Recording, rollout: Rollout, threads: int) -> None:
+        super().__init__(recording)
+        kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        self._states = np.empty((len(self.datas), mujoco.mj_stateSize(self.models[0], kind)))
+        for model, data, state in zip(self.models, self.datas, self._states, strict=True):
+            mujoco.mj_getState(model, data, state, kind)
+        self._roll = partial(rollout.rollout, self.models, self.datas[:threads])
+
+    def run(self, controls: Array) -> None:
+        """As the loop does."""
+        rows = controls.swapaxes(0, 1).reshape(len(self.models), -1, controls.shape[-1])
+        self._states = self._roll(self._states, rows)[0][:, -1]
+
+    def check(self, env: Any) -> None:
+        """Nothing."""
+
+
+def _compare(
+    recording: Recording, rounds: int, raw: Callable[[Recording], _Loop] = _Loop
+) -> dict[str, float]:
+    times = np.array([_round(recording, raw(recording)) for _ in range(rounds)])
+    env, loop = np.median(times, axis=0)
+    steps = len(recording.actions) * len(recording.models)
+    return {
+        "env_steps_per_second": steps / env,
+        "raw_steps_per_second": steps / loop,
+        "ratio": np.median(times[:, 1] / times[:, 0]),
+        **({} if np.isnan(recording.contacts) else {"contacts": recording.contacts}),
+    }
+
+
+def _round(recording: Recording, raw: _Loop) -> list[float]:
+    """Seconds of the environment and of physics alone over one run, taking turns every few control steps."""
+    env, actions = recording.env, recording.actions
+    env.reset(seed=recording.seed)
+    sides = (partial(_run_env, env), actions), (raw.run, recording.controls)
+    seconds = [0.0, 0.0]
+    for turn, first in enumerate(range(0, len(actions), _TURN)):
+        # Who comes first finds the caches cold: that alternates too.
+        for which in (0, 1) if turn % 2 else (1, 0):
+            run_part, rows = sides[which]
+            start = raw.clock()
+            run_part(rows[first : first + _TURN])
+            seconds[which] += raw.clock() - start
+    raw.check(env)
+    return seconds
+
+
+def _run_env(env: Any, actions: NDArray[Any]) -> None:
+    for action in actions:
+        env.step(action)
+
+
+def _beside_rollout(threads: int, rounds: int) -> dict[str, float]:
+    """Time by the clock of `mujoco.rollout` over the native environment's, on as many threads, taking turns."""
+    env = gym.make_vec(_ID, num_envs=_MANY, objects=["sugar_box"], threads=threads)
+    recording = _record(env, _random(4 * _TURN, _MANY))
+    with Rollout(nthread=threads) as rollout:
+        found = _compare(recording, rounds, partial(_Rolled, rollout=rollout, threads=threads))
+    env.close()
+    return found
+
+
+def _beside_wrappers(objects: tuple[str, ...], rounds: int) -> dict[str, float]:
+    """Steps a second by the clock of the native environment on all cores and of Gymnasium's two, taking turns."""
+    kinds = {"native": None, "SyncVectorEnv": "sync", "AsyncVectorEnv": "async"}
+    envs = {
+        name: gym.make_vec(_ID, num_envs=_ENVS, vectorization_mode=kind, objects=list(objects))
+        for name, kind in kinds.items()
+    }
+    actions = _random(_TURN, _ENVS).astype(np.float32)
+    for each in envs.values():
+        each.reset(seed=0)
+        _run_env(each, actions)
+    rows = [
+        [seconds_of(partial(_run_env, each, actions), 1) for each in envs.values()] for _ in range(rounds)
+    ]
+    for each in envs.values():
+        each.close()
+    return dict(zip(envs, _TURN * _ENVS / np.median(rows, axis=0)[:, 0], strict=True))

@@ -1,0 +1,183 @@
+"""What the files of a dataset hold (shards, rest poses, the manifest), and a dataset read back, checked against it."""
+
+import json
+import re
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from dexgrasp.data.dataset.rest_scene import RestScene
+from dexgrasp.data.dataset.sampler import COUNTS, Found
+from dexgrasp.data.dataset.settings import SCHEMA
+from dexgrasp.runs.shards import bytes_of, read_shard, text_of
+from dexgrasp_env.arrays import Arrays, Fields
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import file_hash, read_json_object
+
+MANIFEST = "manifest.json"
+_FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
+
+FIELDS: dict[str, Fields] = yaml.safe_load(Path(__file__).with_name("fields.yaml").read_text())
+"""Field -> shape of one grasp, type, meaning, from fields.yaml."""
+
+
+def fields_of(joints: int) -> dict[str, Fields]:
+    """Return the fields, with their shapes for a robot with so many joints."""
+    return {
+        name: words | {"shape": [joints if size == "joints" else size for size in words["shape"]]}
+        for name, words in FIELDS.items()
+    }
+
+
+def shard_arrays(found: Found, joints: int) -> Arrays:
+    """Return the grasps of a shard, of a robot with so many joints, with their counts."""
+    arrays: Arrays = {
+        name: np.asarray(found.fields.get(name, []), dtype=words["type"]).reshape(len(found), *words["shape"])
+        for name, words in fields_of(joints).items()
+    }
+    arrays["counts"] = np.array([found.counts[name] for name in COUNTS], dtype=np.int64)
+    arrays["blocked"] = bytes_of(json.dumps(dict(sorted(found.log.totals().items()))))
+    return arrays
+
+
+def pose_arrays(scene: RestScene) -> Arrays:
+    """Return a rest pose: cloud, hull, candidates."""
+    return {
+        "cloud": scene.cloud.astype("float32"), "points": scene.points.astype("float32"),
+        "normals": scene.normals.astype("float32"),
+        "hull": np.asarray(scene.grasp_target.hull.vertices), "centre": scene.grasp_target.centre,
+        "mass": np.array(scene.grasp_target.mass), "quat_wxyz": np.array(scene.rest.quat_wxyz),
+        "height": np.array(scene.rest.height), "probability": np.array(scene.rest.probability),
+        "triples": np.array([scene.decided, len(scene.triples)]),
+    }  # fmt: skip
+
+
+def read_arrays(path: Path, key: str | None = None, hashed: str | None = None) -> Arrays:
+    """Read a file of a dataset whole.
+
+    Args:
+        path: of the file.
+        key: of the dataset that it must be of; None for any.
+        hashed: SHA-256 that it must have; None for any.
+
+    Raises:
+        InputError: as `read_shard`, and where numbers are not finite.
+    """
+    arrays = read_shard(path, key)
+    if hashed not in (None, file_hash(path)):
+        raise InputError(f"{path} was changed after it was made: the command that made it makes it anew")
+    for name, array in arrays.items():
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise InputError(f"{path} is damaged ({name} holds numbers that are not finite): remove it")
+    return arrays
+
+
+def complete(path: Path, key: str, hashed: str | None = None) -> bool:
+    """Whether a file is there, whole, of this dataset, and, where its hash is known, as it was made."""
+    try:
+        return bool(read_arrays(path, key, hashed))
+    except InputError:
+        return False
+
+
+def read_manifest(folder: Path) -> Fields:
+    """Read manifest.json.
+
+    Raises:
+        InputError: no dataset, damaged, or of another schema.
+    """
+    path = folder / MANIFEST
+    again = "run `dexgrasp dataset generate` with the same settings again"
+    missing = f"{folder} holds no dataset (no {path.name}): make one with `dexgrasp dataset generate`"
+    manifest = read_json_object(path, again, missing)
+    if manifest.get("schema") != SCHEMA:
+        raise InputError(f"{path} has schema {manifest.get('schema')}: valid is {SCHEMA}")
+    if fault := _manifest_fault(manifest):
+        raise InputError(f"{path} is damaged ({fault}): {again}")
+    return manifest
+
+
+def _manifest_fault(manifest: Fields) -> str | None:
+    """Return what is wrong with a manifest; its files lie in its folder, whatever it says."""
+    for name, kind in {"key": str, "settings": dict, "objects": dict, "complete": bool}.items():
+        if not isinstance(manifest.get(name), kind):
+            return f"no {name}"
+    files = manifest.get("files", {})
+    if not isinstance(files, dict) or (manifest["complete"] and not files):
+        return "no files"
+    for name, hashed in files.items():
+        if not _FILE_NAME.fullmatch(name) or not isinstance(hashed, str):
+            return f"files has {name[:60]!r}"
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class PoseGrasps:
+    """The grasps of an object in one rest pose.
+
+    Attributes:
+        name: of the object.
+        pose: index of the rest pose.
+        scene: arrays of the rest pose: `cloud`, `points`, `normals`, `hull`, `centre`, `mass` (see
+            `pose_arrays`).
+        grasps: arrays of `FIELDS`, n grasps each.
+        counts: how many were tried, placed, reached, feasible, holding.
+        blocked: why postures were not feasible.
+    """
+
+    name: str
+    pose: int
+    scene: Arrays
+    grasps: Arrays
+    counts: dict[str, int]
+    blocked: dict[str, int]
+
+    def __len__(self) -> int:
+        """Grasps."""
+        return len(self.grasps["q"])
+
+    @property
+    def coverage(self) -> float:
+        """Share of the candidate points that are nearest to some contact of a grasp."""
+        points = self.scene["points"]
+        if not len(self):
+            return 0.0
+        from scipy.spatial import cKDTree
+
+        _, nearest = cKDTree(points).query(self.grasps["contacts"].reshape(-1, 3))
+        return len(np.unique(nearest)) / len(points)
+
+
+def read_dataset(folder: Path) -> list[PoseGrasps]:
+    """Read all rest poses of a complete dataset, in the order of their names.
+
+    Raises:
+        InputError: no dataset, not complete, files missing, cut off or changed.
+    """
+    manifest = read_manifest(folder)
+    if not manifest["complete"]:
+        raise InputError(
+            f"{folder} is not complete: run `dexgrasp dataset generate` with the same settings again"
+        )
+    files = {
+        name: read_arrays(folder / name, manifest["key"], hashed)
+        for name, hashed in sorted(manifest["files"].items())
+    }
+    return [_pose(folder, name, files) for name in files if name.startswith("poses/")]
+
+
+def _pose(folder: Path, name: str, files: dict[str, Arrays]) -> PoseGrasps:
+    stem = Path(name).stem
+    parts = [arrays for shard, arrays in files.items() if shard.startswith(f"grasps/{stem}-")]
+    if not parts:
+        raise InputError(f"{folder} has no grasps of {name}: run `dexgrasp dataset generate` again")
+    counts, blocked = Counter[str](), Counter[str]()
+    for part in parts:
+        counts.update(dict(zip(COUNTS, part["counts"].tolist(), strict=True)))
+        blocked.update(json.loads(text_of(part["blocked"])))
+    grasps = {field: np.concatenate([part[field] for part in parts]) for field in FIELDS}
+    label, _, pose = stem.rpartition("-pose")
+    return PoseGrasps(label, int(pose), files[name], grasps, dict(counts), dict(blocked))

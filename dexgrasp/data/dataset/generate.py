@@ -1,0 +1,117 @@
+"""Generation of a dataset: jobs that can run anywhere in any order, and go on where they were stopped."""
+
+import json
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from dexgrasp.data.dataset.dataset import (
+    MANIFEST,
+    complete,
+    fields_of,
+    pose_arrays,
+    read_manifest,
+    shard_arrays,
+)
+from dexgrasp.data.dataset.rest_scene import model_of, rest_scene
+from dexgrasp.data.dataset.sampler import REACH, sample_shard
+from dexgrasp.data.dataset.settings import SCHEMA, DatasetSettings, versions
+from dexgrasp.planning.placement import NEIGHBOURS, SIDE_TOLERANCE
+from dexgrasp.planning.proposals import LEAST_DISTANCE
+from dexgrasp.runs.folder import RunFolder
+from dexgrasp.runs.pool import Backend
+from dexgrasp.runs.progress import Show, silent
+from dexgrasp.runs.shards import check_names, make_missing, write_shard
+from dexgrasp_env.arrays import Fields
+from dexgrasp_env.files import content_hash, file_hash, write_json
+from dexgrasp_env.objects.load import object_name
+from dexgrasp_env.objects.rest_poses import rest_poses
+
+
+@dataclass(frozen=True)
+class Job:
+    """One file; chunk -1 is the rest pose itself."""
+
+    target: str
+    pose: int
+    chunk: int
+
+    @property
+    def file(self) -> str:
+        """Its name in the dataset's folder."""
+        stem = f"{object_name(self.target)}-pose{self.pose:02d}"
+        return f"poses/{stem}.npz" if self.chunk < 0 else f"grasps/{stem}-{self.chunk:04d}.npz"
+
+
+def generate(
+    settings: DatasetSettings, folder: Path, backend: Backend = Backend(), progress: Show = silent
+) -> Fields:
+    """Make a dataset, or what is missing of it; the files do not depend on the backend or on interruptions.
+
+    Args:
+        settings: what it is made of.
+        folder: where; one that holds a dataset of other settings is refused.
+        backend: where the work is done; the nodes of a cluster share `folder`.
+        progress: called with files done and files in all.
+
+    Returns:
+        The manifest.
+
+    Raises:
+        InputError: other settings or another process in `folder`; no cluster.
+    """
+    identity, robot = _identity(settings), settings.cell.robot
+    key = content_hash(json.dumps(identity, sort_keys=True))
+    about = {"schema": SCHEMA, "key": key, **identity}
+    with RunFolder(folder, MANIFEST, "dataset").claim(about, complete=False):
+        hashes = read_manifest(folder).get("files", {})
+        jobs = [
+            Job(target, pose, chunk)
+            for target in settings.objects
+            for pose in range(len(rest_poses(model_of(target, settings))))
+            for chunk in range(-1, settings.chunks)
+        ]
+        work = partial(make, settings=settings, folder=folder.resolve(), key=key)
+        make_missing(
+            work, jobs, lambda job: complete(folder / job.file, key, hashes.get(job.file)), backend, progress
+        )
+        manifest = about | {
+            "complete": True,
+            "frames": "rest: origin on the table under the centre of mass, z up; robot base for q and placement",
+            "units": "m, rad, N, kg; quaternions wxyz", "fingers": list(robot.hand.grasp),
+            "hand": robot.hand.stamp, "fields": fields_of(robot.dof),
+            "files": {job.file: file_hash(folder / job.file) for job in jobs},
+        }  # fmt: skip
+        write_json(folder / MANIFEST, manifest)
+    return manifest
+
+
+def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
+    """Make one file, whole or not at all."""
+    if job.chunk < 0:
+        arrays = pose_arrays(rest_scene(job.target, job.pose, settings))
+    else:
+        found = sample_shard(job.target, job.pose, job.chunk, settings)
+        arrays = shard_arrays(found, settings.cell.robot.dof)
+    write_shard(folder / job.file, arrays, key)
+
+
+def _identity(settings: DatasetSettings) -> Fields:
+    """Return all that the grasps depend on."""
+    check_names(settings.objects)
+    objects = {}
+    for target in settings.objects:
+        model = model_of(target, settings)
+        objects[object_name(target)] = {
+            "content_hash": model.content_hash,
+            "rest_poses": len(rest_poses(model)),
+            "mass": model.mass,
+        }
+    return {
+        "settings": settings.as_json(), "objects": objects,
+        "fixed": {
+            "least_distance": LEAST_DISTANCE, "reach": [list(r) for r in REACH], "neighbours": NEIGHBOURS,
+            "side_tolerance": SIDE_TOLERANCE,
+        },
+        "cell": settings.cell.version, "versions": versions(),
+    }  # fmt: skip

@@ -1,0 +1,105 @@
+"""An object in one rest pose: surface points, every feasible triple of them, and placements before the robot.
+
+The **rest frame** has its origin on the table under the object's centre of mass, z up, and the yaw of
+`RestPose.quat_wxyz`; any other placement is a turn about z and a shift in the plane.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.data.dataset.settings import DatasetSettings
+from dexgrasp.geometry.samples import triangle_samples
+from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.mechanics.closure import closure_sweep
+from dexgrasp.planning.holding import narrowed_friction
+from dexgrasp.planning.proposals import LEAST_DISTANCE, graspable_points
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.files import content_hash
+from dexgrasp_env.objects.load import load_target, object_name
+from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.objects.rest_poses import RestPose, rest_poses
+from dexgrasp_env.poses import about_z, pose_matrix
+
+Triples = NDArray[np.int32]
+"""Indices (..., 3) of contacts."""
+CLOUD = 2048
+"""Points of the surface kept for training."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestScene:
+    """An object in a rest pose; lengths in m, rest frame.
+
+    Attributes:
+        name: of the object.
+        pose: index of the rest pose, likeliest first.
+        grasp_target: hull, distance, centre of mass and mass.
+        rest: rest pose: turn and height of the object's frame in the rest frame, probability when dropped.
+        points: (N, 3) candidate contacts and
+        normals: (N, 3) out of the object.
+        friction: (N,) that an error in place leaves there; see `narrowed_friction`.
+        triples: (M, 3) indices, all that can be in equilibrium.
+        decided: triples that were decided.
+        cloud: (2048, 6) points and normals of the hull, underside included.
+    """
+
+    name: str
+    pose: int
+    grasp_target: GraspTarget
+    rest: RestPose
+    points: Array
+    normals: Array
+    friction: Array
+    triples: Triples
+    decided: int
+    cloud: Array
+
+
+def rng_of(settings: DatasetSettings, *key: int | str) -> np.random.Generator:
+    """Return the generator of a part of the dataset: it depends on the seed and the key alone."""
+    numbers = [int(content_hash(k), 16) if isinstance(k, str) else k for k in key]
+    return np.random.default_rng(np.random.SeedSequence([settings.seed, *numbers]))
+
+
+def model_of(target: str, settings: DatasetSettings) -> ObjectModel:
+    """Return an object as the settings scale and weigh it."""
+    return load_target(target, settings.mesh_scale, settings.mesh_mass)
+
+
+@lru_cache(maxsize=2)
+def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
+    """Prepare an object in a rest pose: steps 2 to 4 of section 1.3."""
+    model = model_of(target, settings)
+    rest, name = rest_poses(model)[pose], object_name(target)
+    T = pose_matrix(np.array([0.0, 0.0, rest.height]), np.array(rest.quat_wxyz))
+    mesh = model.mesh.copy().apply_transform(T)
+    grasp_target = GraspTarget.of(mesh, mass=model.mass, centre=T[:3, 3].copy())
+    rng = rng_of(settings, name, pose)
+    points, normals = graspable_points(grasp_target, settings.planner, rng)
+    tips = points + settings.planner.for_hand(settings.cell.robot.hand).tip_height * normals
+    friction = narrowed_friction(tips, normals, grasp_target, settings.planner)
+    triples = np.zeros((0, 3), np.int32)
+    if len(points) >= 3:
+        triples = closure_sweep(points, normals, settings.planner.friction, LEAST_DISTANCE)
+    gaps = np.linalg.norm(points[:, None] - points[None], axis=-1) >= LEAST_DISTANCE
+    decided = round(float(np.trace(gaps.astype(float) @ gaps @ gaps)) / 6.0)
+    samples = triangle_samples(grasp_target.hull.triangles, CLOUD, rng)
+    cloud = np.concatenate([samples.points, samples.normals], axis=1)
+    return RestScene(name, pose, grasp_target, rest, points, normals, friction, triples, decided, cloud)
+
+
+def placed(grasp_target: GraspTarget, placement: Array) -> GraspTarget:
+    """Return the grasp_target at a placement (x m, y m, yaw rad) for the optimiser, which looks at distances alone.
+
+    NB: `hull` stays where it was; moving a mesh costs more than solving.
+    """
+    R, shift = about_z(float(placement[2])), np.array([placement[0], placement[1], 0.0])
+    old = grasp_target.distance
+    planes = old.planes.copy()
+    planes[:, :3] = planes[:, :3] @ R.T
+    planes[:, 3] -= planes[:, :3] @ shift
+    moved = replace(old, triangles=np.ascontiguousarray(old.triangles @ R.T + shift), planes=planes)
+    return replace(grasp_target, distance=moved, centre=R @ grasp_target.centre + shift)

@@ -1,0 +1,207 @@
+"""Step 5 of section 1.3: finger assignments and kinematics of a varied sample of feasible triples.
+
+Triples are drawn with a probability inverse to how often their points are used in grasps found so far, so that
+grasps cover the object. Those at which no fingers could bear it are left out. Each other is tried with all six
+assignments; each assignment that the hand's atlas can place, and whose squeeze is estimated to bear the object there,
+gets a random placement of the object before the robot, arm and hand, and the bilevel optimisation.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.data.dataset.rest_scene import RestScene, Triples, placed, rest_scene, rng_of
+from dexgrasp.data.dataset.settings import DatasetSettings
+from dexgrasp.mechanics.contacts import Contacts, Shape, shape_of
+from dexgrasp.mechanics.internal_force import empty_room, squeeze_estimate
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, reach_palm
+from dexgrasp.mechanics.margin import margins_to
+from dexgrasp.mechanics.strength import load_of, torque_fraction
+from dexgrasp.planning.atlas import hand_atlas
+from dexgrasp.planning.certifier import Candidate
+from dexgrasp.planning.claims import FAR
+from dexgrasp.planning.constraints import fixed_rows
+from dexgrasp.planning.placement import assignments, place_on_atlas
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.postures import Posture, loads_on
+from dexgrasp.planning.result import SearchLog
+from dexgrasp.planning.settings import PlannerSettings, Problem
+from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.compiled import njit
+from dexgrasp_env.poses import about_z, matrix_to_quat
+
+BATCH = 128  # triples drawn at once
+PLACEMENTS = 3  # placements tried until the arm reaches
+REACH = ((0.40, 0.60), (-0.15, 0.15))  # m, where objects are put, x and y
+MOST_FORCE = 15.0  # N along each axis: a finger's 0.7 Nm over the shortest lever that any posture has
+NONE = -1
+"""Level of a grasp that bears none of `PlannerSettings.loads`."""
+_ROUGH = 1e-2  # of the margin
+COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_arm", "feasible", "holding")
+
+
+@dataclass
+class Found:
+    """Grasps of a shard as they are found, one list a field, and the counts of the way there."""
+
+    fields: dict[str, list[Any]] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
+    log: SearchLog = field(default_factory=SearchLog)
+
+    def add(self, **values: Any) -> None:
+        """Append one grasp."""
+        for name, value in values.items():
+            self.fields.setdefault(name, []).append(value)
+
+    def __len__(self) -> int:
+        """Grasps found."""
+        return self.counts["feasible"]
+
+
+@dataclass(frozen=True)
+class Placed(Posture):
+    """A start with the object put where the arm reaches it.
+
+    Attributes:
+        triple: (3,) indices of the contacts, thumb, index, middle.
+        placement: of the object: x m, y m, yaw rad.
+    """
+
+    triple: Triples
+    placement: Array
+
+
+def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) -> Found:
+    """Find the grasps of one shard; the same for the same settings, on any machine with the same versions."""
+    scene = rest_scene(target, pose, settings)
+    sampler = _Sampler(scene, settings, rng_of(settings, scene.name, pose, 1 + chunk))
+    own = scene.triples[rng_of(settings, scene.name, pose, 0).permutation(len(scene.triples))][
+        chunk :: settings.chunks
+    ]
+    # A corner's column is gathered from at every draw.
+    found = sampler.run(np.asfortranarray(own), settings.quota(chunk))
+    if len(found):  # all at once: one costs as much as a hundred
+        found.fields["palm_quat_wxyz"] = list(matrix_to_quat(np.array(found.fields.pop("palm_rotation"))))
+    return found
+
+
+class _Sampler:
+    def __init__(self, scene: RestScene, settings: DatasetSettings, rng: np.random.Generator) -> None:
+        self._scene, self._settings, self._rng = scene, settings, rng
+        self._planner, self._found = Planner(settings.planner, cell=settings.cell), Found()
+        self._problem = Problem(scene.grasp_target, self._planner.cell, self._planner.settings)
+        self._use = np.zeros(len(scene.points))
+
+    def run(self, own: Triples, quota: int) -> Found:
+        """Try triples (M, 3), the less used before the others, until there are enough grasps or tries."""
+        left, found, tries = np.ones(len(own), bool), self._found, self._settings.tries * quota
+        while left.any() and len(found) < quota and found.counts["placed_by_atlas"] < tries:
+            drawn = _draw(own, left, self._use, self._rng)
+            left[drawn] = False
+            found.counts["triples_tried"] += len(drawn)
+            likely = bearable(self._scene, own[drawn], self._settings)
+            for candidate in self._planner.candidates(self._starts(likely), found.log):
+                self._add(candidate)
+                if len(found) == quota:
+                    break
+        return found
+
+    def _starts(self, triples: Triples) -> Iterator[Placed]:
+        """Yield all six assignments of some triples where the hand is likely to bear the object and the arm reaches."""
+        if not len(triples):
+            return
+        scene, counts, problem = self._scene, self._found.counts, self._problem
+        orders = assignments(3)
+        at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, orders).best()
+        ordered = triples[:, orders].reshape(-1, 3)
+        counts["assignments_tried"] += len(ordered)
+        loads = loads_on(at, problem, scene.friction[ordered])
+        for k in np.flatnonzero(loads >= self._settings.least_load):
+            counts["placed_by_atlas"] += 1
+            q = problem.tree.home.copy()
+            q[problem.tree.arm :] = hand_atlas(problem.cell).joints[at.which[k]]
+            placement = self._reach(q, at.rotations[k], at.positions[k])
+            if placement is not None:
+                counts["reached_by_arm"] += 1
+                there = problem._replace(target=placed(problem.target, placement))
+                goal = int(at.triple[k])
+                yield Placed(q, there, goal, float(loads[k]), ordered[goal], placement)
+
+    def _reach(self, q: Array, R: Array, p: Array) -> Array | None:
+        """Put the object where the arm reaches the palm's pose; return x, y, yaw, and the arm's joints in `q`."""
+        low, high = np.array(REACH).T
+        for u in self._rng.random((PLACEMENTS, 3)):
+            x, y = low + u[:2] * (high - low)
+            placement = np.array([x, y, 2.0 * np.pi * u[2] - np.pi])
+            turned = about_z(placement[2])
+            if reach_palm(q, turned @ R, turned @ p + np.array([x, y, 0.0]), self._planner.tree):
+                return placement
+        return None
+
+    def _add(self, candidate: Candidate) -> None:
+        start, solution, hold = candidate
+        assert isinstance(start, Placed)  # as all that are tried here
+        (x, y, yaw), settings, tree = start.placement, self._planner.settings, self._planner.tree
+        at, back, shift = solution.evaluation, about_z(-yaw), np.array([x, y, 0.0])
+        palm_R, palm_p = palm_frame(solution.q, tree)
+        level = level_of(load_of(hold.contacts, hold.forces), settings)
+        clearances = at.values[fixed_rows(len(at.contacts))[-1] :]
+        self._use[start.triple] += 1
+        self._found.counts["feasible"] += 1
+        self._found.counts["holding"] += level != NONE
+        self._found.add(
+            q=solution.q, placement=start.placement, triple=start.triple,
+            contacts=(at.contacts - shift) @ back.T, normals=at.normals @ back.T, forces=hold.forces[:, :3] @ back.T,
+            palm_position=back @ (palm_p - shift), palm_rotation=back @ palm_R,
+            margin=at.margin, distances=at.distances - settings.tip_radius,
+            clearance=min(FAR, float(clearances.min()) + settings.clearance) if len(clearances) else FAR,
+            joint_margin=float(np.minimum(solution.q - tree.lower, tree.upper - solution.q).min()),
+            load=level, torque_fraction=torque_fraction(hold.contacts, hold.forces),
+        )  # fmt: skip
+
+
+def _draw(own: Triples, left: Mask, use: Array, rng: np.random.Generator) -> Index:
+    """Draw triples without replacement, weight 1 / (1 + uses of its points)^2 (exponential keys)."""
+    ids = np.flatnonzero(left)
+    uses = sum(use[own[:, corner][ids]] for corner in range(3))
+    keys = rng.exponential(size=len(ids)) * (1.0 + uses) ** 2
+    least = np.argpartition(keys, BATCH)[:BATCH] if len(keys) > BATCH else np.arange(len(keys))
+    return ids[least[np.argsort(keys[least])]]
+
+
+def bearable(scene: RestScene, triples: Triples, settings: DatasetSettings) -> Triples:
+    """Return the triples that have the margin asked for, and at which some forces of `MOST_FORCE` bear the object."""
+    target, least = scene.grasp_target, settings.least_load
+    planner = settings.planner.for_hand(settings.cell.robot.hand)
+    loads = _free_loads(
+        scene.points, scene.normals, scene.friction, triples, target.centre, target.weight, least, shape_of(3)
+    )
+    firm = triples[loads >= least]
+    margins = margins_to(scene.points[firm], scene.normals[firm], planner.friction, shape_of(3), _ROUGH, 0.0)
+    return firm[margins >= planner.closure_margin]
+
+
+@njit
+def _free_loads(
+    points: Array, normals: Array, friction: Array, triples: Triples, centre: Array, gravity: Array,
+    most: float, shape: Shape,
+) -> Array:  # fmt: skip
+    """Loads (M,) of triples, up to `most`, if each contact were pushed along each axis by a joint of its own."""
+    J, limit = np.eye(9).reshape(3, 3, 9), np.full(9, MOST_FORCE)
+    room, out = empty_room(shape, 9), np.empty(len(triples))
+    for m in range(len(triples)):
+        t = triples[m]
+        contacts = Contacts(points[t], normals[t], J, limit, friction[t], centre, gravity, 0.0)
+        out[m] = squeeze_estimate(contacts, most, room)
+    return out
+
+
+def level_of(load: float, settings: PlannerSettings) -> int:
+    """Return which of `settings.loads` a load reaches first, `NONE` if it reaches none."""
+    for level, (share, disturbance) in enumerate(settings.loads):
+        if load >= share * (1.0 + disturbance) - 1e-6:
+            return level
+    return NONE

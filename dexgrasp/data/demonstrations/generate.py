@@ -1,0 +1,159 @@
+"""Generation of demonstrations: jobs that can run anywhere in any order, and go on where they were stopped."""
+
+import json
+import shutil
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
+from dexgrasp.data.demonstrations.minari_format import write_minari
+from dexgrasp.data.demonstrations.rollout import Episode, Recorder
+from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings
+from dexgrasp.runs.arrays import below
+from dexgrasp.runs.folder import RunFolder
+from dexgrasp.runs.pool import Backend
+from dexgrasp.runs.progress import Show, silent
+from dexgrasp.runs.shards import (
+    bytes_of,
+    check_names,
+    is_shard,
+    make_missing,
+    read_shard,
+    text_of,
+    write_shard,
+)
+from dexgrasp_env.arrays import Arrays, Fields
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import content_hash, read_json_object, write_json
+from dexgrasp_env.objects.load import object_name
+
+FORMATS = {"minari": write_minari, "lerobot": write_lerobot}
+ABOUT = "demos.json"
+_PARTS = "parts"
+
+
+@dataclass(frozen=True)
+class Job:
+    """Some scenes of one object: from trial `first` on."""
+
+    target: str
+    first: int
+
+    @property
+    def file(self) -> str:
+        """Its name in the folder of the demonstrations."""
+        return f"{_PARTS}/{object_name(self.target)}-{self.first:05d}.npz"
+
+
+def generate(
+    settings: DemoSettings, folder: Path, formats: tuple[str, ...] = ("minari",), backend: Backend = Backend(),
+    progress: Show = silent,
+) -> Fields:  # fmt: skip
+    """Make demonstrations, or what is missing of them; they do not depend on the backend or on interruptions.
+
+    Args:
+        settings: what they are made of.
+        folder: where; one that holds demonstrations of other settings is refused.
+        formats: `minari` (in `data/`), `lerobot` (in `lerobot/`).
+        backend: where the work is done; the nodes of a cluster share `folder`.
+        progress: called with files done and files in all.
+
+    Returns:
+        What `demos.json` holds.
+
+    Raises:
+        InputError: other settings or another process in `folder`, an unknown format, two objects of one name, no
+            cluster.
+    """
+    for name in formats:
+        if name not in FORMATS:
+            raise InputError(f"format {name!r}: valid are {', '.join(FORMATS)}")
+    check_names(settings.objects)
+    key = content_hash(json.dumps(settings.as_json(), sort_keys=True))
+    about = {"schema": SCHEMA, "settings": settings.as_json(), "formats": list(formats)}
+    with RunFolder(folder, ABOUT, "set of demonstrations").claim(about, complete=False):
+        there = read_about(folder)
+        if there.get("complete"):
+            return there
+        jobs = [
+            Job(target, first)
+            for target in settings.objects
+            for first in range(0, settings.episodes, settings.chunk)
+        ]
+        work = partial(make, settings=settings, folder=folder.resolve(), key=key)
+        make_missing(work, jobs, lambda job: is_shard(folder / job.file, key), backend, progress)
+        about |= _converted(settings, folder, formats, [folder / job.file for job in jobs], key)
+        write_json(folder / ABOUT, about)
+        shutil.rmtree(folder / _PARTS)
+    return about
+
+
+def make(job: Job, settings: DemoSettings, folder: Path, key: str) -> None:
+    """Make one file, whole or not at all."""
+    recorder = Recorder(settings, job.target)
+    last = min(job.first + settings.chunk, settings.episodes)
+    outcomes = [recorder.record(trial) for trial in range(job.first, last)]
+    recorder.close()
+    episodes = [episode for episode, _ in outcomes if episode is not None]
+    failures = [failure for episode, failure in outcomes if episode is None]
+    write_shard(folder / job.file, _part_arrays(episodes, failures), key)
+
+
+def read_about(folder: Path) -> Fields:
+    """Read `demos.json`.
+
+    Raises:
+        InputError: if the folder holds no demonstrations, or the file is damaged or of another schema.
+    """
+    path = folder / ABOUT
+    missing = f"{folder} holds no demonstrations (no {ABOUT}): make some with `dexgrasp demos generate`"
+    about = read_json_object(path, "make them anew in another folder", missing)
+    if about.get("schema") != SCHEMA or not isinstance(about.get("settings"), dict):
+        raise InputError(f"{path} is damaged, or of another schema than {SCHEMA}")
+    return about
+
+
+def _converted(
+    settings: DemoSettings, folder: Path, formats: tuple[str, ...], parts: list[Path], key: str
+) -> Fields:
+    """Write the data sets anew from the parts; return what is said of them."""
+    notes = [_note(read_shard(path, key)) for path in parts]
+    kept = Counter(about["object"] for note in notes for about in note["about"])
+    failures = Counter(reason for note in notes for reason in note["failures"])
+    if not kept:
+        counts = ", ".join(f"{reason} {count}" for reason, count in failures.most_common())
+        raise InputError(f"not one demonstration succeeded: {counts}")
+    for name in formats:
+        FORMATS[name](folder, settings, _episodes(parts, key))
+    return {
+        "complete": True, "tried": len(settings.objects) * settings.episodes, "episodes": sum(kept.values()),
+        "kept": dict(kept), "failures": dict(failures.most_common()),
+    }  # fmt: skip
+
+
+def _part_arrays(episodes: Sequence[Episode], failures: Sequence[str]) -> Arrays:
+    """Return demonstrations, and why others failed, as `write_shard` takes them."""
+    note = {"about": [episode.about for episode in episodes], "failures": failures}
+    arrays: Arrays = {"note": bytes_of(json.dumps(note))}
+    for i, episode in enumerate(episodes):
+        arrays |= {f"{i}/{name}": array for name, array in episode.arrays().items()}
+    return arrays
+
+
+def _note(arrays: Arrays) -> Fields:
+    return json.loads(text_of(arrays["note"]))
+
+
+def _episodes(parts: Iterable[Path], key: str) -> Iterator[Episode]:
+    """Yield the demonstrations of files.
+
+    Raises:
+        InputError: missing, damaged, or of other settings.
+    """
+    for path in parts:
+        arrays = read_shard(path, key)
+        for i, about in enumerate(_note(arrays)["about"]):
+            yield Episode.of_arrays(below(arrays, f"{i}/"), about)

@@ -1,0 +1,150 @@
+"""Demonstrations in the layout of LeRobot's data sets, version 3, written with pyarrow alone.
+
+`data/` has a row a control step, `meta/episodes/` a row an episode, `meta/info.json` says what the columns are and
+`meta/stats.json` how they spread. What cameras saw at reset is in the episodes' table, flat, as are object and seeds.
+"""
+
+import json
+import shutil
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.data.demonstrations.rollout import Episode
+from dexgrasp.data.demonstrations.settings import DemoSettings
+from dexgrasp_env.arrays import Arrays, Fields
+from dexgrasp_env.extras import from_extra
+from dexgrasp_env.files import write_json
+from dexgrasp_env.robot.cell import make_cell
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.valid import Names
+
+FOLDER = "lerobot"
+_DATA = "data/chunk-000/file-000.parquet"
+_EPISODES = "meta/episodes/chunk-000/file-000.parquet"
+_VERSION = "v3.0"
+_CHUNK = 1000  # files of a folder at most
+_DATA_MB, _VIDEO_MB = 100, 200  # what LeRobot writes into its own
+_QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
+_TASKS = {
+    "index_columns": ["task"], "column_indexes": [], "pandas_version": "2.0.0", "columns": [
+        {"name": name, "field_name": name, "pandas_type": pandas, "numpy_type": plain, "metadata": None}
+        for name, pandas, plain in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
+    ],
+}  # fmt: skip
+"""What pandas writes of a table that is indexed by the task."""
+
+
+def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
+    """Write `folder/lerobot`, in place of what is there."""
+    with from_extra():
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+    making, robot = folder / f"{FOLDER}.part", make_cell(settings.robot).robot
+    shutil.rmtree(making, ignore_errors=True)
+    for file in (_DATA, _EPISODES):
+        (making / file).parent.mkdir(parents=True)
+    writer: Any = None
+    parts: dict[str, list[tuple[Any, ...]]] = {}
+    rows: list[Fields] = []
+    tasks: dict[str, int] = {}
+    start = 0
+    for number, episode in enumerate(episodes):
+        task = f"lift {episode.about['object']}"
+        columns = _columns(episode, number, start, tasks.setdefault(task, len(tasks)))
+        table = pa.table({name: _array(pa, values) for name, values in columns.items()})
+        writer = writer or pq.ParquetWriter(making / _DATA, table.schema)
+        writer.write_table(table)
+        for name, values in columns.items():
+            parts.setdefault(name, []).append(_part(values))
+        own = {name: _spread(each[-1:]) for name, each in parts.items()}
+        rows.append(_episode_row(episode, number, start, task, own))
+        start += len(episode)
+    writer.close()
+    pq.write_table(pa.Table.from_pylist(rows), making / _EPISODES)
+    names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
+    about = {"pandas": json.dumps(_TASKS)}
+    pq.write_table(names.replace_schema_metadata(about), making / "meta" / "tasks.parquet")
+    write_json(making / "meta" / "stats.json", {name: _spread(each) for name, each in parts.items()})
+    info = {
+        "codebase_version": _VERSION, "robot_type": robot.name, "total_episodes": len(rows), "total_frames": start,
+        "total_tasks": len(tasks), "chunks_size": _CHUNK, "data_files_size_in_mb": _DATA_MB,
+        "video_files_size_in_mb": _VIDEO_MB, "fps": round(1 / CONTROL_PERIOD), "splits": {"train": f"0:{len(rows)}"},
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "video_path": None,
+        "features": {name: _feature(values, robot.joints) for name, values in columns.items()},
+    }  # fmt: skip
+    write_json(making / "meta" / "info.json", info)
+    shutil.rmtree(folder / FOLDER, ignore_errors=True)
+    making.rename(folder / FOLDER)
+
+
+def _columns(episode: Episode, number: int, start: int, task: int) -> Arrays:
+    count = len(episode)
+    steps = np.arange(count)
+    seen = {key: array[:-1] for key, array in episode.observations.items()}
+    return {
+        "observation.state": seen["joint_positions"].astype(np.float32),
+        **{f"observation.{key}": array.reshape(count, -1) for key, array in seen.items()},
+        "action": episode.actions,
+        "next.reward": episode.rewards.astype(np.float32),
+        "next.success": steps >= episode.about["solved"],
+        "next.done": steps == count - 1,
+        "timestamp": (CONTROL_PERIOD * steps).astype(np.float32),
+        "frame_index": steps,
+        "episode_index": np.full(count, number),
+        "index": start + steps,
+        "task_index": np.full(count, task),
+    }
+
+
+def _array(pa: Any, values: NDArray[Any]) -> Any:
+    numbers = pa.array(values.ravel())
+    if values.size == len(values):  # LeRobot has single numbers as such
+        return numbers
+    return pa.FixedSizeListArray.from_arrays(numbers, values.shape[1])
+
+
+def _episode_row(episode: Episode, number: int, start: int, task: str, spread: dict[str, Fields]) -> Fields:
+    row = {
+        "episode_index": number, "tasks": [task], "length": len(episode),
+        "data/chunk_index": 0, "data/file_index": 0,
+        "dataset_from_index": start, "dataset_to_index": start + len(episode),
+        "meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0,
+        "scene_seed": episode.about["scene_seed"], "about": json.dumps(episode.about),
+    }  # fmt: skip
+    row |= {f"once/{key}": np.ravel(array).tolist() for key, array in episode.once.items()}
+    return row | {
+        f"stats/{name}/{kind}": value for name, own in spread.items() for kind, value in own.items()
+    }
+
+
+def _feature(values: NDArray[Any], joints: Names) -> Fields:
+    width = 1 if values.ndim == 1 else values.shape[1]
+    names = list(joints) if width == len(joints) else None
+    return {"dtype": str(values.dtype), "shape": [width], "names": names}
+
+
+def _part(values: NDArray[Any]) -> tuple[Any, ...]:
+    """Return what rows (n,) or (n, m) add to a `_spread`: count, extremes, sums, of squares too, and quantiles."""
+    x = values.reshape(len(values), -1).astype(float)
+    sums = x.sum(0), (x**2).sum(0), len(x) * np.quantile(x, _QUANTILES, axis=0)
+    return len(x), x.min(0), x.max(0), *sums
+
+
+def _spread(parts: Sequence[tuple[Any, ...]]) -> dict[str, list[float] | list[int]]:
+    """Return least, greatest, mean, standard deviation and quantiles of episodes' columns, as LeRobot names them.
+
+    Quantiles of several episodes are the means of theirs, by length, as LeRobot has them.
+    """
+    counts, low, high, *sums = zip(*parts, strict=True)
+    count = sum(counts)
+    mean, square, quantiles = (sum(each) / count for each in sums)
+    return {
+        "min": np.min(low, axis=0).tolist(), "max": np.max(high, axis=0).tolist(), "mean": mean.tolist(),
+        "std": np.sqrt(np.maximum(square - mean**2, 0.0)).tolist(), "count": [count],
+        **{f"q{round(100 * q):02d}": row.tolist() for q, row in zip(_QUANTILES, quantiles, strict=True)},
+    }  # fmt: skip

@@ -1,0 +1,94 @@
+"""Demonstrations as a Minari data set, and read back from one."""
+
+import json
+import shutil
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from dexgrasp.data.demonstrations.rollout import Episode
+from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, DemoSettings
+from dexgrasp_env.arrays import Arrays
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import require_extra
+
+DATA = "data"
+_FILE = "main_data.hdf5"
+
+
+def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
+    """Write `folder/data` as Minari has it, in place of what is there.
+
+    What cameras saw at reset is in the group `once` of an episode of the HDF5 file, object, seeds and certificate in
+    its attribute `about`, as JSON.
+    """
+    require_extra("demos", "the Minari format")
+    import gymnasium as gym
+    import h5py
+    import minari
+    from minari.data_collector.episode_buffer import EpisodeBuffer
+    from minari.dataset.minari_storage import MinariStorage
+
+    making = folder.resolve() / f"{DATA}.part"  # Minari counts its files wrongly under a relative path
+    shutil.rmtree(making, ignore_errors=True)
+    env = gym.make(ENV_ID, objects=[settings.objects[0]], **settings.env_arguments)
+    storage = MinariStorage.new(
+        making, observation_space(env.observation_space, settings), env.action_space, env.spec, "hdf5",
+        jpeg_encoding=False,
+    )  # fmt: skip
+    env.close()
+    for number, episode in enumerate(episodes):
+        storage.update_episodes([
+            EpisodeBuffer(
+                seed=episode.about["scene_seed"], observations=episode.observations, actions=episode.actions,
+                rewards=episode.rewards, terminations=episode.terminations, truncations=episode.truncations,
+                infos={"is_success": np.arange(len(episode) + 1) > episode.about["solved"]},
+            )
+        ])  # fmt: skip
+        with h5py.File(making / _FILE, "a") as file:
+            group = file[f"episode_{number}"]
+            group.attrs["about"] = json.dumps(episode.about)
+            for name, array in episode.once.items():
+                group.create_dataset(f"once/{name}", data=array)
+    storage.update_metadata({
+        "dataset_id": f"dexgrasp/{settings.agent.rpartition(':')[2].lower()}-{settings.obs_mode}-v0",
+        "minari_version": minari.__version__,
+        "algorithm_name": settings.agent, "description": "Demonstrations of DexGrasp/Lift-v2",
+    })  # fmt: skip
+    shutil.rmtree(folder / DATA, ignore_errors=True)
+    making.rename(folder / DATA)
+
+
+def observation_space(space: Any, settings: DemoSettings) -> spaces.Dict:
+    """Return the space of what is stored at every step."""
+    once = CAMERA_KEYS if settings.observe == "reset" else ()
+    return spaces.Dict({key: part for key, part in space.items() if key not in once})
+
+
+def read_episodes(folder: Path) -> Iterator[Episode]:
+    """Yield the demonstrations of a folder, one at a time.
+
+    Raises:
+        InputError: if there is no data set, or it is damaged.
+    """
+    require_extra("demos", "reading demonstrations")
+    import h5py
+
+    path = folder / DATA / _FILE
+    if not path.is_file():
+        raise InputError(f"{folder} holds no {DATA}/{_FILE}: make it with `dexgrasp demos generate`")
+    try:
+        with h5py.File(path, "r") as file:
+            for number in range(len(file)):
+                yield _episode(file[f"episode_{number}"])
+    except (OSError, KeyError, ValueError) as error:
+        raise InputError(f"{path} is damaged ({' '.join(str(error).split())[:80]})") from None
+
+
+def _episode(group: Any) -> Episode:
+    arrays: Arrays = {}
+    group.visititems(lambda name, item: arrays.update({name: item[()]}) if hasattr(item, "dtype") else None)
+    return Episode.of_arrays(arrays, json.loads(group.attrs["about"]))

@@ -1,0 +1,173 @@
+"""Episodes that begin along demonstrations, backwards from success: reward is met before the way to it is known."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from dexgrasp.agent import Env
+from dexgrasp.data.demonstrations.generate import read_about
+from dexgrasp.data.demonstrations.minari_format import read_episodes
+from dexgrasp.data.demonstrations.rollout import Episode, follow
+from dexgrasp.data.demonstrations.settings import ENV_ID, DemoSettings
+from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp_env.arrays import Array, Fields
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.scene.constants import CONTROL_STEPS
+from dexgrasp_env.tasks.constants import GOAL_STEPS
+from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.place import PlaceEnv
+from dexgrasp_env.tasks.randomisation import ranges
+from dexgrasp_env.tasks.slots import EpisodeState
+from dexgrasp_env.tasks.vector import LiftVectorEnv
+from dexgrasp_env.tasks.views import View
+
+_MOST = 100  # demonstrations
+_NEEDED = ("joint_targets", "object_pose")  # of their observations
+_EVERY = 4  # control steps from one kept state to the next
+_LATEST, _BACK = 0.9, 0.1  # shares of a demonstration: where episodes begin at first, what is won at a time
+_ABOVE = np.array([0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 0.0])  # m: what lies has sunk in too deep to ask for
+_WON, _OF = 0.6, 50  # share of the last so many episodes from the front that succeed before it moves back
+
+
+class DemoResets:
+    """Gives episodes their beginnings: states of demonstrations from `front` on, and some of the usual.
+
+        resets = DemoResets("runs/demos").attach(envs)
+
+    Resets that are given options of their own are not touched. In `Place` the goal is where a demonstration ends.
+    What cameras saw is kept once a look; where they look at every step (`observe="step"`) they do so at these resets.
+
+    Attributes:
+        front: share of a demonstration, from which on episodes begin; moves from near success to 0, the first state,
+            as episodes from about there succeed.
+        states: of each demonstration, in time.
+        whole: share of the episodes that begin as usual; it may be changed at any time.
+    """
+
+    def __init__(self, folder: str | Path, whole: float = 0.2) -> None:
+        """Read demonstrations.
+
+        Args:
+            folder: of `dexgrasp demos generate`.
+            whole: share of the episodes that begin as usual.
+
+        Raises:
+            InputError: if there are none, they are damaged, or of sizes that each scene drew.
+        """
+        self._settings = DemoSettings.of_json(read_about(Path(folder))["settings"])
+        if "size" in ranges(self._settings.randomise):
+            raise InputError(
+                f"{folder} has demonstrations at drawn sizes: episodes begin along those made without "
+                "--randomise size alone, whose objects are as large as an environment's"
+            )
+        self._demos = [_followed(demo) for demo in islice(read_episodes(Path(folder)), _MOST)]
+        self.whole, self.front = whole, _LATEST
+        self.states: list[list[EpisodeState]] = []
+        self._recent: deque[bool] = deque(maxlen=_OF)
+        self._won = "solved", 1  # what a record says of an episode that succeeded, at least
+        self._near: dict[int, bool] = {}
+
+    def attach(self, env: Env | gym.vector.VectorEnv[Any, Any, Any]) -> "DemoResets":
+        """Follow the demonstrations in a copy of an environment, and give its episodes their beginnings.
+
+        What its settings make fail (another friction, pushes) is left out.
+
+        Raises:
+            InputError: if it is none of ours or of another pace, every demonstration fails there, or one for `Place`
+                says no end.
+        """
+        inner: Any = env.unwrapped
+        if not isinstance(inner, LiftEnv | LiftVectorEnv):
+            raise InputError(f"demonstrations are of DexGrasp environments, not of {type(inner).__name__}")
+        if inner.settings.frame_skip != CONTROL_STEPS:
+            raise InputError(
+                f"frame_skip is {inner.settings.frame_skip}: demonstrations are set-points {CONTROL_STEPS} physics "
+                "steps apart, and can be followed at that pace alone"
+            )
+        own = inner.twin()
+        if isinstance(own, PlaceEnv):
+            self._won = "at_goal", GOAL_STEPS
+        self.states = [found for demo in self._demos if (found := self._follow(own, demo))]
+        own.close()
+        if not self.states:
+            raise InputError("no demonstration succeeds in this environment: give those of its objects")
+        inner.start_from(self)
+        return self
+
+    @property
+    def progress(self) -> Fields:
+        """What `go_on` takes."""
+        return {"front": self.front, "recent": list(self._recent)}
+
+    def go_on(self, front: float, recent: Sequence[bool]) -> None:
+        """Take up `progress`; episodes that run count no more."""
+        self.front, self._recent, self._near = front, deque(recent, maxlen=_OF), {}
+
+    def __call__(self, slot: int, rng: Generator, record: NDArray[np.void]) -> Fields:
+        """Note how the last episode of a slot went, and return the options of its next reset."""
+        if self._near.pop(slot, False):
+            name, least = self._won
+            self._recent.append(bool(record[name] >= least))
+        if len(self._recent) == _OF and sum(self._recent) >= _WON * _OF:
+            self.front = max(self.front - _BACK, 0.0)
+            self._recent.clear()
+        if rng.random() < self.whole:
+            return {}
+        states = self.states[rng.integers(len(self.states))]
+        # Half of them at the front: what moves it is soon known, and what was learned behind it is not forgotten.
+        share = self.front + rng.uniform(0.0, _BACK if rng.random() < 0.5 else 1.0 - self.front)
+        self._near[slot] = share < self.front + _BACK
+        return {"state": states[min(int(share * len(states)), len(states) - 1)]}
+
+    def _follow(self, env: LiftEnv, demo: Episode) -> list[EpisodeState]:
+        """Return states on the way to success, none where it is not reached."""
+        target = demo.about["target"]
+        if target not in env.settings.objects:
+            return []
+        where: Fields = {"object": target, "object_pose": self._pose(demo) + _ABOVE}
+        if isinstance(env, PlaceEnv):
+            if "object_pose" not in demo.observations:
+                raise InputError(
+                    "demonstrations of Place say where they end in obs_mode 'state': these are of cameras"
+                )
+            where["goal"] = [*demo.observations["object_pose"][-1, :3], 1.0]  # held where it is at last
+        env.reset(seed=demo.about["scene_seed"], options=where)
+        states, path = [_lean(env)], demo.observations["joint_targets"].astype(float)
+        for step, (_, result) in enumerate(follow(env, path, robot_tree(env.settings.cell)), 1):
+            if result[4]["is_success"]:
+                return states
+            if step % _EVERY == 0:
+                states.append(_lean(env, states[-1].view))
+        return []
+
+    def _pose(self, demo: Episode) -> Array:
+        """Return where the object of a demonstration lay at first."""
+        if "object_pose" in demo.observations:
+            return demo.observations["object_pose"][0].astype(float)
+        scene = self._settings.env_arguments | {"obs_mode": "state", "objects": [demo.about["target"]]}
+        seen, _ = gym.make(ENV_ID, **scene, disable_env_checker=True).reset(seed=demo.about["scene_seed"])
+        return np.array(seen["object_pose"], dtype=float)
+
+
+def _followed(demo: Episode) -> Episode:
+    """Return a demonstration with no more of what was seen than it takes to follow it."""
+    seen = {key: demo.observations[key] for key in _NEEDED if key in demo.observations}
+    return replace(demo, observations=seen, once={})
+
+
+def _lean(env: LiftEnv, before: View | None = None) -> EpisodeState:
+    """Return the state of an environment, with the view `before` it where that still is the last look."""
+    state = env.get_state()
+    if env.settings.observe == "step":
+        return replace(state, view=View())
+    if before and all(np.array_equal(state.view.seen[key], values) for key, values in before.seen.items()):
+        return replace(state, view=before)
+    return state

@@ -1,0 +1,219 @@
+"""One demonstration: an agent's rollout, converted, replayed, and recorded where the replay succeeds too."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.agent import Env, public_info, renew_report, report_of
+from dexgrasp.data.demonstrations.convert import to_action, with_noise
+from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, MODES, DemoSettings
+from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
+from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.registry import make_agent
+from dexgrasp.runs.arrays import below
+from dexgrasp_env.arrays import Array, Arrays, Fields, Mask, Single
+from dexgrasp_env.files import jsonable
+from dexgrasp_env.objects.load import object_name
+from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.tasks.control import max_step
+
+_LINGER = 10  # control steps that a replay goes on after the rollout
+NOT_REPLAYED = "not_replayed"
+
+_STEPS = ("actions", "rewards", "terminations", "truncations")
+
+
+Step = tuple[Single, Any]
+"""A control step: the action, and what `env.step` returned."""
+
+
+@dataclass
+class Episode:
+    """A demonstration of T steps.
+
+    Attributes:
+        observations: (T + 1, ...) by key.
+        actions: (T, n).
+        rewards: (T,).
+        terminations: (T,).
+        truncations: (T,).
+        once: what does not change: what cameras saw at reset.
+        about: object, seeds, certificate, the first step that is a success: anything JSON can hold.
+    """
+
+    observations: Arrays
+    actions: Single
+    rewards: Array
+    terminations: Mask
+    truncations: Mask
+    once: Arrays = field(default_factory=dict)
+    about: Fields = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+    def arrays(self) -> Arrays:
+        """Return all arrays by name, `observations/KEY` and `once/KEY` among them."""
+        whole = {name: getattr(self, name) for name in _STEPS}
+        for part in ("observations", "once"):
+            whole |= {f"{part}/{key}": array for key, array in getattr(self, part).items()}
+        return whole
+
+    @classmethod
+    def of_arrays(cls, arrays: Arrays, about: Fields) -> "Episode":
+        """Return the demonstration that has such arrays, among others.
+
+        Raises:
+            KeyError: if some are missing.
+        """
+        steps: Fields = {name: arrays[name] for name in _STEPS}
+        return cls(below(arrays, "observations/"), **steps, once=below(arrays, "once/"), about=about)
+
+
+class Recorder:
+    """Records demonstrations on one object; holds the agent's environment and that of the demonstrations."""
+
+    def __init__(self, settings: DemoSettings, target: str) -> None:
+        """Make agent and environments.
+
+        Raises:
+            InputError: for an unknown agent, or one that asks for what is not its own to choose.
+        """
+        self._settings, self._target = settings, target
+        self._agent: Any = make_agent(settings.agent)
+        asked = agent_settings(settings.agent, self._agent)
+        arguments = settings.env_arguments | {"objects": [target]}
+        scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction", "randomisation")}
+        self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
+        alike = settings.observe == "reset" and all(asked.get(key) == arguments[key] for key in MODES)
+        # Where the agent's own modes are those of the demonstrations, a replay would do the same.
+        self._demo_env = None if alike else gym.make(ENV_ID, **arguments, disable_env_checker=True)
+        cell = self._env.unwrapped.settings.cell  # type: ignore[attr-defined]
+        self._robot, self._tree = cell.robot, robot_tree(cell)
+
+    def record(self, trial: int) -> tuple[Episode | None, str]:
+        """Record the demonstration of a scene.
+
+        Returns:
+            The demonstration and "", or None and why there is none.
+        """
+        seeds = trial_seeds(self._settings.seed, self._target, trial)
+        path, first, steps, failure = self._roll_out(seeds)
+        if failure:
+            return None, failure
+        if self._demo_env is None:
+            _, (*_, truncated, _) = steps[-1]
+            if not truncated:
+                steps += follow(self._env, path[-1:], self._tree)
+            episode = _episode(first, steps, CAMERA_KEYS)
+        else:
+            episode = replay(self._demo_env, seeds.scene, path, self._tree)
+        if episode is None:
+            return None, NOT_REPLAYED
+        episode.once = {key: first[key] for key in CAMERA_KEYS if key in first} | episode.once
+        episode.about |= {
+            "object": object_name(self._target),
+            "target": self._target,
+            "trial": trial,
+            "scene_seed": seeds.scene,
+            "agent_seed": seeds.agent,
+            "certificate": jsonable(report_of(self._agent).details).get("certificate"),
+            "steps": len(episode),
+        }
+        return episode, ""
+
+    def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, list[Step], str]:
+        """Return set-points (T + 1, n), the first observation, the T steps, and why it failed."""
+        env, agent, robot = self._env, self._agent, self._robot
+        rng = _noise_rng(seeds.agent)
+        first, info = env.reset(seed=seeds.scene)
+        renew_report(agent)
+        agent.seed(seeds.agent)
+        agent.reset(first, public_info(env, info))
+        if agent.report.failure:
+            return np.zeros((0, robot.dof)), first, [], str(agent.report.failure)
+        mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
+        observation, path, steps, over = first, [_targets(env)], list[Step](), False
+        while not over:
+            action = np.asarray(agent.act(observation), dtype=float)
+            if self._settings.noise:
+                action = with_noise(
+                    mode, action, self._settings.noise * rng.standard_normal(robot.dof), robot
+                )
+            command = action.astype(np.float32)  # as it is recorded
+            observation, _, terminated, truncated, info = result = env.step(command)
+            steps.append((command, result))
+            path.append(_targets(env))
+            over = terminated or truncated or info["is_success"]
+        failure = "" if info["is_success"] else info["failure"] or str(info["stage"])
+        return np.array(path), first, steps, failure
+
+    def close(self) -> None:
+        """Free the environments."""
+        self._env.close()
+        if self._demo_env:
+            self._demo_env.close()
+
+
+def intended(episode: Episode, noise: float, robot: Robot) -> Array:
+    """Return what an agent of a joint mode meant set-points to be: without the noise that was put on its commands.
+
+    Args:
+        episode: of T steps.
+        noise: of the settings.
+        robot: that moved.
+
+    Returns:
+        (T + 1, n) rad.
+    """
+    targets = episode.observations["joint_targets"].astype(float)
+    if not noise:
+        return targets
+    drawn = _noise_rng(episode.about["agent_seed"]).standard_normal((len(targets) - 1, robot.dof))
+    return np.concatenate([targets[:1], targets[1:] - noise * drawn * max_step(robot)])
+
+
+def _noise_rng(agent_seed: int) -> np.random.Generator:
+    return np.random.default_rng([agent_seed, 1])
+
+
+def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Episode | None:
+    """Follow set-points (T + 1, n) in another mode from the same scene; None where that does not succeed."""
+    settings = env.unwrapped.settings  # type: ignore[attr-defined]
+    first, _ = env.reset(seed=seed)
+    return _episode(first, list(follow(env, path, tree)), CAMERA_KEYS if settings.observe == "reset" else ())
+
+
+def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
+    """Follow set-points (T + 1, n), 50 ms apart, in the mode of a running episode, and hold the last for a while."""
+    settings = env.unwrapped.settings  # type: ignore[attr-defined]
+    for step in range(len(path) - 1 + _LINGER):
+        wanted = path[min(step + 1, len(path) - 1)]
+        action = to_action(settings.control_mode, _targets(env), wanted, tree, settings.action_scale)
+        result = env.step(action)
+        yield action, result
+        if result[2] or result[3]:
+            return
+
+
+def _episode(first: Arrays, steps: Sequence[Step], still: Sequence[str]) -> Episode | None:
+    """Return the demonstration, None where no step is a success."""
+    actions, results = zip(*steps, strict=True)
+    observations, rewards, terminated, truncated, infos = zip(*results, strict=True)
+    solved = [info["is_success"] for info in infos]
+    if not any(solved):
+        return None
+    moving = {key: np.stack([o[key] for o in (first, *observations)]) for key in first if key not in still}
+    once = {key: np.asarray(first[key]) for key in first if key in still}
+    ends = *truncated[:-1], not terminated[-1]
+    rest = (np.array(part) for part in (actions, rewards, terminated, ends))
+    whole: Fields = dict(zip(_STEPS, rest, strict=True))
+    return Episode(moving, **whole, once=once, about={"solved": solved.index(True)})
+
+
+def _targets(env: Env) -> Array:
+    return np.asarray(env.unwrapped.targets)  # type: ignore[attr-defined]

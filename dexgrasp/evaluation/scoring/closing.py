@@ -1,0 +1,77 @@
+"""How to open and to squeeze where a file gives one configuration and its contacts.
+
+The squeeze presses with forces in balance: each contact at least 1 N along its normal, all in their friction cones,
+with the least wrench left over (the law of FRoGGeR's own controller); then as hard as `PRESS` at the firmest contact or
+`TORQUE` at the busiest joint. The pregrasp draws each contact back along its normal.
+"""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from scipy.optimize import nnls
+
+from dexgrasp.evaluation.scoring.hand import HandModel, HandStage
+from dexgrasp.mechanics.cones import cone_edges
+from dexgrasp_env.arrays import Array, unit
+
+PRESS = 4.0  # N, normal, of the firmest contact
+TORQUE = 0.5  # Nm, of the busiest joint: hands of this size bear 0.7
+RETREAT = 0.015  # m
+SERVO_KP = 10.0  # Nm/rad that the squeeze is given for
+_FRICTION, _EDGES = 0.5, 8
+_TINY = 1e-4  # weight of the forces themselves, against the wrench
+_DAMPING = 0.02  # m/rad, of the least squares
+
+
+def close_around(
+    hand: HandModel, grasp: HandStage, points: Array, inward: Array, centre: Array
+) -> tuple[HandStage, HandStage]:
+    """Return pregrasp and squeeze of a grasp by its contacts.
+
+    Args:
+        hand: the hand.
+        grasp: its configuration.
+        points: (k, 3) m, contacts in the world.
+        inward: (k, 3) normals into the object.
+        centre: (3,) m, of the object's mass.
+    """
+    inward = unit(inward)
+    J = contact_jacobians(hand, grasp, points)
+    torques = balanced_forces(points, inward, centre).ravel() @ J
+    press = torques * min(1.0, TORQUE / max(float(np.abs(torques).max()), 1e-9)) / SERVO_KP
+    back = J.T @ np.linalg.solve(J @ J.T + _DAMPING**2 * np.eye(len(J)), (-RETREAT * inward).ravel())
+    model = hand.model
+    low, high = np.where(model.jnt_limited[:, None], model.jnt_range, [-np.inf, np.inf]).T
+    opened = np.clip(grasp.joints + back, low, high)
+    return replace(grasp, joints=opened), replace(grasp, joints=grasp.joints + press)
+
+
+def balanced_forces(points: Array, inward: Array, centre: Array) -> Array:
+    """Return forces (k, 3) N on the object in balance; the firmest presses with `PRESS`, none draws.
+
+    Contacts are at `points` (k, 3) m with unit normals `inward` (k, 3). Torques are taken about `centre` (3,), over
+    the points' rms distance from it.
+    """
+    count, arms = len(points), points - centre
+    length = max(float(np.sqrt((arms**2).sum(1).mean())), 1e-6)
+    edges = cone_edges(-inward, _FRICTION, _EDGES)  # (k, e, 3)
+    wrench = np.concatenate([edges, np.cross(arms[:, None], edges) / length], axis=-1)  # (k, e, 6)
+    base = np.concatenate([inward, np.cross(arms, inward) / length], axis=-1).sum(0)
+    matrix = np.concatenate([wrench.reshape(-1, 6).T, _TINY * np.eye(count * _EDGES)])
+    weights, _ = nnls(matrix, np.concatenate([-base, np.zeros(count * _EDGES)]))
+    forces = inward + (weights.reshape(count, _EDGES, 1) * edges).sum(1)
+    return forces * (PRESS / (forces * inward).sum(1).max())
+
+
+def contact_jacobians(hand: HandModel, grasp: HandStage, points: Array) -> Array:
+    """Return (3 k, n): velocities in the world of points (k, 3) on the links nearest to them, per joint."""
+    model, T = hand.model, grasp.T_world_hand
+    data = mujoco.MjData(model)
+    data.qpos[:] = grasp.joints
+    mujoco.mj_forward(model, data)
+    found = np.zeros((len(points), 3, model.nv))
+    for jacobian, point in zip(found, (points - T[:3, 3]) @ T[:3, :3], strict=True):
+        body = int(model.geom_bodyid[np.linalg.norm(data.geom_xpos - point, axis=1).argmin()])
+        mujoco.mj_jac(model, data, jacobian, None, point, body)
+    return (T[:3, :3] @ found).reshape(-1, model.nv)

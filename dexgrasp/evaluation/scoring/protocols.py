@@ -1,0 +1,309 @@
+"""The protocols that others publish for grasps of a floating hand.
+
+What they share: the hand comes from the pregrasp to the grasp to the squeeze, stage by stage, and the object, pushed or
+lifted or shaken, may not move further than allowed. Success rates are comparable within one protocol only. What differs
+from the publications is in docs/scoring.md.
+"""
+
+import itertools
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dexgrasp.evaluation.scoring.hand import Candidate, HandStage
+from dexgrasp.evaluation.scoring.scene import BASE, FloatingScene, Physics, displacement
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import unknown_name
+from dexgrasp_env.poses import rigid, shifted
+
+AXES: dict[str, Array] = {
+    f"{sign}{axis}": float(f"{sign}1") * row
+    for axis, row in zip("xyz", np.eye(3), strict=True)
+    for sign in "-+"
+}
+"""The six directions of the world in DexGraspBench's order."""
+_GRAVITY = 9.81  # m/s^2
+_ROUND_GRAVITY = 10.0  # m/s^2, as the code of DexGraspBench has it
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What came of it.
+
+    Attributes:
+        success: by the protocol.
+        score: from 0 to 1: the share of draws that succeeded where there are several, else 0 or 1.
+        reason: why it failed, one of a countable few; None for successes.
+        sentence: the same in words.
+        moved_m: of the object against where it should be, when it was judged.
+        turned_rad: likewise.
+    """
+
+    success: bool
+    score: float
+    reason: str | None = None
+    sentence: str = "held"
+    moved_m: float = 0.0
+    turned_rad: float = 0.0
+
+
+class GraspProtocol(ABC):
+    """One way of scoring a grasp.
+
+    Attributes:
+        name: on the command line.
+        summary: one line for people.
+        physics: friction, solver, servo gain.
+        most_moved: m.
+        most_turned: rad.
+        density: of the object, kg/m^3; or its `fixed_mass`, kg.
+    """
+
+    name: str
+    summary: str
+    physics: Physics
+    most_moved: float
+    most_turned: float
+    density: float = 0.0
+    fixed_mass: float | None = None
+
+    def mass(self, candidate: Candidate) -> float:
+        """Return the mass of the object, kg."""
+        return self.fixed_mass or self.density * float(candidate.object.mesh.volume)
+
+    @abstractmethod
+    def judge(self, candidate: Candidate, seed: int) -> Verdict:
+        """Score a grasp; `seed` is of the protocol's own draws."""
+
+    def _scene(self, candidate: Candidate) -> FloatingScene:
+        """Return the scene, in the pregrasp."""
+        scene = FloatingScene(candidate, self.physics, self.mass(candidate))
+        scene.reset(candidate.pregrasp)
+        return scene
+
+    def _close(self, scene: FloatingScene, to_grasp: float, to_squeeze: float) -> HandStage:
+        """Close from the pregrasp, which the scene is in, and return the squeeze (times in s)."""
+        candidate, squeeze = scene.candidate, scene.candidate.squeeze_for(scene.servo_kp)
+        scene.move(candidate.pregrasp, candidate.grasp, to_grasp)
+        scene.move(candidate.grasp, squeeze, to_squeeze)
+        return squeeze
+
+    def _verdict(self, before: Array, after: Array, when: str) -> Verdict:
+        """Judge the object's pose `after` against where it should be."""
+        moved, turned = displacement(before, after)
+        if moved < self.most_moved and turned < self.most_turned:
+            return Verdict(True, 1.0, moved_m=moved, turned_rad=turned)
+        reason = "moved" if moved >= self.most_moved else "turned"
+        how = f"{100 * moved:.1f} cm" if reason == "moved" else f"{math.degrees(turned):.0f} deg"
+        return Verdict(False, 0.0, reason, f"{reason} by {how} {when}", moved, turned)
+
+
+class DexGraspBench(GraspProtocol):
+    """What both tests of DexGraspBench (BODex, ICRA 2025) share, with the constants of its code.
+
+    100 g, friction 0.6 / 0.02, a pregrasp at most 10 mm deep.
+    """
+
+    most_moved = 0.05
+    most_turned = math.radians(15.0)
+    fixed_mass = 0.1  # kg
+    _most_penetration = 0.010  # m
+    _stage = 0.4  # s a stage: 10 x 10 steps of 4 ms
+
+    def _penetrates(self, scene: FloatingScene) -> Verdict | None:
+        depth = scene.penetration()
+        if depth <= self._most_penetration:
+            return None
+        return Verdict(
+            False, 0.0, "start_penetration", f"the pregrasp is {1000 * depth:.0f} mm in the object"
+        )
+
+
+class DexGraspBenchForceClosure(DexGraspBench):
+    """`dgb_fc`: no gravity; 1 N for 2 s along each of six directions, from the start each time."""
+
+    name = "dgb_fc"
+    summary = (
+        "DexGraspBench force closure: 100 g, mu 0.6, 1 N for 2 s along +-x, y, z; at most 5 cm and 15 deg"
+    )
+    physics = Physics()
+
+    def judge(self, candidate: Candidate, seed: int) -> Verdict:
+        """Push along each direction; the first that it does not bear fails it."""
+        scene, worst = self._scene(candidate), Verdict(True, 1.0)
+        for name, axis in AXES.items():
+            scene.reset(candidate.pregrasp)
+            if failed := self._penetrates(scene):
+                return failed
+            self._close(scene, self._stage, self._stage)
+            scene.push(_ROUND_GRAVITY * scene.mass * axis)
+            for _ in range(10):
+                scene.run(0.2)
+                verdict = self._verdict(candidate.T_world_object, scene.pose(), f"pushed along {name}")
+                if not verdict.success:
+                    return verdict
+            worst = max(worst, verdict, key=lambda v: v.moved_m)
+        return worst
+
+
+class DexGraspBenchTabletop(DexGraspBench):
+    """`dgb_tabletop`: from a table, lifted 10 cm in 0.4 s."""
+
+    name = "dgb_tabletop"
+    summary = "DexGraspBench tabletop: 100 g, mu 0.6, lifted 10 cm from a table; at most 5 cm and 15 deg off"
+    physics = Physics(table_friction=0.6)
+    _lift = 0.10  # m
+
+    def judge(self, candidate: Candidate, seed: int) -> Verdict:
+        """Close under the object's weight and lift."""
+        scene = self._scene(candidate)
+        if failed := self._penetrates(scene):
+            return failed
+        scene.push(_ROUND_GRAVITY * scene.mass * AXES["-z"])
+        squeeze, up = self._close(scene, self._stage, self._stage), self._lift * AXES["+z"]
+        scene.move(squeeze, squeeze.shifted(up), self._stage)
+        return self._verdict(shifted(candidate.T_world_object, up), scene.pose(), "off after the lift")
+
+
+class FroggerPick(GraspProtocol):
+    """FRoGGeR (IROS 2023), with the figures of its pick-up controller.
+
+    `frogger_pick`: lifted 10 cm in 1 s, held 1.5 s, shaken by 3 mm from a quarter second into the lift on.
+    """
+
+    name = "frogger_pick"
+    summary = "FRoGGeR's pick: 150 kg/m3, mu 0.7, 10 cm in 1 s, 1.5 s hold, 3 mm shake; at most 7.5 cm and 30 deg off"
+    physics = Physics(friction=(0.7, 0.02), table_friction=0.7, servo_kp=10.0, timestep=0.002, impratio=100.0)
+    most_moved = 0.075
+    most_turned = math.radians(30.0)
+    density = 150.0
+    _lift, _rise, _hold = 0.10, 1.0, 1.5  # m, s, s
+    _wait = 0.5  # s before the lift
+    _shake_start, _shake = 0.25, 0.003  # s into the lift, m
+    _period = 0.01  # s between set-points
+
+    def judge(self, candidate: Candidate, seed: int) -> Verdict:
+        """Lift and hold; judged all the way."""
+        scene = self._scene(candidate)
+        scene.push(_GRAVITY * scene.mass * AXES["-z"])
+        squeeze = self._close(scene, 0.25, 0.25)
+        scene.run(self._wait)
+        verdict = Verdict(True, 1.0)
+        for time, offset in self._path():
+            scene.aim(shifted(squeeze.T_world_hand, offset), squeeze.joints)
+            scene.run(self._period)
+            goal = shifted(candidate.T_world_object, offset)
+            verdict = self._verdict(goal, scene.pose(), f"off, {time:.2f} s into the lift")
+            if not verdict.success:
+                return verdict
+        return verdict
+
+    def _path(self) -> Iterator[tuple[float, Array]]:
+        """Yield the time since the lift began, s, and the hand's offset (3,) m."""
+        for step in range(1, round((self._rise + self._hold) / self._period) + 1):
+            time = step * self._period
+            offset = np.array([0.0, 0.0, self._lift * min(time / self._rise, 1.0)])
+            if time >= self._shake_start:
+                t = time + self._wait
+                offset += self._shake * np.array([np.sin(5 * t), np.cos(4 * t), np.cos(3 * t)])
+            yield time, offset
+
+
+class GetAGrip(GraspProtocol):
+    """Get a Grip (CoRL 2024): success under noise of the hand's pose.
+
+    `get_a_grip`: five draws of noise on the hand's pose, each closed, lifted 20 cm, shaken by 3 cm.
+    """
+
+    name = "get_a_grip"
+    summary = "Get a Grip: hand 5 mm and 5 deg off, five draws; 500 kg/m3, mu 0.9, 20 cm lift, 3 cm shake; score: share"
+    physics = Physics(friction=(0.9, 0.02), table_friction=1.0, servo_kp=10.0)
+    most_moved = 0.10
+    most_turned = math.radians(45.0)
+    density = 500.0
+    _draws, _noise, _tilt = 5, 0.005, math.radians(5.0)  # m and rad, uniform in each of x, y, z
+    _least_links = 3
+    _lift, _shake = 0.20, 0.03  # m
+    _beat = 325 / 60 / 38  # s: 38 targets in what 400 steps of 1/60 s leave after settling and closing
+
+    def judge(self, candidate: Candidate, seed: int) -> Verdict:
+        """Score each draw; all of them must hold for a success."""
+        rng, scene = np.random.default_rng(seed), self._scene(candidate)
+        verdicts = []
+        for _ in range(self._draws):
+            shift = rng.uniform(-self._noise, self._noise, 3)
+            turn = Rotation.from_euler("xyz", rng.uniform(-self._tilt, self._tilt, 3)).as_matrix()
+            verdicts.append(self._draw(scene, candidate.displaced(rigid(turn, shift))))
+        held = sum(v.success for v in verdicts)
+        worst = next((v for v in verdicts if not v.success), verdicts[-1])
+        text = f"{held} of {self._draws} draws held" + ("" if worst.success else f"; {worst.sentence}")
+        return replace(worst, score=held / self._draws, sentence=text)
+
+    def _draw(self, scene: FloatingScene, candidate: Candidate) -> Verdict:
+        scene.candidate = candidate
+        scene.reset(candidate.pregrasp)
+        scene.push(_GRAVITY * scene.mass * AXES["-z"])
+        squeeze = self._close(scene, 0.15, 0.10)
+        for start, end in itertools.pairwise(self._targets()):
+            scene.move(squeeze.shifted(start), squeeze.shifted(end), self._beat)
+        wanted = np.linalg.inv(candidate.grasp.T_world_hand) @ candidate.T_world_object
+        verdict = self._verdict(wanted, np.linalg.inv(scene.pose(BASE)) @ scene.pose(), "in the hand")
+        links = {body for body, _, force in scene.hand_contacts() if force > 0.0}
+        if verdict.success and len(links) < self._least_links:
+            few = f"only {len(links)} links touch it"
+            return replace(verdict, success=False, score=0.0, reason="few_contacts", sentence=few)
+        return verdict
+
+    def _targets(self) -> Array:
+        """Offsets of the hand (38, 3), m, from where it closed: up by eighths, then to and fro along x, y, z."""
+        up = [(0, 0, part / 8 * self._lift) for part in (0, 1, 2, 3, 4, 5, 6, 7, 8, 8)]
+        top, beats = np.array([0.0, 0.0, self._lift]), (0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0, 0.0)
+        shakes = [top + self._shake * beat * axis for axis in np.eye(3) for beat in beats]
+        return np.array([*up, *shakes, top])
+
+
+class Dro(GraspProtocol):
+    """D(R,O) Grasp (ICRA 2025): six slow pushes.
+
+    `dro`: friction 3 and an acceleration of 0.5 m/s2 along each of six directions, 1 s each, one after the other.
+    """
+
+    name = "dro"
+    summary = "D(R,O): mu 3, 0.5 m/s2 x 6 x 1 s, at most 2 cm; for comparison only: with mu 3 almost any touch holds"
+    physics = Physics(friction=(3.0, 0.02), servo_kp=10.0)
+    most_moved = 0.02
+    most_turned = math.inf
+    density = 500.0
+    _acceleration = 0.5  # m/s^2
+
+    def judge(self, candidate: Candidate, seed: int) -> Verdict:
+        """Close, then push; judged at the end against where the closed hand had it."""
+        scene = self._scene(candidate)
+        self._close(scene, 0.5, 0.5)
+        start = scene.pose()
+        for name in ("+x", "+y", "+z", "-x", "-y", "-z"):
+            scene.push(self._acceleration * scene.mass * AXES[name])
+            scene.run(1.0)
+        return self._verdict(start, scene.pose(), "under the six pushes")
+
+
+GRASP_PROTOCOLS: dict[str, type[GraspProtocol]] = {
+    protocol.name: protocol
+    for protocol in (DexGraspBenchForceClosure, DexGraspBenchTabletop, FroggerPick, GetAGrip, Dro)
+}
+"""Every protocol for grasp files by name."""
+
+
+def get_grasp_protocol(name: str) -> GraspProtocol:
+    """Return a protocol by name.
+
+    Raises:
+        InputError: naming the valid ones.
+    """
+    if name not in GRASP_PROTOCOLS:
+        raise unknown_name("protocol for grasp files", name, GRASP_PROTOCOLS)
+    return GRASP_PROTOCOLS[name]()

@@ -1,0 +1,32 @@
+"""Readers of grasp files: ours, DexGraspBench's and BODex's, FRoGGeR-style arrays, and a plain JSON."""
+
+from pathlib import Path
+
+from dexgrasp.evaluation.scoring.hand import Candidate
+from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dexgraspbench
+from dexgrasp.evaluation.scoring.readers.frogger import read_frogger
+from dexgrasp.evaluation.scoring.readers.objects import ReadOptions
+from dexgrasp.evaluation.scoring.readers.ours import read_ours
+from dexgrasp.evaluation.scoring.readers.plain import FORMAT, read_plain
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_json_object
+
+__all__ = ["ReadOptions", "read_candidates"]
+
+_BY_SUFFIX = {".npy": read_dexgraspbench, ".pkl": read_dexgraspbench, ".npz": read_frogger}
+
+
+def read_candidates(path: Path, options: ReadOptions) -> list[Candidate]:
+    """Return the grasps of a file, of whatever kind it is; nothing in it is executed.
+
+    Raises:
+        InputError: one line, if the file is missing, of no known kind or malformed, or its object is not found.
+    """
+    if path.suffix in _BY_SUFFIX:
+        return _BY_SUFFIX[path.suffix](path, options)
+    if path.suffix != ".json":
+        raise InputError(
+            f"grasp file {str(path)!r} has the wrong kind {path.suffix!r}: valid are .json, .npy, .npz"
+        )
+    content = read_json_object(path, "it is no grasp file")
+    return (read_plain if content.get("format") == FORMAT else read_ours)(content, path, options)

@@ -1,0 +1,72 @@
+"""FRoGGeR-style arrays (`.npz`): one configuration of arm and hand by joint names, body poses, contacts, object pose.
+
+Keys: `q` (n,) rad with `joint_names`; `body_names` with `body_poses_W` (b, 4, 4), of which the palm's counts, since arm
+and mount are not ours; `X_WO` (4, 4), the mesh file's frame; `contacts_W`, `normals_in_W` (k, 3), normals into the
+object; `object`, a name. World: the arm's base, z up, the table's top at z = 0. Pregrasp and squeeze are made by
+`closing`.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from dexgrasp.evaluation.scoring.closing import SERVO_KP, close_around
+from dexgrasp.evaluation.scoring.hand import ALLEGRO, Candidate, HandStage, find_hand
+from dexgrasp.evaluation.scoring.readers.fields import FileFields, as_pose
+from dexgrasp.evaluation.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
+from dexgrasp_env.arrays import Arrays
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_npz, readable
+from dexgrasp_env.poses import rigid
+
+PALM = "algr_rh_palm"
+_PALM_HEIGHT = (
+    0.095  # m: its palm frame is at the bottom of the palm, ours at the finger bases; axes are the same
+)
+JOINTS = {
+    **{f"algr_rh_{f}_{j}_q": f"{finger}_{i}" for f, finger in (("if", "index"), ("mf", "middle"), ("rf", "ring"))
+       for i, j in enumerate(("axl", "mcp", "pip", "dip"))},
+    **{f"algr_rh_th_{j}_q": f"thumb_{i}" for i, j in enumerate(("cmc", "axl", "mcp", "ipl"))},
+}  # fmt: skip
+"""Its joint names -> ours; angles, axes and zeros are the same."""
+
+
+def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
+    """Return the grasp of a file.
+
+    Raises:
+        InputError: if the file is unusable, misses a key, or its object is not found.
+    """
+    data, hand = FileFields(read_arrays(path), str(path)), find_hand(ALLEGRO)
+    names, q = data.words("joint_names"), data.numbers("q")
+    joints = {JOINTS[name]: float(value) for name, value in zip(names, q, strict=False) if name in JOINTS}
+    if len(names) != len(q) or len(joints) != len(JOINTS):
+        raise InputError(
+            f"{path}: q and joint_names must name the 16 joints of the hand, {min(JOINTS)} and the like"
+        )
+    bodies, poses = data.words("body_names"), data.numbers("body_poses_W")
+    if PALM not in bodies or len(bodies) != len(poses):
+        raise InputError(f"{path}: body_names with body_poses_W must have {PALM}")
+    to_ours = rigid(np.eye(3), (0.0, 0.0, _PALM_HEIGHT))
+    T_palm = as_pose(poses[bodies.index(PALM)], f"{path}: pose of {PALM}") @ to_ours
+    target = find_object(str(data.get("object")), 1.0, options, path)
+    T_world_object = pose_of_centre(data.pose("X_WO"), target)
+    grasp = HandStage(T_palm, np.array([joints[name] for name in hand.joint_names]))
+    points, normals = data.vectors("contacts_W"), data.vectors("normals_in_W")
+    if points.shape != normals.shape:
+        raise InputError(f"{path}: contacts_W and normals_in_W differ in number")
+    pregrasp, squeeze = close_around(hand, grasp, points, normals, T_world_object[:3, 3])
+    return [Candidate(str(path), hand, target, T_world_object, pregrasp, grasp, squeeze, SERVO_KP)]
+
+
+def read_arrays(path: Path) -> Arrays:
+    """Return the arrays of an .npz file; pickled ones are not read.
+
+    Raises:
+        InputError: if it is missing, damaged or holds pickled objects.
+    """
+    with readable(path):
+        try:
+            return read_npz(path)
+        except ValueError as error:
+            raise InputError(f"{path} is no .npz file of plain arrays ({error})") from None

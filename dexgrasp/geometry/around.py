@@ -1,0 +1,95 @@
+"""What stands around the target as convex parts: hulls of objects, columns of walls."""
+
+from contextlib import suppress
+
+import numpy as np
+
+from dexgrasp.geometry.completion import completed_corners
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.target import PART_FACES, Parts, corners_of
+from dexgrasp_env.arrays import Array, middle
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.cloud import cells_of
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
+
+SEEN, UNSEEN = 0.003, 0.006
+"""m by which a neighbour's sides are taken to lie farther out: those that were seen, and those that no camera saw."""
+HIGHER = 0.002
+"""m by which its top is."""
+_FACING = 0.5  # cosine of the angle to a side within which a normal shows that it was seen
+_SIDES = 8  # level directions in which a neighbour may be grown
+_INSIDE = 0.006  # m: a hull that holds points of the target this deep is not the neighbour's shape
+_COLUMN = 0.03  # m, side of a column
+_MOST = 60  # parts of a neighbour, as a grasp file takes them
+_LEAST = 3  # points of a column: fewer are noise
+_THICK = 0.004  # m that a column reaches at least to either side of its middle
+
+
+def neighbours_of(scene: Scene, give: float = 0.0) -> tuple[Parts, ...]:
+    """Return the corners (N, 3) m of the convex parts of each neighbour; the last are those of what is no object.
+
+    A neighbour is the hull of its cloud down to the table; where that holds a part of the target, the neighbour is
+    hollow or reaches around it, and the columns that its points stand in take the hull's place.
+
+    Args:
+        scene: what is seen.
+        give: m that neighbours, which are loose, may be pushed: by so much they are taken for smaller. What is no
+            object stays as it is.
+    """
+    found = [tuple(_smaller(part, give) for part in _parts(one, scene)) for one in scene.neighbours]
+    found.append(columns(_beside(scene)))
+    return tuple(parts[k : k + _MOST] for parts in found for k in range(0, len(parts), _MOST))
+
+
+def _beside(scene: Scene) -> Array:
+    """Return the points (N, 3) m of what is no object, without splinters of the target: those within its hull."""
+    rest = scene.rest.points
+    hull = completed_corners(scene.target, scene.plane)[0] if len(rest) >= _LEAST else None
+    if hull is None:
+        return rest
+    return rest[ConvexDistance.from_points(hull, PART_FACES).distance(rest) > SEEN]
+
+
+def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:
+    hull = completed_corners(cloud, scene.plane)[0]
+    if hull is not None:
+        with suppress(InputError):  # points that lie in a plane
+            distance = ConvexDistance.from_points(_grown(hull, cloud), PART_FACES)
+            if distance.distance(scene.target.points).min() >= -_INSIDE:
+                return (corners_of(distance.triangles),)
+    return columns(cloud.points)
+
+
+def _grown(corners: Array, cloud: ObjectCloud) -> Array:
+    """Add to corners (N, 3) m the points that trimming left out, and all of it moved out to all sides and up."""
+    angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+    sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)], axis=1)
+    grown = np.where((cloud.normals @ sides.T > _FACING).any(axis=0), SEEN, UNSEEN)
+    corners = np.concatenate([corners, cloud.points])
+    level = np.concatenate([corners + step * side for step, side in zip(grown, sides, strict=True)])
+    return np.concatenate([level, level[level[:, 2] > level[:, 2].min() + HIGHER] + [0.0, 0.0, HIGHER]])
+
+
+def _smaller(corners: Array, give: float) -> Array:
+    """Return corners (N, 3) m of a part whose sides and top are `give` m farther in, its foot where it was."""
+    if not give:
+        return corners
+    foot = np.array([*middle(corners)[:2], corners[:, 2].min()])
+    half = np.ptp(corners, axis=0) * [0.5, 0.5, 1.0]
+    return foot + np.maximum(half - give, np.minimum(half, _THICK)) / half * (corners - foot)
+
+
+def columns(points: Array) -> Parts:
+    """Return the corners of boxes around points (N, 3) m, from the table up, one for each square that holds some."""
+    if not len(points):
+        return ()
+    squares, boxes = cells_of(points[:, :2], _COLUMN), list[Array]()
+    for square in np.unique(squares):
+        held = points[squares == square]
+        if len(held) < _LEAST:
+            continue
+        centre, half = middle(held), np.maximum(0.5 * np.ptp(held, axis=0), _THICK)
+        low, high = centre - half, centre + half
+        low[2] = 0.0
+        boxes.append(np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T)
+    return tuple(boxes)

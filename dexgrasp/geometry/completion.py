@@ -1,0 +1,91 @@
+"""From a scene to the planner's target: the hull of its cloud, the side that no camera saw completed, its parts."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dexgrasp.geometry.hull import cloud_corners
+from dexgrasp.geometry.network import CompletionNetwork, shipped_network
+from dexgrasp.geometry.parts import MOST_PARTS, parts_within
+from dexgrasp.geometry.target import GraspTarget, Spread
+from dexgrasp.geometry.view import ONE_SIDED, UNIT, WRITTEN, View, one_sidedness
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.plane import Plane
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
+
+NO_CLOUD, NO_VOLUME = "empty_cloud", "cloud_has_no_volume"
+_LEAST_POINTS = 4
+_LEAST_INSIDE = 0.003 / UNIT  # radius of the largest ball inside, below which there is no volume to speak of
+
+
+class NoTarget(Exception):  # noqa: N818  (it is an outcome, not a defect)
+    """A scene that shows nothing to grasp: why, in a word that can be counted."""
+
+
+def target_of(scene: Scene, mass: float | None = None, parts: int = MOST_PARTS) -> GraspTarget:
+    """Return the object that a scene shows.
+
+    Args:
+        scene: what is seen; the plane is the table on which the object stands.
+        mass: kg; assumed if None.
+        parts: convex ones, at most, that an object which is not convex is planned on.
+
+    Raises:
+        NoTarget: with the scene's reason, or where its points span no volume to speak of.
+    """
+    if scene.reason is not None:
+        raise NoTarget(scene.reason)
+    if len(scene.target) < _LEAST_POINTS:
+        raise NoTarget(NO_CLOUD)
+    hull, spread = completed_corners(scene.target, scene.plane)
+    if hull is None:
+        raise NoTarget(NO_VOLUME)
+    convex, airy = [hull], False
+    if spread is None:
+        convex, airy = parts_within(hull, scene.target.points, scene.plane, parts)
+    try:
+        target = GraspTarget.of_corners(convex, mass=mass, spread=spread)
+    except InputError:
+        raise NoTarget(NO_VOLUME) from None
+    return replace(target, seen=scene.target.points.astype(float)) if airy else target
+
+
+def completed_corners(
+    cloud: ObjectCloud, plane: Plane | None, network: CompletionNetwork | None = None
+) -> tuple[Array | None, Spread | None]:
+    """Return the corners (N, 3) m of the hull of what a cloud shows, and the spread of one that was completed.
+
+    A cloud whose normals do not all point one way shows the object all round: they are `cloud_corners`.
+
+    Args:
+        cloud: of the object alone.
+        plane: the table; None completes nothing.
+        network: that completes; the shipped one by default.
+    """
+    points, normals = cloud.points, cloud.normals
+    if plane is not None and len(points) >= _LEAST_POINTS and one_sidedness(normals) >= ONE_SIDED:
+        view = View.of(points, normals, plane)
+        support, spread = (network or shipped_network()).complete(view)
+        corners = _corners(support)
+        if corners is not None:
+            return cloud_corners(corners * UNIT @ view.R + view.origin), Spread(WRITTEN @ view.R, spread)
+    return cloud_corners(points, plane), None
+
+
+def _corners(support: Array) -> Array | None:
+    """Return corners (N, 3), UNIT, of what lies within a support (361,) and above the table; None if nothing does."""
+    from scipy.optimize import linprog
+    from scipy.spatial import HalfspaceIntersection, QhullError
+
+    normals = np.concatenate([WRITTEN, [[0.0, 0.0, -1.0]]])
+    most = np.append(support, 0.0)
+    # The centre of the largest ball inside: half-spaces are cut around it.
+    ball = linprog([0.0, 0.0, 0.0, -1.0], np.c_[normals, np.ones(len(normals))], most, bounds=(None, None))
+    if not ball.success or ball.x[3] < _LEAST_INSIDE:
+        return None
+    try:
+        corners = HalfspaceIntersection(np.c_[normals, -most], ball.x[:3]).intersections
+    except QhullError:
+        return None
+    return corners[np.isfinite(corners).all(1)]

@@ -1,0 +1,66 @@
+"""The completion network: from the support function of the seen side to that of the whole object, with its spread."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from dexgrasp.geometry.view import READ, UNIT, WRITTEN, View
+from dexgrasp.runs.arrays import Layer, layers_of, read_arrays, relu, through
+from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
+
+SCHEMA = 1
+FEATURES = 4 * len(READ) + 3
+OUTPUT = 0.01
+"""m: the network answers in this unit."""
+LOG_SPREAD = (-4.0, 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class CompletionNetwork:
+    """A perceptron in numpy; arrays are float32.
+
+    Attributes:
+        mean, scale: (391,) of the features it was trained on.
+        layers: weights (in, out) and biases.
+    """
+
+    mean: Single
+    scale: Single
+    layers: tuple[Layer, ...]
+
+    def complete(self, view: View) -> tuple[Array, Array]:
+        """Return the whole object's support (361,) in the directions `WRITTEN`, UNIT, and its spread (361,), m.
+
+        The spread is the mean absolute error that the network expects of itself.
+        """
+        x = ((view.features() - self.mean) / self.scale).astype(np.float32)
+        more, log_spread = np.split(through(self.layers, x, relu).astype(float), [len(WRITTEN)])
+        spread = OUTPUT * np.exp(np.clip(log_spread, *LOG_SPREAD))
+        return view.seen() + more * OUTPUT / UNIT, spread
+
+
+@lru_cache(maxsize=1)
+def shipped_network() -> CompletionNetwork:
+    """Return the network that comes with the package."""
+    return read_network(asset_path("weights/unseen.safetensors"))
+
+
+def read_network(path: Path) -> CompletionNetwork:
+    """Return the network of a file of weights.
+
+    Raises:
+        InputError: missing, damaged, or of another schema; without safetensors.
+    """
+    arrays, note = read_arrays(path)
+    try:
+        layers = layers_of(arrays, "network")
+        fits = note["schema"] == SCHEMA and arrays["mean"].shape == (FEATURES,) == layers[0][0].shape[:1]
+        if not fits or layers[-1][0].shape[1] != 2 * len(WRITTEN):
+            raise KeyError
+        return CompletionNetwork(arrays["mean"], arrays["scale"], layers)
+    except KeyError:
+        raise InputError(f"{path} holds no completion network of schema {SCHEMA}") from None

@@ -1,0 +1,236 @@
+"""The object as a planner knows it: convex parts in the world frame, and assumptions about its mass."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.field import Field, field_of
+from dexgrasp.geometry.hull import REACH
+from dexgrasp.geometry.volume import volume_and_centre
+from dexgrasp.geometry.walls import walls_of
+from dexgrasp_env.arrays import Array, Mask
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.scene.constants import GRAVITY
+from dexgrasp_env.valid import POSITIVE, check
+
+if TYPE_CHECKING:
+    import trimesh
+    from scipy.spatial import cKDTree
+
+MAX_FACES = 120  # of the hull that is planned on
+PART_FACES = 80  # of each part where there are several
+ASSUMED_DENSITY = 900.0  # kg/m3: nobody weighs the object; common packed goods are lighter
+HAND_REACH = 0.15  # m from an object that parts of a hand are which grasps it
+MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
+_GAP = 0.010  # m from what was seen, beyond which a point of the hull lies on air
+
+
+Parts = tuple[Array, ...]
+"""Corners (N, 3) m of convex parts of one thing."""
+
+
+class Spread(NamedTuple):
+    """How far a surface may be from where it is believed to be, by direction."""
+
+    directions: Array  # (K, 3) unit, world frame
+    errors: Array  # (K,) m, mean absolute error of the support in each
+
+    def along(self, normals: Array) -> Array:
+        """Return the error (N,) m where the surface's normals are (N, 3): that of the nearest direction."""
+        return self.errors[(normals @ self.directions.T).argmax(1)]
+
+
+@dataclass(frozen=True)
+class GraspTarget:
+    """What is grasped: a union of convex parts, mostly one.
+
+    The meshes are made when asked for: planning does without, and the import of trimesh takes as long as three plans.
+
+    Attributes:
+        distance: signed distance to the union of the parts, world frame, m.
+        centre: (3,) m, centre of mass, taken to be that of the parts' volumes unless it is known.
+        mass: kg, assumed unless it is known.
+        spread: how far the surface may be off where it was guessed; None where it was seen all round.
+        neighbours: what stands around it and must not be touched.
+        seen: (N, 3) m, points of its surface, where the parts hold air: a cup's mouth is none. None where all of their
+            surface is the object's, as far as is known.
+    """
+
+    distance: ConvexDistance
+    centre: Array
+    mass: float
+    spread: Spread | None = None
+    neighbours: tuple[Parts, ...] = ()
+    seen: Array | None = None
+
+    @classmethod
+    def of(
+        cls, *meshes: "trimesh.Trimesh", mass: float | None = None, centre: Array | None = None
+    ) -> "GraspTarget":
+        """Take the union of the convex hulls of meshes, m, in the world frame; the rest as in `of_corners`."""
+        return cls.of_corners([mesh.vertices for mesh in meshes], mass, centre)
+
+    @classmethod
+    def of_corners(
+        cls,
+        corners: Sequence[ArrayLike],
+        mass: float | None = None,
+        centre: Array | None = None,
+        spread: Spread | None = None,
+    ) -> "GraspTarget":
+        """Take the union of the convex hulls of points in the world frame.
+
+        Args:
+            corners: (N, 3) m of each part.
+            mass: kg; assumed from the hull's volume if None.
+            centre: (3,) m; the centroid of the parts' volumes if None.
+            spread: of a surface that was guessed in part.
+
+        Raises:
+            InputError: for a part without volume or a mass that is not positive.
+        """
+        if mass is not None:
+            check("mass", mass, POSITIVE)
+        faces = MAX_FACES if len(corners) == 1 else PART_FACES
+        distance = ConvexDistance.union([ConvexDistance.from_points(some, faces) for some in corners])
+        middle = np.asarray(volume_centre(distance) if centre is None else centre, dtype=float)
+        known = assumed_mass(hull_volume(distance)[0]) if mass is None else float(mass)
+        return cls(distance, middle, known, spread)
+
+    @property
+    def weight(self) -> Array:
+        """The force of gravity (3,) N."""
+        return np.array([0.0, 0.0, -GRAVITY * self.mass])
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether there is but one part."""
+        return len(self.distance.parts) == 1
+
+    def guessed(self, normals: Array) -> float:
+        """Return the largest error, m, expected of surfaces with normals (N, 3); 0 where all sides were seen."""
+        return 0.0 if self.spread is None else float(self.spread.along(normals).max())
+
+    def was_seen(self, points: Array) -> Mask:
+        """Return which points (..., 3) m of the parts' surface lie where the object was seen to be (...).
+
+        Near the table little is seen: below `REACH` height does not count.
+        """
+        if self.seen is None:
+            return np.ones(points.shape[:-1], bool)
+        return self._seen_tree.query(_raised(points))[0] < _GAP
+
+    @cached_property
+    def _seen_tree(self) -> "cKDTree":
+        from scipy.spatial import cKDTree
+
+        return cKDTree(_raised(cast("Array", self.seen)))
+
+    @cached_property
+    def top(self) -> float:
+        """Height of the highest point above the table, m."""
+        return float(self.distance.triangles[:, :, 2].max())
+
+    @cached_property
+    def around(self) -> ConvexDistance | None:
+        """Signed distance to the union of the neighbours, m; None where there is none."""
+        parts = [ConvexDistance.from_points(part, PART_FACES) for parts in self.neighbours for part in parts]
+        return ConvexDistance.union(parts) if parts else None
+
+    @cached_property
+    def field(self) -> Field | None:
+        """Distances from the neighbours, m, tabled where a hand is that grasps the object; None where there is none."""
+        if self.around is None:
+            return None
+        corners = self.distance.triangles.reshape(-1, 3)
+        low, high = corners.min(0) - HAND_REACH, corners.max(0) + HAND_REACH
+        return field_of(self.around, np.append(low[:2], 0.0), high)
+
+    @cached_property
+    def everything(self) -> ConvexDistance:
+        """Signed distance to the object and its neighbours, m: what a hand that is not grasping keeps clear of."""
+        return self.distance if self.around is None else self.distance.joined(self.around)
+
+    @cached_property
+    def corners(self) -> tuple[Array, ...]:
+        """Corners (N, 3) m of each part."""
+        return tuple(corners_of(part) for part in self.distance.parts)
+
+    @cached_property
+    def parts(self) -> "tuple[trimesh.Trimesh, ...]":
+        """Watertight convex meshes, world frame, m."""
+        return tuple(map(_mesh, self.distance.parts))
+
+    @cached_property
+    def hull(self) -> "trimesh.Trimesh":
+        """The convex hull of all parts; the part itself where there is one."""
+        return self.parts[0] if self.is_convex else _hull(self.distance)
+
+    def opened(self) -> "GraspTarget | None":
+        """Return the object as the walls that were seen of it, for fingers that go inside; None if it holds no air."""
+        parts = []
+        for corners in () if self.seen is None else walls_of(self.seen):
+            with suppress(InputError):  # points of a part that lie in a plane
+                parts.append(ConvexDistance.from_points(corners, PART_FACES))
+        if not parts:
+            return None
+        walls = ConvexDistance.union(parts)
+        return replace(self, distance=walls, centre=volume_centre(walls))
+
+    @property
+    def surface(self) -> "trimesh.Trimesh":
+        """The faces of all parts in one mesh, also those that lie within another part."""
+        import trimesh
+
+        return cast("trimesh.Trimesh", trimesh.util.concatenate(list(self.parts)))
+
+
+def _raised(points: Array) -> Array:
+    """Return points (..., 3) m with those below `REACH` at it."""
+    return np.concatenate([points[..., :2], np.maximum(points[..., 2:], REACH)], axis=-1)
+
+
+def corners_of(triangles: Array) -> Array:
+    """Return the corners (N, 3) m of triangles (F, 3, 3), each once."""
+    points = triangles.reshape(-1, 3)
+    first = np.unique(points, axis=0, return_index=True)[1]
+    return points[np.sort(first)]
+
+
+def _mesh(triangles: Array) -> "trimesh.Trimesh":
+    import trimesh
+
+    return trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
+
+
+def _hull(distance: ConvexDistance) -> "trimesh.Trimesh":
+    import trimesh
+
+    return trimesh.convex.convex_hull(np.concatenate([corners_of(part) for part in distance.parts]))
+
+
+def hull_volume(distance: ConvexDistance) -> tuple[float, Array]:
+    """Return the volume, m3, of the convex hull of all parts, and its centroid (3,) m."""
+    if len(distance.parts) > 1:
+        return volume_and_centre(np.asarray(_hull(distance).triangles))
+    return volume_and_centre(distance.triangles)
+
+
+def volume_centre(distance: ConvexDistance) -> Array:
+    """Return the centre of mass (3,) m of parts of one density; where they overlap, both count."""
+    volumes, centres = map(np.array, zip(*map(volume_and_centre, distance.parts), strict=True))
+    return centres[0] if len(centres) == 1 else volumes @ centres / volumes.sum()
+
+
+def assumed_mass(volume: float) -> float:
+    """Return the mass, kg, that is assumed of an object from the volume of its hull, m3.
+
+    Also where parts are known: what fills little of its hull is seldom packed goods, and denser.
+    """
+    return float(np.clip(ASSUMED_DENSITY * volume, *MASS_RANGE))

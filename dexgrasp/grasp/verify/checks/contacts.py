@@ -1,0 +1,53 @@
+"""Contacts: where the tips touch, which way they face, and how far the joints are from their limits."""
+
+import mujoco
+import numpy as np
+
+from dexgrasp.grasp.verify.case import Case
+from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, claim, same
+from dexgrasp_env.robot.robot import SLIDE
+
+_NORMAL = 1e-5  # of unit vectors
+_COSINE = 2e-4  # what the optimiser leaves of an angle
+
+
+def contact_checks(case: Case) -> list[Check]:
+    """Check depth, contacts, normals, height and the tips' directions."""
+    limits, touch, inward = case.limits, case.touch, -case.touch.normals
+    depth = touch.distance - limits.tip_radius
+    (low, high), shown = limits.distance, "[{:.2f}, {:.2f}] cm".format(*np.multiply(100.0, limits.distance))
+    within = (low - LENGTH <= depth) & (depth <= high + LENGTH)
+    return [
+        *(
+            Check(f"distance:{finger}", 100.0 * float(d), shown, bool(good))
+            for finger, d, good in zip(case.record.fingers, depth, within, strict=True)
+        ),
+        at_most("contacts as claimed", np.abs(touch.points - case.record.points).max(), LENGTH, "m"),
+        at_most("normals as claimed", np.abs(touch.normals - case.record.normals).max(), _NORMAL),
+        *claim(case, "distances_cm", 100.0 * depth, 100.0 * LENGTH, unit="cm"),
+        at_least("contact height", touch.points[:, 2].min(), limits.lowest_contact(case.top), "m", LENGTH),
+        at_least("tip cosine", (touch.axes * inward).sum(1).min(), limits.tip_cosine, "", _COSINE),
+        at_least("pad cosine", (touch.pads * inward).sum(1).min(), limits.pad_cosine, "", _COSINE),
+    ]
+
+
+def limit_checks(case: Case) -> list[Check]:
+    """Check the joint range of every configuration, and the margin of the grasp."""
+    record, robot = case.record, case.robot
+    rows = np.stack([record.q, record.pregrasp, record.grasp, record.squeeze])
+    rooms, (C, c) = np.minimum(rows - robot.lower, robot.upper - rows), robot.drive
+    slide = case.scene.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+    busy = np.delete(rooms[0] / np.where(slide, SLIDE, 1.0), [*case.idle, *np.flatnonzero(~C.any(1))])
+    strays = rows - rows @ C.T - c
+    strays[1] = rows[1] - robot.freed(rows[1])
+    tied = robot.hand.couplings or robot.hand.tendons
+    coupled = [same("coupled joints", np.abs(strays).max(), ROUNDING, "rad")] if tied else []
+    return [
+        at_least("joint margin", busy.min(), case.limits.joint_margin, "rad", 1e-6),
+        *(
+            at_least(f"joint limits:{name}", room.min(), 0.0, "rad", ROUNDING)
+            for name, room in zip(("q", "pregrasp", "grasp", "squeeze"), rooms, strict=True)
+        ),
+        *coupled,
+        *claim(case, "joint_limit_margin_rad", rooms[0].min(), ROUNDING, unit="rad"),
+    ]

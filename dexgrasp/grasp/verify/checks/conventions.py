@@ -1,0 +1,52 @@
+"""Names, units, orders and thresholds: what a file must state in the words that everybody reads it by."""
+
+import re
+
+from dexgrasp.grasp.conventions import conventions
+from dexgrasp.grasp.probability import probability_of
+from dexgrasp.grasp.thresholds import FRICTION_SHARE, HOLD_SHARE, Thresholds, frozen_for
+from dexgrasp.grasp.verify.case import Case
+from dexgrasp.grasp.verify.check import ROUNDING, Check, flag
+
+_AGENT = re.compile(r"[A-Za-z]\w*|[\w.]+:\w+|.+\.zip")
+"""A registered name, `package.module:Class`, or a checkpoint's path."""
+_OF_FRICTION = ("friction", "friction_hold")
+
+
+def convention_checks(case: Case) -> list[Check]:
+    """Check the stated conventions, the thresholds, who planned, and that nothing is stated that is not looked at."""
+    record = case.record
+    return [
+        *(flag(name, getattr(record, name) == stated) for name, stated in conventions(case.cell).items()),
+        *threshold_checks(case),
+        *_exact_thresholds(case.limits, frozen_for(case.robot.hand)),
+        flag("agent", _AGENT.fullmatch(record.agent) is not None),
+        _probability(case),
+    ]
+
+
+def _probability(case: Case) -> Check:
+    """Nothing, or what the shipped model says of this file: that is all that anybody can hold it to."""
+    stated = case.record.holds_probability
+    said = None if stated is None else probability_of(case.record, stated.guessed)
+    return flag("holds_probability as the model says", stated is None or stated == said)
+
+
+def threshold_checks(case: Case) -> list[Check]:
+    """The file's own thresholds must be no looser than the frozen ones: a grasp cannot move the bar it is held to."""
+    looser = case.limits.looser(case.robot.hand)
+    return [Check("thresholds looser than ours", float(len(looser)), ", ".join(looser) or "none", not looser)]
+
+
+def _exact_thresholds(stated: Thresholds, frozen: Thresholds) -> list[Check]:
+    """All but friction are the frozen ones to the letter, and both coefficients are of one surface."""
+    others = [
+        name
+        for name, value in vars(frozen).items()
+        if name not in _OF_FRICTION and getattr(stated, name) != value
+    ]
+    of_one = abs(stated.friction / FRICTION_SHARE - stated.friction_hold / HOLD_SHARE) < ROUNDING
+    return [
+        Check("thresholds as frozen", float(len(others)), ", ".join(others) or "none others", not others),
+        flag("friction and friction_hold of one surface", of_one),
+    ]

@@ -1,0 +1,121 @@
+"""The object: is it the one stated, does it lie under hull and tips, are mass and centre its own or of its shape."""
+
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.geometry.exact import closest_on_mesh
+from dexgrasp.grasp.identity import surface_hash
+from dexgrasp.grasp.thresholds import (
+    CONTACT_INSIDE,
+    HULL_OUTSIDE,
+    OBJECT_OUTSIDE,
+    OVERLAP,
+    TIP_SHORT,
+    TOLD_CENTRE,
+    TOLD_MASS,
+)
+from dexgrasp.grasp.verify.case import Case
+from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, flag, same
+from dexgrasp_env.arrays import Array, Mask
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.load import has_own_size
+from dexgrasp_env.objects.model import ObjectModel
+
+SUNK = 0.003  # m that the object's lowest point may be off the table
+MASS = 1e-6  # kg
+_POINTS = 20_000  # that measure a common volume to half a percent
+_DENSITY, _RANGE = 900.0, (0.08, 0.65)  # kg/m3 and kg: what an object that nobody weighed is taken for
+
+
+def identity_checks(case: Case) -> list[Check]:
+    """Check mass, centre of mass, and, where the file knows the object, that object and its pose.
+
+    Mass and centre of mass are the known ones, or follow from hull and parts.
+    """
+    known, record, parts = case.record.object, case.record, case.scene.parts
+    volumes = np.array([part.volume for part in parts])
+    middle = volumes @ [part.center_mass for part in parts] / volumes.sum()
+    mass = (
+        np.clip(_DENSITY * case.scene.hull.volume, *_RANGE) if known.known_mass is None else known.known_mass
+    )
+    centre = middle if known.known_centre is None else known.known_centre
+    return [
+        same("mass", abs(record.certificate.mass - mass), MASS, "kg"),
+        same("centre of mass", np.abs(record.centre - centre).max(), LENGTH, "m"),
+        *_object_checks(case),
+    ]
+
+
+def _object_checks(case: Case) -> list[Check]:
+    stated = case.record.object
+    try:
+        model = stated.load()
+    except InputError as error:
+        return [flag("object is here", False, str(error))]
+    if model is None:
+        return []
+    return [
+        flag("object content_hash", surface_hash(model) == stated.content_hash, "as stated"),
+        flag("object name", model.name == stated.name, model.name),
+        *_told_checks(case, model),
+        *_pose_checks(case, model),
+    ]
+
+
+def _told_checks(case: Case, model: ObjectModel) -> list[Check]:
+    """What the planner was told is the object's; nobody else knows what a bare mesh file weighs."""
+    stated, T, found = case.record.object, case.record.T_world_object, []
+    if has_own_size(str(stated.source)):
+        if stated.known_mass is not None:
+            found.append(same("mass of the object", abs(stated.known_mass / model.mass - 1.0), TOLD_MASS))
+        if stated.known_centre is not None and T is not None:
+            off = np.linalg.norm(stated.known_centre - T[:3, 3])
+            found.append(same("centre of the object", off, TOLD_CENTRE, "m"))
+    return found
+
+
+def _pose_checks(case: Case, model: ObjectModel) -> list[Check]:
+    """The pose is rigid, puts the object on the table, and puts it where hull and contacts are."""
+    T, offset = case.record.T_world_object, case.record.hull_offset
+    if T is None or offset is None:
+        return [flag("T_world_object given", False, "where a source is")]
+    rotation = T[:3, :3]
+    rigid = np.abs(rotation @ rotation.T - np.eye(3)).max() + np.abs(T[3] - [0, 0, 0, 1]).max()
+    mesh, hull = model.mesh.copy(), case.scene.hull
+    mesh.apply_transform(T)
+    true = mesh.convex_hull
+    off = hull.center_mass - true.center_mass - offset
+    inside = -closest_on_mesh(mesh, case.record.points).distances.min()
+    short = closest_on_mesh(mesh, case.touch.tips).distances.max() - case.limits.tip_radius
+    return [
+        at_most("T_world_object rigid", rigid + (np.linalg.det(rotation) < 0.0), ROUNDING),
+        at_most("object off the table", abs(mesh.bounds[0, 2]), SUNK, "m"),
+        at_most("contacts inside the object", inside, CONTACT_INSIDE, "m"),
+        at_most("tips short of the object", short, TIP_SHORT, "m"),
+        at_most("hull outside the object's", _outside(true, hull), HULL_OUTSIDE, "m"),
+        at_most("object outside the hull", _outside(hull, true), OBJECT_OUTSIDE, "m"),
+        at_least("volume that hull and object share", _overlap(hull, true), OVERLAP),
+        same("hull_offset", np.abs(off).max(), LENGTH, "m"),
+    ]
+
+
+def _outside(hull: Any, other: Any) -> float:
+    """Return how far another mesh stands out of a convex one, m."""
+    return closest_on_mesh(hull, other.vertices).distances.max()
+
+
+def _overlap(hull: Any, other: Any) -> float:
+    """Return the volume common to two convex meshes as a share of what either fills, by points evenly spread."""
+    low, high = np.minimum(hull.bounds[0], other.bounds[0]), np.maximum(hull.bounds[1], other.bounds[1])
+    points = low + (high - low) * np.random.default_rng(0).random((_POINTS, 3))
+    one, two = _within(hull, points), _within(other, points)
+    return (one & two).sum() / (one | two).sum()
+
+
+def _within(convex: Any, points: Array) -> Mask:
+    """Return which of the points (N, 3) a convex mesh holds: those behind every face."""
+    offsets = (convex.face_normals * convex.triangles[:, 0]).sum(1)
+    behind = (points @ normal <= offset for normal, offset in zip(convex.face_normals, offsets, strict=True))
+    return reduce(np.logical_and, behind)

@@ -1,0 +1,136 @@
+"""Set-points: do they open, touch and press as claimed, and are approach and lift ways that the robot can go."""
+
+import numpy as np
+
+from dexgrasp.grasp.path import bend, densify, jerkiness, limit_shares, stray
+from dexgrasp.grasp.record import Phase
+from dexgrasp.grasp.verify.case import Case
+from dexgrasp.grasp.verify.check import ROUNDING, Check, at_least, at_most, flag, same
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+
+TIPS_MEET = 3e-4  # m: how well the inverse kinematics meets the contacts
+TIPS_BESIDE = 0.004  # m that tips may be beside them, where fingers have too few joints
+TIPS_OPEN = 0.045  # m that the open tips may be from their contacts
+SETPOINT = 1e-6  # rad: what two ways to compute a set-point may differ by
+BEND = 2.5e-3  # rad that a set-point may stand out of its neighbours' plane
+STRAY = 0.01  # m that the palm may stray on the way up
+JERK = 4e-3  # rad that a set-point of the lift may lie from its neighbours' cubic
+RISE = 5e-4  # m that the lift may miss its height by
+DEEPER = 0.002  # m: hulls of a cloud may touch, and are not the objects
+_SAME_BEND, _SAME_STRAY = 1e-8, 2e-6  # rad, m
+_DENSE = 0.01  # rad of any joint between two states checked for collisions
+
+
+def setpoint_checks(case: Case) -> list[Check]:
+    """Check pregrasp, grasp and squeeze against configuration, contacts and forces."""
+    record, touch = case.record, case.touch
+    moved = np.abs([record.pregrasp, record.grasp, record.squeeze] - record.q)
+    met = touch.points + case.limits.tip_radius * touch.normals
+    closed, opened = case.scene.touch(record.grasp).tips, case.scene.touch(record.pregrasp).tips
+    return [
+        same("arm still", moved[:, : case.robot.arm_dof].max(), ROUNDING, "rad"),
+        same("idle fingers still", moved[:, case.idle].max(initial=0.0), ROUNDING, "rad"),
+        at_most("grasp: tips from the surface", _farthest(_mendable(case, closed - met)), TIPS_MEET, "m"),
+        at_most("pregrasp: tips from their contacts", _farthest(opened - met), TIPS_OPEN, "m"),
+        same("squeeze = grasp + J^T f / kp", _press_error(case), SETPOINT, "rad"),
+        *_closing_checks(case),
+    ]  # fmt: skip
+
+
+def _closing_checks(case: Case) -> list[Check]:
+    """Check that the hand meets no neighbour on the way on which it closes."""
+    if not case.scene.around:
+        return []
+    found = [
+        case.scene.clearances(q, tips_touch=True)["hand_neighbour"]
+        for q in densify([case.record.pregrasp, case.record.grasp, case.record.squeeze], _DENSE)
+    ]
+    return [at_least("closing: clearance hand_neighbour", min(found), 0.0, "m")]
+
+
+def _mendable(case: Case, missed: Array) -> Array:
+    """Return what joints could mend of a miss (N, 3) m below `TIPS_BESIDE`; with three a finger that is all of it."""
+    case.scene.place(case.record.grasp)
+    J = case.scene.jacobians(case.touch.tips, case.touch.normals)[:, :3].reshape(missed.size, -1)
+    J = J[:, J.any(0)]
+    if J.shape[1] >= missed.size or _farthest(missed) > TIPS_BESIDE:
+        return missed
+    return (J @ np.linalg.pinv(J) @ missed.ravel()).reshape(missed.shape)
+
+
+def _farthest(offsets: Array) -> float:
+    return np.linalg.norm(offsets, axis=1).max()
+
+
+def _press_error(case: Case) -> float:
+    """Position servos whose set-points are J^T f / kp further in press with f; the joint range ends them."""
+    record, robot, scene, hand = case.record, case.robot, case.scene, slice(case.robot.arm_dof, None)
+    scene.place(record.grasp)
+    torque = np.einsum("frj,fr->j", scene.jacobians(record.points, record.normals), record.forces)
+    pressed, (C, c) = record.grasp.copy(), robot.drive
+    pressed[hand] = np.clip(pressed[hand] + torque / case.servos[1], robot.lower[hand], robot.upper[hand])
+    return np.abs(record.squeeze - C @ pressed - c)[hand].max()
+
+
+def approach_checks(case: Case) -> list[Check]:
+    """Check the way from home to the pregrasp."""
+    if case.record.script is None:
+        return [flag("approach given", False, "in the file")]
+    phase, _ = case.record.script.phases
+    rows = phase.setpoints
+    found = bend(rows)
+    return [
+        *_phase_checks(phase, case.robot),
+        same("approach starts at home", np.abs(rows[0] - case.robot.home).max(), SETPOINT, "rad"),
+        same("approach ends at the pregrasp", np.abs(rows[-1] - case.record.pregrasp).max(), ROUNDING),
+        at_most("approach: collision", case.scene.first_contact(densify(rows, _DENSE)), 0.0, "m"),
+        at_most("approach: bend", found, BEND, "rad"),
+        same("approach: bend", abs(found - phase.measure), _SAME_BEND, "rad"),
+    ]  # fmt: skip
+
+
+def lift_checks(case: Case) -> list[Check]:
+    """Check the way straight up from the squeeze."""
+    script = case.record.script
+    if script is None:
+        return [flag("lift given", False, "in the file")]
+    _, phase = script.phases
+    rows, fingers = phase.setpoints, slice(case.robot.arm_dof, None)
+    positions, rotations = map(np.array, zip(*map(case.scene.palm, rows), strict=True))
+    strayed = stray(positions, rotations)
+    rise = positions[:, 2] - positions[0, 2]
+    return [
+        *_phase_checks(phase, case.robot),
+        same("lift starts at the squeeze", np.abs(rows[0] - case.record.squeeze).max(), ROUNDING),
+        same("lift: fingers still", np.abs(rows[:, fingers] - rows[0, fingers]).max(), ROUNDING, "rad"),
+        same("lift: height", abs(rise[-1] - script.lift_height), RISE, "m"),
+        at_least("lift: rises", np.diff(rise).min(), 0.0, "m", 1e-5),
+        at_most("lift: stray", strayed, STRAY, "m"),
+        same("lift: stray", abs(strayed - phase.measure), _SAME_STRAY, "m"),
+        at_most("lift: jerk", jerkiness(rows), JERK, "rad"),
+        at_most("lift: collision", case.scene.first_contact(densify(rows, _DENSE), with_object=False), 0.0, "m"),
+        *_carried_checks(case, rows),
+    ]  # fmt: skip
+
+
+def _carried_checks(case: Case, rows: Array) -> list[Check]:
+    """Check that the object goes no farther into its neighbours than it seems to lie in them."""
+    if not case.scene.around:
+        return []
+    lying, nearest = case.scene.carried(rows)
+    return [at_least("lift: object from its neighbours", nearest, min(lying, 0.0) - DEEPER, "m")]
+
+
+def _phase_checks(phase: Phase, robot: Robot) -> list[Check]:
+    """Times, and the limits of position, velocity and acceleration, from rest to rest."""
+    name, rows, expected = phase.name, phase.setpoints, np.arange(len(phase.times)) * CONTROL_PERIOD
+    room = np.minimum(rows - robot.lower, robot.upper - rows)
+    speed, change = limit_shares(rows, CONTROL_PERIOD, robot.velocity, robot.acceleration)
+    return [
+        same(f"{name}: times", np.abs(phase.times - expected).max(), ROUNDING, "s"),
+        at_least(f"{name}: joint limits", room.min(), 0.0, "rad", ROUNDING),
+        at_most(f"{name}: velocity over its limit", speed, 1.0, "", ROUNDING),
+        at_most(f"{name}: acceleration over its limit", change, 1.0, "", ROUNDING),
+    ]  # fmt: skip

@@ -1,0 +1,4 @@
+"""Training of policies and of the grasp network: conditional VAE, imitation, reinforcement, one training loop.
+
+Takes data sets and environments; gives checkpoints and weights that numpy runs. It never scores an agent.
+"""

@@ -1,0 +1,106 @@
+"""The conditional variational autoencoder: a cloud and a latent to three fingertips and a palm pose.
+
+Clouds are centred at the mean of their points in x and y, z is the height above the table; lengths inside the network
+are decimetres. The cloud is encoded once and shared by all grasps on it.
+"""
+
+from typing import NamedTuple
+
+from dexgrasp_env.extras import from_extra
+
+with from_extra():
+    import torch
+    from torch import Tensor, nn
+
+from dexgrasp.learning.training.step_training import perceptron
+from dexgrasp.planning.decoder import GRASP, SCALE, NetworkSettings
+
+
+class Output(NamedTuple):
+    """What a forward pass gives; grasps as in `GRASP`, network units."""
+
+    grasp: Tensor
+    mean: Tensor
+    log_variance: Tensor
+
+
+class CloudEncoder(nn.Module):
+    """Points and normals to one feature, in two levels of shared layers with max pooling (PointNet, PointNet++).
+
+    The second level sees each point beside the whole cloud's first feature, so that it can tell what a point is to the
+    object: near its top, on its long side.
+    """
+
+    def __init__(self, settings: NetworkSettings) -> None:
+        super().__init__()
+        local = settings.local
+        self.first = perceptron([6, local, 2 * local]).append(nn.ReLU())
+        self.beside = nn.Linear(2 * local, 2 * local)
+        self.second = perceptron([2 * local, 2 * local, settings.cloud])
+
+    def forward(self, cloud: Tensor) -> Tensor:
+        """Encode clouds (C, N, 6) of points (network units) and unit normals; return (C, cloud)."""
+        each = self.first(cloud)
+        return self.second(each + self.beside(each.amax(1))[:, None]).amax(1)
+
+
+class Cvae(nn.Module):
+    """Encoder q(z | grasp, cloud) and decoder p(grasp | z, cloud), prior N(0, I)."""
+
+    def __init__(self, settings: NetworkSettings) -> None:
+        super().__init__()
+        cloud, hidden, latent = settings.cloud, settings.hidden, settings.latent
+        self.cloud = CloudEncoder(settings)
+        self.posterior = perceptron([cloud + GRASP, *[hidden] * 3, 2 * latent], nn.SiLU)
+        self.decoder = perceptron([cloud + latent, *[hidden] * 3, GRASP], nn.SiLU)
+
+    def forward(self, cloud: Tensor, grasp: Tensor, noise: Tensor) -> Output:
+        """Encode and decode.
+
+        Args:
+            cloud: (C, N, 6).
+            grasp: (C, G, 18), G grasps on each cloud, centred like it.
+            noise: (C, G, latent), standard normal.
+        """
+        feature = self.cloud(cloud)[:, None].expand(-1, grasp.shape[1], -1)
+        mean, log_variance = self.posterior(torch.cat([feature, grasp], -1)).chunk(2, -1)
+        log_variance = log_variance.clamp(-10.0, 4.0)
+        latent = mean + noise * torch.exp(0.5 * log_variance)
+        return Output(self.decode(feature, latent), mean, log_variance)
+
+    def decode(self, feature: Tensor, latent: Tensor) -> Tensor:
+        """Return grasps (..., 18) of cloud features (..., cloud) and latents (..., latent)."""
+        return self.decoder(torch.cat([feature, latent], -1))
+
+
+class Losses(NamedTuple):
+    """Loss and its parts, means over grasps; `fingertip_cm` is the mean distance of a fingertip."""
+
+    total: Tensor
+    fingertips: Tensor
+    palm: Tensor
+    rotation: Tensor
+    kl: Tensor
+    fingertip_cm: Tensor
+
+
+def losses(output: Output, grasp: Tensor, kl_weight: float) -> Losses:
+    """2 L1(palm) + 0.2 |R R_hat^T - I|_F + 10 L1(fingertips) + w KL; L1 in metres, summed over coordinates."""
+    difference = (output.grasp - grasp) / SCALE
+    fingertips = difference[..., :9].abs().sum(-1).mean()
+    palm = difference[..., 9:12].abs().sum(-1).mean()
+    # |R R_hat^T - I|_F = |R - R_hat|_F, and 6 numbers say all of a rotation.
+    off = rotation_of(output.grasp[..., 12:]) - rotation_of(grasp[..., 12:])
+    rotation = off.square().sum((-1, -2)).add(1e-8).sqrt().mean()
+    kl = 0.5 * (output.mean.square() + output.log_variance.exp() - 1.0 - output.log_variance).sum(-1).mean()
+    total = 10.0 * fingertips + 2.0 * palm + 0.2 * rotation + kl_weight * kl
+    tips = difference[..., :9].unflatten(-1, (3, 3)).norm(dim=-1).mean() * 100.0
+    return Losses(total, fingertips, palm, rotation, kl, tips)
+
+
+def rotation_of(six: Tensor) -> Tensor:
+    """Return rotations (..., 3, 3) of their first two columns (..., 6) by Gram-Schmidt."""
+    b = six[..., 3:]
+    x = nn.functional.normalize(six[..., :3], dim=-1)
+    y = nn.functional.normalize(b - (x * b).sum(-1, keepdim=True) * x, dim=-1)
+    return torch.stack([x, y, torch.linalg.cross(x, y)], -1)

@@ -1,0 +1,152 @@
+"""Grasps for training: splits that share no contact triple, augmentation, batches by seed and step alone."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp.data.dataset.dataset import PoseGrasps
+from dexgrasp.learning.cvae.settings import TrainingSettings
+from dexgrasp.planning.decoder import CROPPED, SCALE, centre_of
+from dexgrasp_env.arrays import Array, Index, Mask, Single, unit
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import about_z, quat_to_matrix
+
+_TESTED = 0.05  # share of the contact triples that are kept for the test
+_MOST = 128  # grasps of a rest pose that are tested on
+SPLITS = ("train", "test", "held_out_poses", "held_out_object")
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSplit:
+    """Grasps of one rest pose in one split; m, rest frame.
+
+    Attributes:
+        cloud: (N, 6) points and normals.
+        tips: (n, 3, 3) contacts, thumb, index, middle.
+        palm: (n, 3) positions.
+        rotation: (n, 3, 3) of the palm.
+    """
+
+    cloud: Array
+    tips: Array
+    palm: Array
+    rotation: Array
+
+    def __len__(self) -> int:
+        """Grasps."""
+        return len(self.tips)
+
+
+class Batch(NamedTuple):
+    """Arrays in network units: clouds (C, N, 6), grasps (C, G, 18), latent noise (C, G, latent); float32."""
+
+    cloud: Single
+    grasp: Single
+    noise: Single
+
+
+def split(poses: list[PoseGrasps], settings: TrainingSettings) -> dict[str, list[PoseSplit]]:
+    """Split a dataset. Only grasps that hold some load are taken (`load` >= 0).
+
+    The rest pose that is kept apart of an object is the last but one.
+
+    Raises:
+        InputError: for an object that is not there, or nothing left to train on.
+    """
+    names = list(dict.fromkeys(p.name for p in poses))
+    if settings.held_out_object not in (None, *names):
+        raise InputError(
+            f"held-out object {settings.held_out_object!r} is not in the dataset: valid are {', '.join(names)}"
+        )
+    out: dict[str, list[PoseSplit]] = {name: [] for name in SPLITS}
+    for pose in poses:
+        of_object = [p.pose for p in poses if p.name == pose.name]
+        good = pose.grasps["load"] >= 0
+        if pose.name == settings.held_out_object:
+            out["held_out_object"].append(_take(pose, good))
+        elif settings.held_out_poses and len(of_object) > 2 and pose.pose == sorted(of_object)[-2]:
+            out["held_out_poses"].append(_take(pose, good))
+        else:
+            test = _tested(pose, settings.seed)
+            out["train"].append(_take(pose, good & ~test))
+            out["test"].append(_take(pose, good & test))
+    out = {name: [p for p in parts if len(p)] for name, parts in out.items()}
+    if not out["train"] or not out["test"]:
+        raise InputError("the dataset has too few grasps that hold to train and test on: generate more")
+    return out
+
+
+def _tested(pose: PoseGrasps, seed: int) -> Mask:
+    """Which grasps have a contact triple of the test split, regardless of which finger takes which contact."""
+    unique, inverse = np.unique(np.sort(pose.grasps["triple"], axis=1), axis=0, return_inverse=True)
+    return (np.random.default_rng([seed, pose.pose]).random(len(unique)) < _TESTED)[inverse.ravel()]
+
+
+def _take(pose: PoseGrasps, mask: Mask) -> PoseSplit:
+    g, cloud = pose.grasps, pose.scene["cloud"].astype(float)
+    return PoseSplit(
+        cloud[cloud[:, 2] > CROPPED], g["contacts"][mask].astype(float), g["palm_position"][mask].astype(float),
+        quat_to_matrix(g["palm_quat_wxyz"][mask].astype(float)),
+    )  # fmt: skip
+
+
+def training_batch(poses: list[PoseSplit], step: int, settings: TrainingSettings) -> Batch:
+    """Return the batch of a step: the same for the same seed and step, whatever went before."""
+    rng = np.random.default_rng([settings.seed, 7, step])
+    root = np.sqrt([len(p) for p in poses])  # rare rest poses count more than their share
+    chosen = rng.choice(len(poses), settings.clouds, p=root / root.sum())
+    made = [_augmented(poses[k], rng, settings.grasps, settings.network.points) for k in chosen]
+    return _batch(made, rng.standard_normal((settings.clouds, settings.grasps, settings.network.latent)))
+
+
+def test_batches(poses: list[PoseSplit], settings: TrainingSettings) -> list[Batch]:
+    """Return batches of one rest pose each, not augmented but turned once: at most 128 grasps each."""
+    batches = []
+    for k, pose in enumerate(poses):
+        rng = np.random.default_rng([settings.seed, 11, k])
+        at = rng.permutation(len(pose))[:_MOST]
+        chosen = rng.permutation(len(pose.cloud))[: settings.network.points]
+        made = _made(pose, at, chosen, about_z(rng.uniform(-np.pi, np.pi)), np.ones(3))
+        batches.append(_batch([made], np.zeros((1, len(at), settings.network.latent))))
+    return batches
+
+
+def _augmented(pose: PoseSplit, rng: np.random.Generator, grasps: int, points: int) -> tuple[Array, Array]:
+    """Yaw, stretch by up to 12 % an axis, resampling, occlusion of one side, noise of 1.5 mm, a tilt of normals."""
+    at = rng.integers(len(pose), size=grasps)
+    stretch = rng.uniform(0.88, 1.12, 3)
+    keep = _visible(pose.cloud, rng)
+    chosen = rng.choice(keep, points, replace=len(keep) < points)
+    cloud, grasp = _made(pose, at, chosen, about_z(rng.uniform(-np.pi, np.pi)), stretch)
+    cloud[:, :3] += SCALE * rng.uniform(0.0, 0.0015) * rng.standard_normal((points, 3))
+    cloud[:, 3:] += rng.uniform(0.0, 0.1) * rng.standard_normal((points, 3))
+    return cloud, grasp
+
+
+def _visible(cloud: Array, rng: np.random.Generator) -> Index:
+    """Leave out, in half of the cases, up to a quarter of the points on one side."""
+    if rng.random() < 0.5:
+        return np.arange(len(cloud))
+    direction = about_z(rng.uniform(-np.pi, np.pi))[0]
+    order = np.argsort(cloud[:, :3] @ direction, kind="stable")
+    return order[: int(len(cloud) * rng.uniform(0.75, 1.0))]
+
+
+def _made(pose: PoseSplit, at: Index, chosen: Index, R: Array, stretch: Array) -> tuple[Array, Array]:
+    points = (pose.cloud[chosen, :3] * stretch) @ R.T
+    normals = unit(pose.cloud[chosen, 3:] / stretch) @ R.T
+    centre = centre_of(points)
+    tips = (pose.tips[at] * stretch) @ R.T - centre
+    # The palm keeps its distance to the fingertips: the hand does not stretch.
+    palm = (pose.palm[at] + pose.tips[at].mean(1) * (stretch - 1.0)) @ R.T - centre
+    rotation = R @ pose.rotation[at]
+    grasp = np.concatenate(
+        [SCALE * tips.reshape(len(at), 9), SCALE * palm, rotation[:, :, 0], rotation[:, :, 1]], axis=1
+    )
+    return np.concatenate([SCALE * (points - centre), normals], axis=1), grasp
+
+
+def _batch(made: list[tuple[Array, Array]], noise: Array) -> Batch:
+    arrays = (*map(np.stack, zip(*made, strict=True)), noise)
+    return Batch(*(array.astype(np.float32) for array in arrays))

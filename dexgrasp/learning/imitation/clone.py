@@ -1,0 +1,77 @@
+"""A policy cloned from the state at work, in numpy: looks, predicts a chunk of set-points, carries out a part of it."""
+
+import numpy as np
+
+from dexgrasp.agent import Observation
+from dexgrasp.data.demonstrations.convert import to_action
+from dexgrasp.learning.imitation.features import entry, features, first_look
+from dexgrasp.learning.imitation.policy import Mlp, Policy, Scaling
+from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.runs.arrays import relu
+from dexgrasp.runs.policy_folder import Weights
+from dexgrasp_env.arrays import Array, Fields, Single
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import Cell
+
+CONTROL_MODES = ("joint_delta", "joint_position")
+
+
+class Clone(Policy):
+    """The network: arrays and how to use them."""
+
+    kind = "clone"
+
+    def _read(self, about: Fields, arrays: Weights) -> bool:
+        self.chunk, self.execute = int(about["chunk"]), int(about["execute"])
+        if not 1 <= self.execute <= self.chunk:
+            raise InputError(f"the policy executes {self.execute} of {self.chunk} steps: valid are 1 to all")
+        self.scaling, self._unit = Scaling(arrays["mean"], arrays["scale"]), arrays["unit"]
+        self._trunk = Mlp(arrays, "trunk", relu)
+        self.joints = self._unit.size // self.chunk
+        return (
+            about["view"] == "state"
+            and self.env.get("control_mode") in CONTROL_MODES
+            and self._trunk.inputs == len(self.scaling.mean)
+            and self._trunk.outputs == self.joints * self.chunk == self._unit.size
+        )
+
+    def begin(self, first: Observation, cell: Cell) -> "CloneRun":
+        """Start an episode in a cell."""
+        return CloneRun(self, first, cell)
+
+    def predict(self, looks: Array) -> Array:
+        """Return the set-points of the next steps relative to now, (n, chunk, joints) rad, for features (n, F)."""
+        out = self._trunk(self.scaling(looks)) * self._unit
+        return out.reshape(len(looks), self.chunk, self.joints).astype(float)
+
+
+class CloneRun:
+    """A clone in one episode."""
+
+    def __init__(self, clone: Clone, first: Observation, cell: Cell) -> None:
+        """Look at the first observation.
+
+        Raises:
+            InputError: where the robot is another.
+        """
+        self._clone, robot = clone, cell.robot
+        if robot.dof != clone.joints:
+            raise InputError(f"the policy moves {clone.joints} joints: {robot.name} has {robot.dof}")
+        self._tree = robot_tree(cell)
+        self._scene = first_look(first)
+        self._step, self._wanted = 0, np.zeros((0, clone.joints))
+
+    def set_points(self, observation: Observation) -> Array:
+        """Return the set-points (n,) rad for the end of the next control step."""
+        at = self._step % self._clone.execute
+        if at == 0:
+            looks = features(self._scene, observation, self._step)
+            wanted = entry(observation, "joint_targets") + self._clone.predict(looks[None])[0]
+            self._wanted = np.clip(wanted, self._tree.lower, self._tree.upper)
+        self._step += 1
+        return self._wanted[at]
+
+    def action(self, observation: Observation) -> Single:
+        """Return the next action, in the clone's control mode."""
+        now = entry(observation, "joint_targets")
+        return to_action(self._clone.env["control_mode"], now, self.set_points(observation), self._tree)

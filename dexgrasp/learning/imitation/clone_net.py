@@ -1,0 +1,99 @@
+"""The networks that are trained; `clone` and `grasper` run them in numpy."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from dexgrasp.learning.imitation.policy import FARTHEST
+from dexgrasp.learning.imitation.settings import CloneNetwork, GraspNetwork
+from dexgrasp.learning.training.step_training import perceptron
+from dexgrasp_env.arrays import Single
+from dexgrasp_env.extras import from_extra
+
+with from_extra():
+    import torch
+    from torch import Tensor, nn
+
+
+class PolicyNet(nn.Module):
+    """A network that keeps how features are scaled."""
+
+    mean: Tensor
+    scale: Tensor
+
+    def __init__(self, **kept: Single) -> None:
+        """Keep arrays by name, `mean` and `scale` (F,) of the features among them."""
+        super().__init__()
+        for name, array in kept.items():
+            self.register_buffer(name, torch.from_numpy(array))
+
+    def scaled(self, looks: Tensor) -> Tensor:
+        """Return features (..., F) as layers are given them."""
+        return ((looks - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST)
+
+    def arrays(self) -> dict[str, Single]:
+        """Return the arrays as policies read them."""
+        out = {name: buffer.cpu().numpy() for name, buffer in self.named_buffers()}
+        for name, layers in self.named_children():
+            out |= layer_arrays(name, layers.children())
+        return out
+
+
+class CloneNet(PolicyNet):
+    """Features to the set-points of the next steps, in units of their spread."""
+
+    def __init__(self, sizes: CloneNetwork, mean: Single, scale: Single) -> None:
+        """Prepare.
+
+        Args:
+            sizes: of the layers.
+            mean: (F,) of the features.
+            scale: (F,) of the features.
+        """
+        super().__init__(mean=mean, scale=scale)
+        self.trunk = perceptron([len(mean), *[sizes.hidden] * sizes.layers, 23 * sizes.chunk])
+
+    def forward(self, looks: Tensor) -> Tensor:
+        """Return (E, R, chunk * 23) for features (E, R, F) of E episodes."""
+        return self.trunk(self.scaled(looks))
+
+
+class GraspNet(PolicyNet):
+    """Objects seen along grips, to the merit of each grip and to ways to take hold along it."""
+
+    row_mean: Tensor
+    row_scale: Tensor
+
+    def __init__(self, sizes: GraspNetwork, numbers: Single, rows: Single) -> None:
+        """Prepare.
+
+        Args:
+            sizes: of the layers.
+            numbers: (M, F) of scenes, which give mean and scale.
+            rows: (E, R) of grasps, which give mean and scale.
+        """
+        super().__init__(
+            mean=numbers.mean(0),
+            row_mean=rows.mean(0),
+            scale=np.maximum(numbers.std(0), 0.05),
+            row_scale=np.maximum(rows.std(0), 0.02),
+        )
+        self.modes = sizes.modes
+        self.encoder = perceptron([6, sizes.local, sizes.cloud])
+        outputs = sizes.modes * (1 + rows.shape[1])
+        self.trunk = perceptron([sizes.cloud + numbers.shape[1], *[sizes.width] * sizes.depth, outputs])
+
+    def forward(self, points: Tensor, numbers: Tensor) -> tuple[Tensor, Tensor]:
+        """Return merits (..., modes) and rows (..., modes, R) for points (..., N, 6) and numbers (..., F)."""
+        code = torch.relu(self.encoder(points)).amax(dim=-2)
+        out = self.trunk(torch.cat([code, self.scaled(numbers)], dim=-1)).unflatten(-1, (self.modes, -1))
+        return out[..., 0], self.row_mean + self.row_scale * out[..., 1:]
+
+
+def layer_arrays(name: str, layers: Iterable[nn.Module]) -> dict[str, Single]:
+    """Return weights and biases of the linear ones of `layers`, as `policy.Mlp` reads them."""
+    return {
+        f"{name}.{k}.{part}": tensor.detach().cpu().numpy()
+        for k, layer in enumerate(each for each in layers if isinstance(each, nn.Linear))
+        for part, tensor in layer.named_parameters()
+    }

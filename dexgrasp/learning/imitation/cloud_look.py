@@ -1,0 +1,79 @@
+"""What a policy cloned from clouds looks at: one look at the object, seen along the line of each grip that is weighed.
+
+A grip is level and has an azimuth, from the thumb to the fingers. Turned about the vertical so that this line is its x
+axis, scenes that are grasped alike look alike, however the object lies: what the network is asked is whether to grip
+along x, and how.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dexgrasp.agent import Observation
+from dexgrasp.learning.imitation.features import METRES, entry
+from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import about_z
+
+POINTS = 192
+"""Points of a cloud that the network is given."""
+_KEPT = 512  # points that a look remembers
+_LEAST = 20  # points of an object
+_LEVEL = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+_DIRECTIONS = np.stack([np.cos(_LEVEL), np.sin(_LEVEL)])  # (2, 24)
+NUMBERS = 7 + len(_LEVEL)
+"""Numbers of a scene beside its points."""
+
+
+class CloudLook(NamedTuple):
+    """One look at an object.
+
+    Attributes:
+        points: (N, 3) m of its cloud, world frame.
+        middle: (3,) m, their mean.
+        seen: (_KEPT, 6) of them, chosen evenly: network units about the middle, and normals.
+    """
+
+    points: Array
+    middle: Array
+    seen: Single
+
+
+def look_at(first: Observation) -> CloudLook:
+    """Return the look of an episode's first observation.
+
+    Raises:
+        InputError: where it has no cloud, or an empty one.
+    """
+    if not {"cloud", "cloud_mask", "cloud_normals"} <= first.keys():
+        raise InputError(
+            "this policy looks at a point cloud: make the environment with obs_mode='pointcloud'"
+        )
+    points, normals = (entry(first, key) for key in ("cloud", "cloud_normals"))
+    there = np.asarray(first["cloud_mask"], dtype=bool) & np.isfinite(points).all(axis=1)
+    if there.sum() < _LEAST:
+        raise InputError("empty_cloud")
+    points, normals = points[there], normals[there]
+    middle, chosen = points.mean(axis=0), np.linspace(0, len(points) - 1, _KEPT).round().astype(int)
+    seen = np.concatenate([METRES * (points - middle), normals], axis=1)[chosen]
+    return CloudLook(points, middle, seen.astype(np.float32))
+
+
+def along(look: CloudLook, azimuths: Array, rng: np.random.Generator | None = None) -> tuple[Any, Any]:
+    """Return points (m, POINTS, 6) and numbers (m, NUMBERS) of a look, along grips of azimuths (m,) rad.
+
+    With a generator the points are drawn, otherwise chosen evenly.
+    """
+    if rng is None:
+        chosen = np.linspace(0, _KEPT - 1, POINTS).round().astype(int)
+    else:
+        chosen = rng.integers(_KEPT, size=POINTS)
+    turns = about_z(-azimuths)
+    halves = look.seen[chosen].reshape(POINTS * 2, 3) @ turns.swapaxes(-1, -2)
+    points = halves.reshape(len(turns), POINTS, 6)
+    base = np.arctan2(look.middle[1], look.middle[0]) - azimuths
+    reach = (points[..., :2] @ _DIRECTIONS).max(axis=1)
+    heights = np.array([np.hypot(*look.middle[:2]), look.middle[2], look.points[:, 2].max()]) * METRES
+    numbers = [np.cos(base), np.sin(base), np.cos(2 * base), np.sin(2 * base)]
+    scene = np.concatenate([np.stack(numbers, axis=1), np.tile(heights, (len(turns), 1)), reach], axis=1)
+    return points.astype(np.float32), scene.astype(np.float32)

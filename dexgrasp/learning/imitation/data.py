@@ -1,0 +1,205 @@
+"""Demonstrations as a network is trained on them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp.data.demonstrations.generate import read_about
+from dexgrasp.data.demonstrations.minari_format import read_episodes
+from dexgrasp.data.demonstrations.rollout import Episode, intended
+from dexgrasp.data.demonstrations.settings import MODES
+from dexgrasp.learning.imitation.cloud_look import CloudLook, along, look_at
+from dexgrasp.learning.imitation.features import entry, features, first_look
+from dexgrasp.learning.imitation.settings import BcSettings
+from dexgrasp.learning.imitation.taken import as_row, taken
+from dexgrasp_env.arrays import Array, Arrays, Index, Single
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import content_hash
+from dexgrasp_env.robot.cell import default_cell, make_cell
+
+_TESTED = 16  # rows of each held-out episode
+
+
+class Batch(NamedTuple):
+    """Rows of some episodes: features (E, R, F), set-points to come (E, R, chunk, 23) rad."""
+
+    looks: Single
+    chunks: Single
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Control steps of many demonstrations, one after the other.
+
+    Attributes:
+        looks: (S, F) features.
+        targets: (S, 23) rad, set-points before each step.
+        meant: (S, 23) rad, what the demonstrator meant them to be after it, without its noise.
+        first: (E,) rows that the episodes begin at.
+        steps: (E,) lengths.
+        control_mode: of the demonstrations.
+        key: hash of all that.
+    """
+
+    looks: Single
+    targets: Single
+    meant: Single
+    first: Index
+    steps: Index
+    control_mode: str
+    key: str
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def batch(self, episodes: Index, rows: Index, length: int) -> Batch:
+        """Return rows (E, R) of episodes (E,), each with the set-points of the next steps, relative to those now."""
+        # Beyond the end they stand still.
+        ahead = np.minimum(rows[..., None] + np.arange(length), self.steps[episodes][:, None, None] - 1)
+        first = self.first[episodes][:, None]
+        now = first + rows
+        return Batch(self.looks[now], self.meant[first[..., None] + ahead] - self.targets[now][:, :, None])
+
+    def draw(self, rng: np.random.Generator, among: Index, settings: BcSettings) -> Batch:
+        """Draw a batch; long episodes come as often as short ones."""
+        chosen = rng.choice(among, settings.episodes, replace=len(among) < settings.episodes)
+        at = (rng.random((settings.episodes, settings.rows)) * self.steps[chosen][:, None]).astype(int)
+        return self.batch(chosen, at, settings.network.chunk)
+
+    def tested(self, among: Index, settings: BcSettings) -> Batch:
+        """Return some rows of each of some episodes."""
+        at = (np.linspace(0.0, 1.0, _TESTED, endpoint=False) * self.steps[among][:, None]).astype(int)
+        return self.batch(among, at, settings.network.chunk)
+
+
+def read_rows(folders: Sequence[Path]) -> Rows:
+    """Read demonstrations.
+
+    Args:
+        folders: of `dexgrasp demos generate`.
+
+    Raises:
+        InputError: for folders without demonstrations, of different modes, or without the state.
+    """
+    parts = [_parts(episode, folder, noise) for episode, folder, noise in _shown(folders)]
+    steps = np.array([len(looks) for looks, _, _ in parts])
+    looks, targets, meant = map(np.concatenate, zip(*parts, strict=True))
+    arrays = (looks, targets, meant, np.cumsum(steps) - steps, steps)
+    mode = str(read_about(folders[0])["settings"]["control_mode"])
+    return Rows(*arrays, control_mode=mode, key=content_hash(*arrays))
+
+
+def _parts(episode: Episode, folder: Path, noise: float) -> tuple[Single, ...]:
+    seen = episode.observations
+    _check(seen, "object_pose", folder)
+    scene = first_look({key: array[0] for key, array in seen.items()})
+    looks = features(scene, {key: array[:-1] for key, array in seen.items()}, np.arange(len(episode)))
+    ways = entry(seen, "joint_targets")[:-1], intended(episode, noise, default_cell().robot)[1:]
+    return tuple(part.astype(np.float32) for part in (looks, *ways))
+
+
+class GripBatch(NamedTuple):
+    """Objects seen along several grips each, the first of them the one that was taken.
+
+    Attributes:
+        points: (E, m, N, 6).
+        numbers: (E, m, F).
+        rows: (E, R) of the grasps that were taken.
+    """
+
+    points: Single
+    numbers: Single
+    rows: Single
+
+
+@dataclass(frozen=True)
+class Grips:
+    """Looks at objects, and the grasps that demonstrations took.
+
+    Attributes:
+        looks: E of them.
+        azimuths: (E,) rad, of the grips.
+        rows: (E, R) numbers of the grasps, see `taken`.
+        key: hash of all that.
+    """
+
+    looks: tuple[CloudLook, ...]
+    azimuths: Array
+    rows: Single
+    key: str
+
+    def __len__(self) -> int:
+        return len(self.looks)
+
+    def draw(self, rng: np.random.Generator, among: Index, settings: BcSettings) -> GripBatch:
+        """Draw a batch; of each cloud other points come every time."""
+        size = settings.episodes
+        return self._batch(rng, rng.choice(among, size, replace=len(among) < size), settings.grips)
+
+    def tested(self, among: Index, settings: BcSettings) -> GripBatch:
+        """Return a batch of some episodes, each time the same."""
+        return self._batch(np.random.default_rng(0), among, settings.grips)
+
+    def _batch(self, rng: np.random.Generator, episodes: Index, grips: int) -> GripBatch:
+        others = (np.arange(1, grips) + rng.uniform(-0.4, 0.4, (len(episodes), 1))) * (2 * np.pi / grips)
+        azimuths = self.azimuths[episodes][:, None] + np.pad(others, ((0, 0), (1, 0)))
+        seen = [along(self.looks[i], turns, rng) for i, turns in zip(episodes, azimuths, strict=True)]
+        points, numbers = zip(*seen, strict=True)
+        return GripBatch(np.stack(points), np.stack(numbers), self.rows[episodes])
+
+
+def read_grips(folders: Sequence[Path]) -> Grips:
+    """Read the looks and grasps of demonstrations in which the hand closed once, while the arm waited.
+
+    Args:
+        folders: of `dexgrasp demos generate`.
+
+    Raises:
+        InputError: for folders without such demonstrations, of different modes, or without clouds.
+    """
+    looks, grasps = [], []
+    for episode, folder, noise in _shown(folders):
+        _check(episode.once, "cloud", folder)
+        if grasp := taken(episode, noise, default_cell()):
+            looks.append(look_at(episode.once))
+            grasps.append(grasp)
+    if not grasps:
+        raise InputError("in no demonstration the arm waits once for the hand to close: clone from the state")
+    pairs = zip(grasps, looks, strict=True)
+    rows = np.stack([as_row(grasp, look.middle) for grasp, look in pairs]).astype(np.float32)
+    azimuths = np.array([grasp.azimuth for grasp in grasps])
+    return Grips(tuple(looks), azimuths, rows, content_hash(np.stack([look.seen for look in looks]), rows))
+
+
+def _shown(folders: Sequence[Path]) -> Iterator[tuple[Episode, Path, float]]:
+    """Yield demonstrations, their folders and the noise they were recorded with.
+
+    Raises:
+        InputError: for folders without demonstrations, or of different modes.
+    """
+    modes: dict[str, str] = {}
+    number = 0
+    for folder in folders:
+        settings = read_about(folder)["settings"]
+        robot, ours = make_cell(settings.get("robot")).robot.stamp, default_cell().robot.stamp
+        if robot != ours:
+            raise InputError(f"{folder} holds demonstrations of {robot}: policies are cloned of {ours}")
+        found = {key: str(settings[key]) for key in MODES}
+        if modes and modes != found:
+            raise InputError(
+                f"{folder} has {found}, the first {modes}: demonstrations of one kind are wanted"
+            )
+        modes = found
+        for episode in read_episodes(folder):
+            number += 1
+            yield episode, folder, float(settings["noise"])
+    if not number:
+        raise InputError("no demonstrations: name folders of `dexgrasp demos generate`")
+
+
+def _check(seen: Arrays, needed: str, folder: Path) -> None:
+    if needed not in seen:
+        raise InputError(f"{folder} has no {needed}: a policy that sees it cannot be cloned from it")

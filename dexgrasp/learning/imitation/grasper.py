@@ -1,0 +1,131 @@
+"""A policy cloned from clouds at work, in numpy: looks once, takes the likeliest grasp that the arm can carry out.
+
+The network weighs grips all around the object and says of each how the hand would take hold. Tips are put where it says
+by inverse kinematics; approach, closing until contact and lift are those of every grasp here, felt through the joints.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dexgrasp.agent import Observation
+from dexgrasp.geometry.hull import standing_hull
+from dexgrasp.grasp.certificate import Certificate
+from dexgrasp.grasp.grasp import Grasp, GraspMotion
+from dexgrasp.grasp.script import ActionScript
+from dexgrasp.learning.imitation.cloud_look import NUMBERS, CloudLook, along, look_at
+from dexgrasp.learning.imitation.policy import Mlp, Policy, Scaling
+from dexgrasp.learning.imitation.taken import Taken, of_row, out_of, sizes
+from dexgrasp.mechanics.kinematics.palm_ik import palm_postures
+from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
+from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.motion.carrying import PickUp
+from dexgrasp.motion.motion import NoPath
+from dexgrasp.motion.move_until_contact import TIP_DEPTH, lag_of, pressing_torques
+from dexgrasp.motion.script import make_script
+from dexgrasp.runs.arrays import relu
+from dexgrasp.runs.policy_folder import Weights
+from dexgrasp_env.arrays import Array, Fields, Single
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import Cell
+
+_AZIMUTHS = np.linspace(0.0, 2 * np.pi, 36, endpoint=False)
+_TRIED = 24  # grasps, the likeliest first
+_MISS = 0.006  # m that tips may be off
+
+
+class Grasper(Policy):
+    """The network: arrays and how to use them."""
+
+    kind = "grasper"
+
+    def _read(self, about: Fields, arrays: Weights) -> bool:
+        self._modes = int(about["modes"])
+        self._scaling = Scaling(arrays["mean"], arrays["scale"])
+        self._rows = Scaling(arrays["row_mean"], arrays["row_scale"])
+        self._encoder, self._trunk = Mlp(arrays, "encoder", relu), Mlp(arrays, "trunk", relu)
+        self.row = len(self._rows.mean)
+        return (
+            self._encoder.inputs == 6
+            and len(self._scaling.mean) == NUMBERS
+            and self._trunk.inputs == self._encoder.outputs + NUMBERS
+            and self._trunk.outputs == self._modes * (1 + self.row)
+        )
+
+    def begin(self, first: Observation, cell: Cell) -> "GrasperRun":
+        """Choose a grasp and start an episode in a cell.
+
+        Raises:
+            InputError: where there is nothing to look at, the robot is another, or it can carry out no grasp.
+        """
+        return GrasperRun(self, first, cell)
+
+    def weigh(self, look: CloudLook, azimuths: Array) -> tuple[Array, Array]:
+        """Return merits (m, modes), and grasps (m, modes, F) as rows, of grips of azimuths (m,) rad."""
+        points, numbers = along(look, azimuths)
+        seen = np.concatenate([relu(self._encoder(points)).max(axis=1), self._scaling(numbers)], axis=1)
+        out = self._trunk(seen).reshape(len(azimuths), self._modes, 1 + self.row).astype(float)
+        return out[..., 0], self._rows.mean + self._rows.scale * out[..., 1:]
+
+    def grasps(self, look: CloudLook, tree: RobotTree) -> Iterator[Taken]:
+        """Yield grasps of an object, the likeliest first."""
+        merits, rows = self.weigh(look, _AZIMUTHS)
+        for flat in np.argsort(-merits, axis=None):
+            k, mode = divmod(int(flat), self._modes)
+            yield of_row(rows[k, mode], look.middle, float(_AZIMUTHS[k]), tree)
+
+
+class GrasperRun:
+    """A policy from clouds in one episode."""
+
+    def __init__(self, grasper: Grasper, first: Observation, cell: Cell) -> None:
+        """Look at the first observation, and choose.
+
+        Raises:
+            InputError: as `Grasper.begin`.
+        """
+        tree = robot_tree(cell)
+        if sum(sizes(tree)) != grasper.row:
+            raise InputError(f"the policy was not cloned with a hand like that of {cell.robot.name}")
+        look, start = look_at(first), np.array(first["joint_targets"], dtype=float)
+        self._motion = PickUp(*_first(grasper.grasps(look, tree), look, start, cell))
+
+    def action(self, observation: Observation) -> Single:
+        """Return the next action, of `joint_position`."""
+        return self._motion.action(observation["joint_positions"])
+
+
+def _first(grasps: Iterator[Taken], look: CloudLook, start: Array, cell: Cell) -> tuple[ActionScript, Grasp]:
+    """Return the first of some grasps that the arm can carry out, and how.
+
+    Raises:
+        InputError: with why it can carry out none of them.
+    """
+    obstacle, reason = standing_hull(look.points), "out_of_reach"
+    for _, taken in zip(range(_TRIED), grasps, strict=False):
+        grasp = _posed(taken, start, cell)
+        if grasp is None:
+            continue
+        try:
+            return make_script(start, grasp.motion, obstacle, cell, margin=0.0), grasp
+        except NoPath as blocked:
+            reason = blocked.reason
+    raise InputError(reason)
+
+
+def _posed(taken: Taken, start: Array, cell: Cell) -> Grasp | None:
+    """Return a grasp in the robot's joints; None where it does not reach."""
+    tree = robot_tree(cell)
+    lower, upper, hand = tree.lower, tree.upper, slice(tree.arm, None)
+    q = start.copy()
+    q[hand] = np.clip(taken.closed, lower[hand], upper[hand])
+    if next(palm_postures(q, taken.turn, taken.palm, tree), None) is None:
+        return None
+    if solve_tips(q, taken.tips, tree, 60, 5e-4) > _MISS:
+        return None
+    pregrasp = np.concatenate([q[: tree.arm], np.clip(taken.opened, lower[hand], upper[hand])])
+    normals = out_of(taken.forces)
+    squeeze = np.clip(q + lag_of(pressing_torques(q, normals, taken.forces, tree), tree), lower, upper)
+    contacts = taken.tips - TIP_DEPTH * tree.tip_radius * normals
+    certificate = Certificate.unclaimed(len(contacts))
+    return Grasp(q, contacts, normals, taken.forces, certificate, GraspMotion(pregrasp, q, squeeze), cell)

@@ -1,0 +1,120 @@
+"""The grasp that a demonstration takes, and the numbers that stand for it in the frame of its grip."""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp.data.demonstrations.rollout import Episode, intended
+from dexgrasp.learning.imitation.features import METRES, entry
+from dexgrasp.mechanics.kinematics.forward import fingertips, hand_contact_jacobian
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.motion.move_until_contact import TIP_DEPTH
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import about_z
+from dexgrasp_env.robot.cell import Cell
+
+_STILL = 1e-6  # rad of the arm in a control step
+_LEAST = 15  # control steps that the arm waits for the hand
+_NEWTONS = 10.0  # N, a unit of the network
+_ROUNDS = 3  # of forces at points that depend on them by a millimetre
+
+
+class Taken(NamedTuple):
+    """A grasp with g contacts by a hand of h joints; world frame.
+
+    Attributes:
+        tips: (g, 3) m, centres of the tips that press, the opposing one first.
+        palm: (3,) m.
+        turn: (3, 3) of the palm.
+        closed: (h,) rad, as the hand holds.
+        opened: (h,) rad, before it closes.
+        forces: (g, 3) N on the object.
+    """
+
+    tips: Array
+    palm: Array
+    turn: Array
+    closed: Array
+    opened: Array
+    forces: Array
+
+    @property
+    def azimuth(self) -> float:
+        """Of the level line from the opposing tip to the middle of the others, rad."""
+        x, y, _ = self.tips[1:].mean(axis=0) - self.tips[0]
+        return float(np.arctan2(y, x))
+
+
+def taken(episode: Episode, noise: float, cell: Cell) -> Taken | None:
+    """Return the grasp of a demonstration in which the arm waited once for the hand to close; None for others."""
+    tree, meant = robot_tree(cell), intended(episode, noise, cell.robot)
+    waits = _waits(meant[: episode.about["solved"], : tree.arm])
+    if len(waits) != 1:
+        return None
+    opened, closed = waits[0]
+    q = entry(episode.observations, "joint_positions")[closed]
+    palm_turn, palm = palm_frame(q, tree)
+    hand = slice(tree.arm, None)
+    torques = (meant[closed] - q)[hand] * tree.stiffness
+    return Taken(
+        fingertips(q, tree), palm, palm_turn, q[hand], meant[opened, hand], _forces(q, torques, tree)
+    )
+
+
+def _waits(arm: Array) -> list[tuple[int, int]]:
+    """Return first and last steps of the times in which the arm (T, a) stands still, and then goes on."""
+    moves = np.flatnonzero(np.abs(np.diff(arm, axis=0)).max(axis=1) > _STILL)
+    return [(int(a) + 1, int(b)) for a, b in pairwise(moves) if b - a > _LEAST]
+
+
+def _forces(q: Array, torques: Array, tree: RobotTree) -> Array:
+    """Return the forces (g, 3) N on the object that torques (h,) Nm of the hand come nearest to."""
+    tips = points = fingertips(q, tree)
+    normals, forces = np.tile([0.0, 0.0, 1.0], (len(tips), 1)), np.zeros_like(tips)
+    for _ in range(_ROUNDS):
+        J = hand_contact_jacobian(q, points, normals, tree)[:, :3]
+        forces = np.stack([np.linalg.lstsq(rows.T, torques, rcond=None)[0] for rows in J])
+        normals = out_of(forces)
+        points = tips - TIP_DEPTH * tree.tip_radius * normals
+    return forces
+
+
+def out_of(forces: Array) -> Array:
+    """Return the directions (g, 3) out of an object that forces (g, 3) press on."""
+    return -forces / np.maximum(np.linalg.norm(forces, axis=1, keepdims=True), 1e-6)
+
+
+def as_row(grasp: Taken, middle: Array) -> Array:
+    """Return a grasp of an object whose cloud has this middle (3,) m as numbers (F,) in the frame of its grip."""
+    turn = about_z(-grasp.azimuth)
+    parts = [
+        METRES * (grasp.tips - middle) @ turn.T, METRES * turn @ (grasp.palm - middle), (turn @ grasp.turn)[:, :2],
+        grasp.closed, grasp.opened, grasp.forces @ turn.T / _NEWTONS,
+    ]  # fmt: skip
+    return np.concatenate([part.ravel() for part in parts])
+
+
+def sizes(tree: RobotTree) -> tuple[int, ...]:
+    """Return how many numbers each part of a row has: tips, palm, its turn, hand closed and opened, forces."""
+    contacts, joints = 3 * len(tree.fingers), len(tree.stiffness)
+    return contacts, 3, 6, joints, joints, contacts
+
+
+def of_row(row: Array, middle: Array, azimuth: float, tree: RobotTree) -> Taken:
+    """Return the grasp that a row stands for, along a grip of an azimuth, rad."""
+    tips, palm, axes, closed, opened, forces = np.split(row, np.cumsum(sizes(tree))[:-1])
+    back = about_z(-azimuth).T
+    x, y = axes.reshape(3, 2).T
+    x = x / np.linalg.norm(x)
+    y = y - (x @ y) * x
+    y = y / np.linalg.norm(y)
+    return Taken(
+        middle + tips.reshape(-1, 3) @ back.T / METRES,
+        middle + back @ palm / METRES,
+        back @ np.stack([x, y, np.cross(x, y)], axis=1),
+        closed,
+        opened,
+        _NEWTONS * forces.reshape(-1, 3) @ back.T,
+    )

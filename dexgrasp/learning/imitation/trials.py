@@ -1,0 +1,36 @@
+"""Trials of a policy while it learns."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
+from dexgrasp.evaluation.trial_runner import TrialRunner
+from dexgrasp.learning.training.training import Progress, Tester
+from dexgrasp_env.arrays import Fields
+
+
+@dataclass(frozen=True)
+class Trials(Tester):
+    """What a policy is tried on, under protocol `lift`.
+
+    Attributes:
+        objects: names, expanded.
+        number: of trials on each object.
+        seed: of the scenes.
+        every: epochs between; the last epoch is tried as well.
+    """
+
+    objects: tuple[str, ...]
+    number: int = 1
+    seed: int = 0
+    every: int = 5
+
+    def after(self, folder: Path, state: Progress) -> Fields:
+        """Return the share of trials that succeeded, after an epoch that is due; nothing after others."""
+        if state.epoch % self.every and state.epoch != state.epochs:
+            return {}
+        settings = EvaluationSettings.of([str(folder)], self.objects, trials=self.number, seed=self.seed)
+        runner = TrialRunner(settings)
+        outcomes = [bool(runner.run(spec)[0]["success"]) for spec in plan_trials(settings)]
+        runner.close()
+        return {"success": sum(outcomes) / len(outcomes), "trials": len(outcomes)}

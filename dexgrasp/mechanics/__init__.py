@@ -1,0 +1,8 @@
+"""Mechanics of a grasp: contacts and friction cones, wrenches, closure, margins, forces; kinematics of the robot.
+
+Takes contact points, normals and joint angles; gives forces, margins and poses. It never looks for a grasp.
+"""
+
+from dexgrasp_env.extras import require_extra
+
+require_extra("planner", "the physics of grasps")

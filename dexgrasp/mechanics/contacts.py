@@ -1,0 +1,85 @@
+"""Contacts and what bounds their forces, as a value that plain and compiled code take alike."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp.mechanics.checks import Numbers, check_array, check_contacts
+from dexgrasp_env.arrays import Array, Index
+from dexgrasp_env.errors import InputError
+
+
+class Contacts(NamedTuple):
+    """N contacts of an object, SI units, world axes.
+
+    A force has c parts: its three axes, and of a soft contact also what it turns about the normal with, over the radius
+    `torsion`: in newtons, so that the friction coefficient bounds all alike.
+    """
+
+    points: Array  # (N, 3)
+    normals: Array  # (N, 3) out of the object
+    jacobians: Array  # (N, c, joints) of the contact points, m; the fourth part their turn by `torsion`
+    torque_limits: Array  # (joints,) Nm
+    friction: Array  # (N,) coefficients
+    centre: Array  # (3,) centre of mass
+    gravity: Array  # (3,) N, the force of the object's weight
+    torsion: float = 0.0  # m, of soft contacts; 0: points, which turn freely
+
+    @property
+    def weight(self) -> float:
+        """N."""
+        return float(np.sqrt((self.gravity**2).sum()))
+
+
+Unknowns = tuple[int, ...] | Index
+"""Zeros, one an unknown: compiled code knows the length of a tuple, and unrolls its loops."""
+
+
+class Shape(NamedTuple):
+    """How many contacts there are, and of what kind."""
+
+    contacts: int
+    torsion: float  # m
+    parts: tuple[int, ...]  # c zeros: of each force
+    internal: Unknowns  # zeros: of the forces that leave the object in balance
+    pushed: Unknowns  # one more
+
+
+@lru_cache
+def shape_of(count: int, torsion: float = 0.0) -> Shape:
+    """Return the shape of `count` contacts of a radius, m; three points have tuples, all others share arrays."""
+    if count == 3 and not torsion:
+        return Shape(3, 0.0, (0,) * 3, (0,) * 3, (0,) * 4)
+    parts = (0,) * (4 if torsion else 3)
+    free = max(len(parts) * count - 6, 1)
+    return Shape(count, float(torsion), parts, np.zeros(free, np.int64), np.zeros(free + 1, np.int64))
+
+
+def checked(contacts: Contacts) -> Contacts:
+    """Return contacts as contiguous arrays, one friction coefficient and torque limit stated for all as many.
+
+    Raises:
+        InputError: wrong shapes, NaN, or values out of range.
+    """
+    points, normals = check_contacts(contacts.points, contacts.normals)
+    jacobians = check_array(
+        "jacobians", contacts.jacobians, (len(points), 4 if contacts.torsion else 3, None)
+    )
+    gravity = check_array("gravity", contacts.gravity, (3,))
+    if not (gravity**2).sum() > 0.0:
+        raise InputError("gravity must not be zero: pushes are measured in weights")
+    return Contacts(
+        points, normals, jacobians, _positive("torque_limits", contacts.torque_limits, jacobians.shape[2]),
+        _positive("friction", contacts.friction, len(points)), check_array("centre", contacts.centre, (3,)), gravity,
+        float(contacts.torsion),
+    )  # fmt: skip
+
+
+def _positive(name: str, values: Numbers, count: int) -> Array:
+    if np.shape(values) not in ((), (count,)):
+        raise InputError(f"{name} must be one number or ({count},), got {np.shape(values)}")
+    array = check_array(name, np.broadcast_to(values, (count,)), (count,))
+    if not (array > 0.0).all():
+        raise InputError(f"{name} must be above 0")
+    return array

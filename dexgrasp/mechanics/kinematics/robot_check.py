@@ -1,0 +1,292 @@
+"""A robot tested before anything is planned with it: the faults of users' files, each with its mend."""
+
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import product
+
+import mujoco
+import numpy as np
+
+from dexgrasp.mechanics.kinematics.forward import body_frames, fingertips
+from dexgrasp.mechanics.kinematics.pairs import joints_between
+from dexgrasp.mechanics.kinematics.palm_ik import PALM_DOWN, reach_palm
+from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.findings import Finding
+from dexgrasp_env.poses import about_z
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.model import compiled_robot, excluded_pairs, robot_spec, swept
+from dexgrasp_env.robot.robot import Finger
+from dexgrasp_env.scene.arena import read_arena
+
+_ROUNDING = 1e-12  # m and of directions: two ways to compute a frame differ by less
+_PUSH, _STEPS = 0.1, 400  # rad that a set-point moves, and physics steps until the joint has followed
+_FOLLOWS, _STRAYS = 0.8, 0.3  # share of it that a joint follows at least, and another strays at most
+_OFF = 0.004  # m that a tip's surface may be from its sphere
+_PINCH = 5.0  # N that a finger should be able to press with
+_POSTURES, _DRAWN = 300, 800  # of the robot, and of its fingers, drawn at random
+_FACING = 0.06  # m between pads that a grasp can be made with
+_BORNE = 0.9  # share of a joint's torque that bearing its weight may take
+_REACHED = 0.5  # share of palm poses over the table that the arm should reach
+_PALMS = tuple(product((0.4, 0.5, 0.6), (-0.2, 0.0, 0.2), np.linspace(-np.pi, np.pi, 6, endpoint=False)))
+"""x and y, m, and yaw, rad, of those poses."""
+
+
+def check_robot(cell: Cell) -> list[Finding]:
+    """Return what is found of a cell's robot: errors have to be mended, warnings looked at."""
+    checks = (_kinematics, _home, _excluded, _authority, _tips, _opposition, _meeting, _strength, _reach)
+    compiled_robot(cell)  # refuses what no simulation can tell anything of
+    model = _alone(cell)
+    found = list(_order(cell, model))
+    if any(finding.level == "error" for finding in found):
+        return found  # nothing else can be told of joints that are others
+    home = _at(model, cell.robot.home)
+    return found + [finding for check in checks for finding in check(cell, home)]
+
+
+def _told(good: bool, what: str, mend: str, level: str = "error") -> Finding:
+    """Say of something that it is good, or how to mend it."""
+    return Finding("info", what) if good else Finding(level, what, mend)
+
+
+def _pad(data: mujoco.MjData, finger: Finger) -> Array:
+    """The direction (3,) that the pad of a finger faces, world frame."""
+    return data.body(finger.bodies[-1]).xmat.reshape(3, 3) @ finger.pad
+
+
+def _alone(cell: Cell, excluding: bool = True) -> mujoco.MjModel:
+    spec = robot_spec(cell)
+    spec.option = read_arena().option
+    for exclude in [] if excluding else list(spec.excludes):
+        spec.delete(exclude)
+    return spec.compile()
+
+
+def _at(model: mujoco.MjModel, q: Array) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    data.qpos[:] = data.ctrl[:] = q
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def _order(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+    robot = cell.robot
+    for what, found in (
+        ("joints", [model.joint(j).name for j in range(model.njnt)]),
+        ("actuators", [model.actuator(a).name for a in range(model.nu)]),
+    ):
+        if found == list(robot.joints):
+            yield Finding("info", f"{len(found)} {what} in the order of the file")
+        else:
+            yield Finding("error", f"{what} are {', '.join(found)}", f"name these: {', '.join(robot.joints)}")
+
+
+def _kinematics(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    robot, tree, worst = cell.robot, robot_tree(cell), 0.0
+    for q in robot.drawn(50):
+        data, frames = _at(home.model, q), body_frames(q, tree)
+        for b, name in enumerate(robot.bodies):
+            body = data.body(name)
+            worst = max(
+                worst,
+                np.abs(frames.p[b] - body.xpos).max(),
+                np.abs(frames.R[b] - body.xmat.reshape(3, 3)).max(),
+            )
+    mend = "joints have to sit at their bodies' origins, and to turn or slide"
+    yield _told(worst < _ROUNDING, f"kinematics and simulation differ by {worst:.0e}", mend)
+
+
+def _home(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    touching = {
+        " and ".join(sorted(home.model.body(body).name for body in pair)) for pair, _ in _touching(home)
+    }
+    mend = "change `open` of the hand, or exclude the pair"
+    found = [Finding("error", f"{pair} touch with the hand open", mend) for pair in sorted(touching)]
+    yield from found or [Finding("info", "nothing touches with the arm at home and the hand open")]
+
+
+def _excluded(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    """Bodies that are excluded from colliding, though motion takes them into each other.
+
+    With two joints between them or fewer, bodies overlap in every hand.
+    """
+    model = home.model
+    pairs = {pair for pair in excluded_pairs(model) if len(joints_between(model, *pair)) > 2}
+    if not pairs:
+        return
+    every, robot, found = _alone(cell, excluding=False), cell.robot, dict[frozenset[int], float]()
+    resting = {pair for pair, _ in _touching(_at(every, robot.home))}
+    for q in robot.drawn(_POSTURES):
+        for pair, depth in _touching(_at(every, q)):
+            if pair in pairs - resting:
+                found[pair] = max(found.get(pair, 0.0), depth)
+    for pair, depth in found.items():
+        if depth > _OFF:
+            both = " and ".join(model.body(body).name for body in sorted(pair))
+            deep = f"{both} get {1000 * depth:.0f} mm into each other: they are excluded from colliding"
+            yield Finding("warning", deep, "take the <exclude> out of the MJCF")
+
+
+def _touching(data: mujoco.MjData) -> Iterator[tuple[frozenset[int], float]]:
+    """The pairs of bodies in contact, and how deep they are in each other, m."""
+    for contact in data.contact:
+        yield frozenset(data.model.geom_bodyid[contact.geom].tolist()), -contact.dist
+
+
+def _authority(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    """Each servo alone moves its own joint and what follows it or shares its tendon, and no other."""
+    robot, (C, _), unit = cell.robot, cell.robot.drive, robot_tree(cell).unit
+    moving, faults = robot.free[0] @ C, []
+    for j in np.flatnonzero(C.any(0)):  # the others follow
+        name, push = robot.joints[j], _PUSH * unit[j]
+        ways = [_moved(home, C[:, j], way) for way in (push, -push)]
+        moved = max(ways, key=lambda way: way[j])  # an end of the range or a finger may be in the way
+        strays = np.delete(np.abs(moved - moving[:, j]), j)
+        if moved[j] < _FOLLOWS * moving[j, j]:
+            lags = f"joint {name} follows its servo by {100 * moved[j] / moving[j, j]:.0f} %"
+            mend = "raise its stiffness or torque, or look for a second servo that holds it"
+            faults.append(Finding("error", lags, mend))
+        elif strays.max() > _STRAYS:
+            other = np.delete(robot.joints, j)[strays.argmax()]
+            mend = "one servo a joint, of the joint's name"
+            faults.append(Finding("error", f"servo {name} moves joint {other}", mend))
+    yield from faults or [Finding("info", "every servo moves its joint, and no other")]
+
+
+def _moved(home: mujoco.MjData, column: Array, push: float) -> Array:
+    """How far joints (n,) go when set-points move by `push` along a column (n,), in shares of it."""
+    data = _at(home.model, home.qpos)
+    data.ctrl[:] += push * column
+    mujoco.mj_step(home.model, data, _STEPS)
+    return (data.qpos - home.qpos) / push
+
+
+def _tips(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    """The surface of each grasping tip is a radius from its site, out of the tip and out of its pad."""
+    radius = cell.robot.hand.tip_radius
+    mend = f"shift the tip's frame, or change tip_radius, {1000 * radius:.1f} mm"
+    for finger in cell.robot.grasping:
+        site = home.site(finger.tip)
+        for what, way in (("end", site.xmat.reshape(3, 3)[:, 2]), ("pad", _pad(home, finger))):
+            depth = _surface(home, home.model.geom(finger.tip).id, site.xpos, way)
+            far = f"the {what} of {finger.tip} is {1000 * depth:.1f} mm from its centre"
+            yield _told(abs(depth - radius) <= _OFF, far, mend)
+
+
+def _surface(data: mujoco.MjData, geom: int, centre: Array, way: Array) -> float:
+    """How far a geom reaches from a point along a direction, m: what a ray from outside meets."""
+    model, normal, far = data.model, np.zeros(3), 0.1
+    start = centre + far * way
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        hit = mujoco.mj_rayMesh(model, data, geom, start, -way, normal)
+    else:
+        placed = data.geom_xpos[geom], data.geom_xmat[geom], model.geom_size[geom]
+        hit = mujoco.mju_rayGeom(*placed, start, -way, int(model.geom_type[geom]), normal)
+    return far - hit if hit >= 0 else far
+
+
+def _opposition(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    """The open hand's tips are in front of the palm, and the first one's pad faces the others."""
+    palm = home.site(cell.robot.hand.palm)
+    front = (fingertips(cell.robot.home, robot_tree(cell)) - palm.xpos) @ palm.xmat.reshape(3, 3)[:, 0]
+    if front.min() < 0.02:
+        mend = "the palm frame's x has to point out of the palm's face; or bend `open` further"
+        yield Finding("error", f"an open tip is {1000 * front.min():.0f} mm in front of the palm", mend)
+    tips = np.array([home.site(finger.tip).xpos for finger in cell.robot.grasping])
+    between = tips[1:].mean(0) - tips[0]
+    facing = _pad(home, cell.robot.grasping[0]) @ between / np.linalg.norm(between)
+    if facing < 0.0:
+        mend = "x of a tip's frame has to point out of its pad; or change `open`, or which finger is first in `grasp`"
+        yield Finding("error", f"the pad of {cell.robot.hand.grasp[0]} looks away from the others", mend)
+    else:
+        yield Finding("info", f"open, the tips of a grasp are {1000 * np.linalg.norm(between):.0f} mm apart")
+
+
+def _meeting(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    """Each finger of a grasp gets its pad before the first one's, in some posture."""
+    first, *others = cell.robot.hand.grasp
+    for finger, gap in zip(others, closed_posture(cell)[1], strict=True):
+        if gap < _FACING:
+            yield Finding("info", f"the pads of {first} and {finger} can face each other")
+        else:
+            mend = "other fingers in `grasp`, wider ranges, or x of the tips' frames out of the pads"
+            yield Finding("error", f"no posture has the pads of {first} and {finger} face each other", mend)
+
+
+def closed_posture(cell: Cell) -> tuple[Array, Array]:
+    """Return the posture in which the pads of a grasp come nearest to each other, and how near they can come.
+
+    Returns:
+        (n,) rad, the arm at home; (g - 1,) m from the first tip to the others', inf where pads never face each other.
+    """
+    robot, hand = cell.robot, cell.robot.hand_columns
+    drawn = np.tile(robot.home, (_DRAWN, 1))
+    drawn[:, hand] = np.random.default_rng(0).uniform(
+        robot.lower[hand], robot.upper[hand], drawn[:, hand].shape
+    )
+    for finger in robot.hand.fingers:
+        if finger not in robot.grasping and finger.aside:
+            drawn[:, robot.columns[finger.name]] = finger.aside
+    drawn = drawn @ robot.drive[0].T + robot.drive[1]
+    tips, pads = np.empty((2, len(robot.grasping), _DRAWN, 3))
+    for k, data in enumerate(swept(compiled_robot(cell), drawn)):
+        for f, finger in enumerate(robot.grasping):
+            tips[f, k] = data.site(finger.tip).xpos
+            pads[f, k] = _pad(data, finger)
+    gaps = np.stack([_gaps(tips[0], pads[0], *of) for of in zip(tips[1:], pads[1:], strict=True)])
+    thumb = gaps.min(2).max(0).argmin()
+    closed = drawn[thumb]
+    for finger, own in zip(robot.grasping[1:], gaps[:, thumb], strict=True):
+        columns = robot.columns[finger.name]
+        closed[columns] = drawn[own.argmin(), columns]
+    return closed, gaps.min((1, 2)) - 2.0 * robot.hand.tip_radius
+
+
+def _gaps(first: Array, own: Array, other: Array, theirs: Array) -> Array:
+    """Distances (n, m) m of tips in n and m postures, inf where their pads do not face each other."""
+    between = other - first[:, None]
+    distance = np.maximum(np.linalg.norm(between, axis=2), 1e-9)
+    facing = (between * own[:, None]).sum(2), -(between * theirs).sum(2)
+    return np.where(np.minimum(*facing) > 0.5 * distance, distance, np.inf)
+
+
+def _strength(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    """What a finger can press with, and what the arm has left of its torque at home."""
+    robot, J = cell.robot, np.zeros((3, home.model.nv))
+    for finger in robot.grasping:
+        body = home.body(finger.bodies[-1])
+        mujoco.mj_jac(home.model, home, J, None, home.site(finger.tip).xpos, body.id)
+        lever = np.abs(_pad(home, finger) @ J)[robot.arm_dof :]
+        force = (robot.torque[robot.hand_columns] / np.maximum(lever, 1e-9)).min()
+        mend = "torque of its joints, Nm: heavy objects will be beyond it"
+        yield _told(force >= _PINCH, f"{finger.name} can press with {force:.1f} N", mend, "warning")
+    yield from _bearing(cell, home.model)
+
+
+def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+    """What the arm needs of its torque to bear itself and the hand, at home and over the table."""
+    arm = cell.robot.arm_columns
+    postures = [cell.robot.home, *_palms_down(cell)]
+    share = np.max([np.abs(_at(model, q).qfrc_bias[arm]) for q in postures], axis=0) / cell.robot.torque[arm]
+    name = f"{cell.robot.joints[int(share.argmax())]} needs {100 * share.max():.0f} % of its torque to bear its weight"
+    yield _told(share.max() <= _BORNE, name, "state the maker's torque, or the true masses in the MJCF")
+
+
+def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    """Palms that look down on the middle of the table."""
+    found, total = len(_palms_down(cell)), len(_PALMS)
+    mend = "change the arm's `home` or `starts`, or the mount: palms look along its flange"
+    what = f"{found} of {total} palm poses over the table are reached"
+    yield _told(found >= _REACHED * total, what, mend)
+
+
+@lru_cache(maxsize=1)
+def _palms_down(cell: Cell) -> list[Array]:
+    """Postures (n,) rad of palms that look down on the middle of the table."""
+    tree, found = robot_tree(cell), []
+    for x, y, yaw in _PALMS:
+        q = tree.home.copy()
+        reached = reach_palm(q, about_z(yaw) @ PALM_DOWN, np.array([x, y, 0.2]), tree)
+        if reached and body_frames(q, tree).p[tree.base : tree.palm, 2].min() > 0.0:
+            found.append(q)
+    return found

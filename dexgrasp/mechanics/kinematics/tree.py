@@ -1,0 +1,227 @@
+"""The robot as flat arrays that compiled code can walk, taken once from the simulation's own model."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from dexgrasp.mechanics.kinematics.pairs import meeting_pairs, told_apart
+from dexgrasp.mechanics.kinematics.sphere_cover import (
+    Spheres,
+    body_spheres,
+    box_edges,
+    rotation_matrix,
+    together,
+)
+from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.model import compiled_robot, posed
+from dexgrasp_env.robot.robot import SLIDE, Robot
+
+_MOVING = 0.5  # share of a finger's torque that may speed up its rotor; the rest bears its links
+_SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, where inverse kinematics begins
+
+
+class _Links(NamedTuple):
+    """What compiled code takes of a robot: each array more that it is told of makes every call dearer.
+
+    Bodies in topological order, base first; nb bodies, n joints of which `arm` are the arm's, g tips, ns spheres.
+
+    Spheres cover the collision shapes from outside, so that a clearance computed from them never exceeds the true one.
+    """
+
+    parent: Index  # (nb,), -1 for the base
+    offset: Array  # (nb, 3) m, in the parent's frame
+    rotation: Array  # (nb, 3, 3), in the parent's frame
+    joint: Index  # (nb,) column of the body's joint, -1 if fixed
+    axis: Array  # (nb, 3) joint axis in the body's frame
+    slides: Mask  # (nb,) whether the joint slides
+    gear: Array  # (nb, 3) place of the joint: the first times its column, and the second; how much it moves with it
+    tip_body: Index  # (g,) last bodies of the grasping fingers, the opposing one first
+    tip_offset: Array  # (g, 3) m, tip sphere centre in the distal link's frame
+    palm: int  # index of the palm body
+    palm_offset: Array  # (3,) m, the palm frame in its body
+    palm_rotation: Array  # (3, 3)
+    sphere_first: Index  # (nb + 1,): spheres of body b are sphere_first[b] .. sphere_first[b + 1]
+    sphere_centre: Array  # (ns, 3) m, body frame
+    sphere_radius: Array  # (ns,) m
+    sphere_is_tip: Mask  # (ns,): covers the tip of a grasping finger, which may touch the object
+    bound_centre: Array  # (nb, 3) m: one sphere around all of a body's
+    bound_radius: Array  # (nb,) m, -1 where a body has none
+    pairs: Index  # (np, 2) bodies whose distance is kept
+    palm_box_centre: Array  # (3,) m, palm body frame
+    palm_box_half: Array  # (3,) m
+    beside: int  # the link that works right beside the palm, -1 where none does
+    beside_edges: Array  # (ne, 3) m, points of its box's edges, in its frame
+    torsion: float  # m, of soft tips: torsional friction over sliding friction
+    follows: Index  # (n,) the joint that each follows, -1 where it does not; of a tendon's joints the last
+    ratio: Array  # (n, 3) at which multiple, how much farther; of a tendon coefficient and stop, and 1 where it stands
+    lower: Array  # (n,) rad; of slides m, as below
+    upper: Array  # (n,) rad
+    arm: int
+    base: int  # bodies from the base on that may be near the table beside it
+
+
+class RobotTree(_Links):
+    """A robot's links, and what plain code alone asks of its joints."""
+
+    stands: Mask  # (n,) whether the joint stands on its stop in a grasp
+    unit: Array  # (n,) what counts as much as a radian: 1, or `SLIDE` m
+    velocity: Array  # (n,) rad/s
+    acceleration: Array  # (n,) rad/s^2
+    home: Array  # (n,) rad, arm at home and hand open
+    moved: Index  # columns of the joints that a grasp moves: but those of idle fingers, and those that follow others
+    fingers: Index  # (g, 2) columns of the grasping fingers: first, and one past the last
+    torque: Array  # (n - arm,) Nm, limits of the hand, with what follows it
+    stiffness: Array  # (n - arm,) Nm/rad, of the hand's servos, with what follows them
+    tip_radius: float  # m
+    starts: Array  # (k, arm) rad, where inverse kinematics begins; first joints less the goal's direction
+
+
+@lru_cache(maxsize=8)
+def robot_tree(cell: Cell) -> RobotTree:
+    """Return the tree of a cell's robot where it stands; the same arrays at every call."""
+    robot, model = cell.robot, compiled_robot(cell)
+    bodies = [model.body(name).id for name in robot.bodies]
+    index = {body: i for i, body in enumerate(bodies)}
+    touching = tuple(finger.tip for finger in robot.grasping)
+    spheres = [body_spheres(model, b, touching) for b in bodies]
+    every = together(spheres)
+    centres, radii = zip(*(s.bound() for s in spheres), strict=True)
+    columns = model.body_jntadr[bodies].tolist()  # joints are in the order of the robot's files
+    follows, ratio = _following(robot)
+    stands = ratio[:, 2] > 0.0
+    slides = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+    palm = robot.hand.palm
+    site, tips = model.site(palm).id, [model.site(tip).id for tip in touching]
+    beside, edges = _beside_palm(model, robot)
+    middle, half = _palm_box(model, robot, spheres[robot.bodies.index(palm)])
+    tree = RobotTree(
+        parent=np.array([index.get(model.body_parentid[b], -1) for b in bodies]),
+        offset=model.body_pos[bodies].copy(),
+        rotation=np.stack([rotation_matrix(q) for q in model.body_quat[bodies]]),
+        joint=np.array([follows[j] if j >= 0 and follows[j] >= 0 and not stands[j] else j for j in columns]),
+        axis=np.array([model.jnt_axis[j] if j >= 0 else np.zeros(3) for j in columns]),
+        slides=np.array([j >= 0 and slides[j] for j in columns]),
+        gear=np.array(
+            [[1.0, 0.0, float(j < 0)] if j < 0 or stands[j] else ratio[j, [0, 1, 0]] for j in columns]
+        ),
+        tip_body=np.array([index[model.site_bodyid[s]] for s in tips]),
+        tip_offset=model.site_pos[tips].copy(),
+        palm=index[model.site_bodyid[site]],
+        palm_offset=model.site_pos[site].copy(),
+        palm_rotation=rotation_matrix(model.site_quat[site]),
+        sphere_first=np.cumsum([0, *(len(s.radius) for s in spheres)]),
+        sphere_centre=every.centre,
+        sphere_radius=every.radius,
+        sphere_is_tip=every.is_tip,
+        bound_centre=np.array(centres),
+        bound_radius=np.array(radii),
+        pairs=_sphered_pairs(robot, model, spheres),
+        palm_box_centre=middle,
+        palm_box_half=half,
+        beside=beside,
+        beside_edges=edges,
+        torsion=robot.hand.torsion,
+        follows=follows,
+        ratio=ratio,
+        lower=robot.lower.copy(),
+        upper=robot.upper.copy(),
+        arm=robot.arm_dof,
+        base=robot.arm.plinth,
+    )
+    vars(tree).update(
+        stands=stands,
+        unit=np.where(slides, SLIDE, 1.0),
+        velocity=robot.velocity.copy(),
+        acceleration=_followed(model, robot),
+        home=robot.home.copy(),
+        moved=_moved(robot),
+        fingers=np.array([[own.start, own.stop] for own in (robot.columns[f.name] for f in robot.grasping)]),
+        torque=driven(robot, robot.torque, 1)[robot.hand_columns],
+        stiffness=driven(robot, robot.stiffness, 2)[robot.hand_columns],
+        tip_radius=robot.hand.tip_radius,
+        starts=_starts(model, robot),
+    )
+    return tree
+
+
+def _following(robot: Robot) -> tuple[Index, Array]:
+    """Return `RobotTree.follows` and `ratio`."""
+    C, c = robot.drive
+    follows = np.where(np.diag(C) == 1.0, -1, np.argmax(np.abs(C), axis=1))
+    ratio = np.stack([np.where(follows < 0, 1.0, C.sum(1)), c, ~C.any(1)], axis=1)
+    for tendon in robot.hand.tendons:
+        *stopped, last = map(robot.joints.index, tendon.joints)
+        follows[stopped], ratio[stopped, 0] = last, tendon.coefs[:-1]
+    return follows, ratio
+
+
+def _starts(model: mujoco.MjModel, robot: Robot) -> Array:
+    if robot.arm.starts:
+        return np.array(robot.arm.starts)
+    x, y, _ = posed(model, robot.home).body(robot.arm.bodies[-1]).xpos
+    starts = np.tile(robot.arm.home, (5, 1))
+    starts[:, 0] = round(float(robot.home[0] - np.arctan2(y, x)), 9) + 0.0
+    starts[1:3, -1] += [_TWIST, -_TWIST]
+    starts[3:, 0] += [_SWING, -_SWING]
+    return starts
+
+
+def _moved(robot: Robot) -> Index:
+    moved = np.diag(robot.drive[0]) == 1.0
+    for finger in robot.hand.fingers:
+        if finger.name not in robot.hand.grasp:
+            moved[robot.columns[finger.name]] = False
+    return np.flatnonzero(moved)
+
+
+def driven(robot: Robot, values: Array, power: int) -> Array:
+    """Return torque limits (power 1) or stiffnesses (2) of joints (n,) with those of what follows them."""
+    C = np.abs(robot.drive[0]) ** power
+    return np.where(np.diag(C) == 1.0, values @ C, values)
+
+
+def _followed(model: mujoco.MjModel, robot: Robot) -> Array:
+    """Return the accelerations (n,) rad/s^2 of the limits, less where a finger's servo is too weak for its rotor."""
+    followed, hand = robot.acceleration.copy(), robot.hand_columns
+    rotors = np.maximum(model.dof_armature[hand], 1e-6)
+    followed[hand] = np.minimum(followed[hand], _MOVING * robot.torque[hand] / rotors)
+    return followed
+
+
+def _beside_palm(model: mujoco.MjModel, robot: Robot) -> tuple[int, Array]:
+    name = robot.hand.beside_palm
+    if not name:
+        return -1, np.zeros((0, 3))
+    geom = model.geom(name)
+    return robot.bodies.index(name), box_edges(geom.pos, geom.size)
+
+
+def _palm_box(model: mujoco.MjModel, robot: Robot, spheres: Spheres) -> tuple[Array, Array]:
+    """Return centre and half lengths (3,) m of the palm's box, or of one around the palm where it is none."""
+    if robot.hand.frame is None:
+        geom = model.geom(robot.hand.palm)
+        return geom.pos.copy(), geom.size.copy()
+    low = (spheres.centre - spheres.radius[:, None]).min(0)
+    high = (spheres.centre + spheres.radius[:, None]).max(0)
+    return 0.5 * (low + high), 0.5 * (high - low)
+
+
+def body_pairs(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """Return the pairs of bodies, their numbers, that a motion can bring together: no neighbours in the chain."""
+    number = robot.bodies.index
+    pairs = [(number(a), number(b)) for a, b in robot.hand.self_pairs or meeting_pairs(robot, model)]
+    arm, hand = (list(map(number, part.bodies)) for part in (robot.arm, robot.hand))
+    low, elbow, wrist = arm[:-3], arm[-3], arm[-2:]
+    pairs += [(a, b) for a in low for b in hand]
+    pairs += [(a, b) for a in low[:3] for b in wrist]
+    return pairs + [(elbow, b) for b in [*hand, *low[:3]]]
+
+
+def _sphered_pairs(robot: Robot, model: mujoco.MjModel, spheres: list[Spheres]) -> Index:
+    """Those of which covering spheres can tell something."""
+    pairs = body_pairs(robot, model)
+    foreign = robot.hand.frame is not None or robot.arm.frame is not None
+    return np.array(told_apart(pairs, robot, model, spheres) if foreign else pairs)

@@ -1,0 +1,340 @@
+"""The largest t for which some contact forces lie in friction cones: linear programmes, exact by cutting planes.
+
+The force of contact i is f_i = fixed_i + span_i z, with unknowns z of which the last is t. Where a push of size t, in
+whatever direction u, asks for -t answer_i u besides, it lies in its cone for all of them if
+
+    a . f_i >= t |answer_i^T a|
+
+for each plane that touches the cone, a its inward normal. Forces have c parts, of soft contacts four. A programme
+starts with a few planes of each cone; those that its forces break are added until they break none. Squeeze,
+capacity and margin of a grasp are such programmes.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp.mechanics.cones import basis_of
+from dexgrasp.mechanics.contacts import Contacts, Shape, Unknowns
+from dexgrasp.mechanics.simplex import Simplex, empty_simplex, restart, solve
+from dexgrasp_env.arrays import Array, Index
+from dexgrasp_env.compiled import njit
+
+_HALF = 0.5**0.5
+_ROUNDING = 1e-9  # N that a force may be beyond a plane
+_SCAN = 48  # angles at which the worst plane of a cone is looked for first
+_SHARP = 1e-6  # rad to which it is found
+_TILTS = 24  # shares of friction that turns, of which each is scanned so
+
+Plane = tuple[float, float, float, float]
+"""Inward normal of a plane; the fourth counts where contacts are soft."""
+Friction = tuple[float, float, float]
+"""Direction of friction: in both tangents, and about the normal."""
+
+
+class Programme(NamedTuple):
+    """A programme for N contacts in n unknowns."""
+
+    cones: Array  # (N, 3, 3) -friction x normal, and two tangents
+    fixed: Array  # (N, c) N
+    span: Array  # (N, c, n) N
+    answers: Array  # (N, c, 3) N, to a push of 1 along each axis; zeros where t is no push in all directions
+    forces: Array  # (N, c) N, of the solution
+    owner: Index  # (rows at most,) whose force each row bounds
+    planes: Array  # (rows at most, c) and in which direction
+    lp: Simplex
+    parts: tuple[int, ...]  # c zeros
+
+
+@njit
+def empty_programme(shape: Shape, unknowns: Unknowns, rows: int) -> Programme:
+    """Return room for a programme of at most so many rows, `fixed` and `answers` 0; `unknowns` as in `Simplex`."""
+    N, n, c = shape.contacts, len(unknowns), len(shape.parts)
+    if c == 4:
+        rows = 4 * rows  # see `begin`
+    return Programme(
+        np.empty((N, 3, 3)), np.zeros((N, c)), np.empty((N, c, n)), np.zeros((N, c, 3)), np.empty((N, c)),
+        np.empty(rows, np.int64), np.empty((rows, c)), empty_simplex(unknowns, rows), shape.parts,
+    )  # fmt: skip
+
+
+@njit
+def set_cones(p: Programme, normals: Array, friction: Array) -> None:
+    """Take the cones of contacts: normals (N, 3) out of the object, friction (N,)."""
+    for i in range(normals.shape[0]):
+        basis = basis_of(normals[i, 0], normals[i, 1], normals[i, 2])
+        p.cones[i, 0] = -friction[i] * normals[i]
+        for k in range(3):
+            p.cones[i, 1, k], p.cones[i, 2, k] = basis[k], basis[3 + k]
+
+
+@njit
+def begin(p: Programme, most: float, faces: int) -> None:
+    """Start with `faces` planes of each cone, and t at most `most`; `fixed`, `span` and `answers` are written."""
+    restart(p.lp, most)
+    step = 2.0 * np.pi / faces
+    for k in range(faces):
+        for i in range(p.cones.shape[0]):
+            u, v = np.cos(k * step), np.sin(k * step)
+            _add_plane(p, i, (u, v, 0.0))
+            if len(p.parts) == 4:
+                _add_plane(p, i, (_HALF * u, _HALF * v, _HALF))
+                _add_plane(p, i, (_HALF * u, _HALF * v, -_HALF))
+    if len(p.parts) == 4:
+        for i in range(p.cones.shape[0]):
+            _add_plane(p, i, (0.0, 0.0, 1.0))
+            _add_plane(p, i, (0.0, 0.0, -1.0))
+
+
+@njit
+def _add_plane(p: Programme, i: int, friction: Friction) -> None:
+    """Add the plane that touches cone i where friction points in a direction of length 1."""
+    plane = _plane(p, i, friction)
+    _add_row(p, i, plane, _asked(p, i, plane), 0.0)
+
+
+@partial(njit, inline="always")
+def _plane(p: Programme, i: int, friction: Friction) -> Plane:
+    c, (u, v, turn) = p.cones[i], friction
+    return (
+        c[0, 0] - u * c[1, 0] - v * c[2, 0], c[0, 1] - u * c[1, 1] - v * c[2, 1], c[0, 2] - u * c[1, 2] - v * c[2, 2],
+        -turn,
+    )  # fmt: skip
+
+
+@partial(njit, inline="always")
+def _along(p: Programme, plane: Plane, forces: Array, i: int) -> float:
+    """The part along a plane's normal of force i of (N, c)."""
+    along = plane[0] * forces[i, 0] + plane[1] * forces[i, 1] + plane[2] * forces[i, 2]
+    if len(p.parts) == 4:
+        along += plane[3] * forces[i, 3]
+    return along
+
+
+@partial(njit, inline="always")
+def _each_along(p: Programme, plane: Plane, forces: Array, i: int, k: int) -> float:
+    """The same of force i among the k-th of (N, c, n)."""
+    along = plane[0] * forces[i, 0, k] + plane[1] * forces[i, 1, k] + plane[2] * forces[i, 2, k]
+    if len(p.parts) == 4:
+        along += plane[3] * forces[i, 3, k]
+    return along
+
+
+@partial(njit, inline="always")
+def _asked(p: Programme, i: int, plane: Plane) -> float:
+    """How far the worst push of 1 moves the force of contact i against a plane."""
+    total = 0.0
+    for k in range(3):
+        total += _each_along(p, plane, p.answers, i, k) ** 2
+    return np.sqrt(total)
+
+
+@partial(njit, inline="always")
+def _add_row(p: Programme, i: int, plane: Plane, asked: float, bound: float) -> None:
+    """Ask that plane . f_i - asked t >= bound."""
+    A, r, n = p.lp.A, p.lp.size[0], len(p.lp.unknowns)
+    for k in range(n):
+        A[r, k] = _each_along(p, plane, p.span, i, k)
+    A[r, n - 1] -= asked
+    p.lp.b[r] = bound - _along(p, plane, p.fixed, i)
+    p.owner[r], p.planes[r, 0], p.planes[r, 1], p.planes[r, 2] = i, plane[0], plane[1], plane[2]
+    if len(p.parts) == 4:
+        p.planes[r, 3] = plane[3]
+    p.lp.size[0] = r + 1
+
+
+@njit
+def add_presses(p: Programme, normals: Array, press: float) -> None:
+    """Ask of each contact to press with `press` N against the object."""
+    for i in range(normals.shape[0]):
+        _add_row(p, i, (-normals[i, 0], -normals[i, 1], -normals[i, 2], 0.0), 0.0, press)
+
+
+@njit
+def add_torques(p: Programme, contacts: Contacts, reserved: float) -> None:
+    """Keep joints within their torques, also as they answer what a push has beyond `reserved` (inf: nothing)."""
+    for i in range(contacts.jacobians.shape[0]):
+        for j in range(contacts.jacobians.shape[2]):
+            if not _moves_first(contacts.jacobians, i, j):
+                continue
+            for scale in (1.0 / contacts.torque_limits[j], -1.0 / contacts.torque_limits[j]):
+                _add_torque(p, contacts.jacobians, (i, j), scale, 0.0, 0.0)
+                if reserved < np.inf:
+                    _add_torque(p, contacts.jacobians, (i, j), scale, 1.0, reserved)
+
+
+@partial(njit, inline="always")
+def _moves(jacobians: Array, i: int, j: int) -> bool:
+    J = jacobians[i]
+    return not (J[0, j] == 0.0 and J[1, j] == 0.0 and J[2, j] == 0.0)
+
+
+@partial(njit, inline="always")
+def _moves_first(jacobians: Array, i: int, j: int) -> bool:
+    """Whether contact i is the first of those that joint j moves."""
+    first = 0
+    while first < i and not _moves(jacobians, first, j):
+        first += 1
+    return first == i and _moves(jacobians, i, j)
+
+
+@partial(njit, inline="always")
+def _add_torque(
+    p: Programme, jacobians: Array, of: tuple[int, int], scale: float, share: float, reserved: float
+) -> None:
+    """Ask that the forces' torque x `scale` is -1 at least, and stays so with that share of what answers beyond
+    `reserved`; `of` is the first contact that the joint moves, and the joint.
+    """
+    lp, (i, j), ax, ay, az = p.lp, of, 0.0, 0.0, 0.0
+    for k in range(i, jacobians.shape[0] if share > 0.0 else i):
+        if not _moves(jacobians, k, j):
+            continue
+        plane = _torque(p, jacobians, (k, j), scale)
+        ax += _each_along(p, plane, p.answers, k, 0)
+        ay += _each_along(p, plane, p.answers, k, 1)
+        az += _each_along(p, plane, p.answers, k, 2)
+    asked = share * np.sqrt(ax * ax + ay * ay + az * az)
+    _add_row(p, i, _torque(p, jacobians, (i, j), scale), asked, -1.0 - reserved * asked)
+    r = lp.size[0] - 1
+    for k in range(i + 1, jacobians.shape[0]):
+        if not _moves(jacobians, k, j):
+            continue
+        plane = _torque(p, jacobians, (k, j), scale)
+        for q in range(len(lp.unknowns)):
+            lp.A[r, q] += _each_along(p, plane, p.span, k, q)
+        lp.b[r] -= _along(p, plane, p.fixed, k)
+
+
+@partial(njit, inline="always")
+def _torque(p: Programme, J: Array, of: tuple[int, int], scale: float) -> Plane:
+    i, j = of
+    turn = scale * J[i, 3, j] if len(p.parts) == 4 else 0.0
+    return scale * J[i, 0, j], scale * J[i, 1, j], scale * J[i, 2, j], turn
+
+
+@njit
+def maximise(p: Programme, rounds: int, tolerance: float, enough: float = -np.inf) -> bool:
+    """Write the solution's unknowns and forces; False where there is none.
+
+    Args:
+        p: with its rows.
+        rounds: of cutting planes, at most.
+        tolerance: N of friction that forces may be beyond their cones.
+        enough: t below which no more planes are added: it is not above that.
+    """
+    lp, contacts = p.lp, p.cones.shape[0]
+    for turn in range(rounds + 1):
+        if not solve(lp, min(_ROUNDING, 0.1 * tolerance)):
+            return False
+        for i in range(contacts):
+            for k in range(len(p.parts)):
+                p.forces[i, k] = p.fixed[i, k]
+                for q in range(len(lp.unknowns)):
+                    p.forces[i, k] += p.span[i, k, q] * lp.z[q]
+        if turn == rounds or lp.z[-1] <= enough:
+            break
+        before = lp.size[0]
+        for i in range(contacts):
+            _cut(p, i, tolerance)
+        if lp.size[0] == before:
+            break
+    return True
+
+
+@njit
+def _cut(p: Programme, i: int, tolerance: float) -> None:
+    """Add the plane that a force breaks most, where it does by more than `tolerance`, N of friction."""
+    if p.answers[i].any():
+        _, friction = _borne_by(p, i)
+    else:
+        u, v, turn = 0.0, 0.0, 0.0
+        for k in range(3):
+            u += p.cones[i, 1, k] * p.forces[i, k]
+            v += p.cones[i, 2, k] * p.forces[i, k]
+        if len(p.parts) == 4:
+            turn = p.forces[i, 3]
+        size = max(np.sqrt(u * u + v * v + turn * turn), 1e-300)
+        friction = (u / size, v / size, turn / size)
+    _add_plane(p, i, friction)
+    r = p.lp.size[0] - 1
+    slack = -p.lp.b[r]
+    for k in range(len(p.lp.unknowns)):
+        slack += p.lp.A[r, k] * p.lp.z[k]
+    if slack >= -tolerance:
+        p.lp.size[0] = r
+
+
+@njit
+def borne(p: Programme) -> float:
+    """Return the t that the forces bear: the largest for which all stay in their cones whatever is asked of them."""
+    least = np.inf
+    for i in range(p.cones.shape[0]):
+        least = min(least, _borne_by(p, i)[0])
+    return least
+
+
+@njit
+def _borne_by(p: Programme, i: int) -> tuple[float, Friction]:
+    """The t that one force bears, and the direction of friction at the plane that says so."""
+    if len(p.parts) == 3:
+        least, worst = _around(p, i, 0.0)
+        return least, _friction(p, worst, 0.0)
+    step, least, worst, tilt = np.pi / _TILTS, np.inf, 0.0, 0.0
+    for k in range(_TILTS + 1):
+        value, angle = _around(p, i, k * step - 0.5 * np.pi)
+        if value < least:
+            least, worst, tilt = value, angle, k * step - 0.5 * np.pi
+    while step > _SHARP:
+        step *= 0.5
+        for side in (tilt - step, tilt + step):
+            value, angle = _around(p, i, side)
+            if value < least:
+                least, worst, tilt = value, angle, side
+    return least, _friction(p, worst, tilt)
+
+
+@njit
+def _around(p: Programme, i: int, tilt: float) -> tuple[float, float]:
+    """The least t that a plane says of one force where friction turns by its share sin(tilt), and that plane's angle.
+
+    There may be two such planes that say nearly the same, so every minimum of the scan is followed to its end.
+    """
+    step, least, worst = 2.0 * np.pi / _SCAN, np.inf, 0.0
+    before, here = _ratio(p, i, -2.0 * step, tilt), _ratio(p, i, -step, tilt)
+    for k in range(_SCAN):
+        after = _ratio(p, i, k * step, tilt)
+        if here <= min(before, after):
+            value, angle = _lowest(p, i, (k - 1) * step, here, step, tilt)
+            if value < least:
+                least, worst = value, angle
+        before, here = here, after
+    return least, worst
+
+
+@njit
+def _lowest(
+    p: Programme, i: int, angle: float, value: float, step: float, tilt: float
+) -> tuple[float, float]:
+    """Follow a minimum of the ratio within `step` of an angle; return its value and angle."""
+    while step > _SHARP:
+        step *= 0.5
+        for side in (angle - step, angle + step):
+            other = _ratio(p, i, side, tilt)
+            if other < value:
+                value, angle = other, side
+    return value, angle
+
+
+@partial(njit, inline="always")
+def _friction(p: Programme, angle: float, tilt: float) -> Friction:
+    if len(p.parts) == 3:
+        return np.cos(angle), np.sin(angle), 0.0
+    return np.cos(tilt) * np.cos(angle), np.cos(tilt) * np.sin(angle), np.sin(tilt)
+
+
+@njit
+def _ratio(p: Programme, i: int, angle: float, tilt: float) -> float:
+    """How far a force is from a plane over what a unit of t moves it towards there."""
+    plane = _plane(p, i, _friction(p, angle, tilt))
+    return _along(p, plane, p.forces, i) / max(_asked(p, i, plane), 1e-12)

@@ -1,0 +1,114 @@
+"""Eq. 4: the wrench that contact forces cannot balance, as a QP, for any number of contacts.
+
+    minimise |sum f_i|^2 + |sum (p_i - c) x f_i / L|^2   subject to   -f_i.n_i >= f_min, |f_i.t_ij| <= -mu
+    f_i.n_i
+
+The paper adds N^2 and (Nm)^2; here torques are divided by a length L, stated by the caller or the contacts'
+rms radius, and taken about c, the contacts' centroid unless given. A zero residual depends on neither.
+"""
+
+import warnings
+from typing import NamedTuple
+
+import daqp
+import numpy as np
+
+from dexgrasp.mechanics.checks import Numbers, check_array, check_contacts, check_positive, rms_radius
+from dexgrasp.mechanics.cones import tangent_basis
+from dexgrasp.mechanics.equilibrium import grasp_map
+from dexgrasp_env.arrays import Array, Fields
+from dexgrasp_env.errors import InputError, unknown_name
+
+REGULARISER = 1e-9
+"""Added to the Hessian for the QP solvers, which want one; the residual returned is computed without it."""
+_OPTIONS: dict[str, Fields] = {"osqp": {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 40000}}
+
+
+class WrenchSolution(NamedTuple):
+    """Solution of Eq. 4."""
+
+    residual: float
+    """The least |F|^2 + |tau / L|^2 [N^2]; of `forces`, which satisfy the constraints exactly."""
+    forces: Array
+    """(N, 3) contact forces on the object [N]."""
+    status: str
+    """"solved", or what the solver reported instead."""
+
+
+def pyramid_rows(normals: Array, mu: float, f_min: float) -> tuple[Array, Array]:
+    """Return A (5 N, 3 N) and b (5 N,) of Eq. 2 and f_min as A f >= b; per contact: press, +t1, -t1, +t2,
+    -t2.
+    """
+    (t1, t2), N, n = tangent_basis(normals), len(normals), mu * normals
+    A = np.zeros((N, 5, N, 3))
+    A[range(N), :, range(N)] = np.stack([-normals, t1 - n, -t1 - n, t2 - n, -t2 - n], axis=1)
+    return A.reshape(5 * N, 3 * N), np.tile([f_min, 0.0, 0.0, 0.0, 0.0], N)
+
+
+def restore_feasible(forces: Array, normals: Array, mu: float, f_min: float) -> Array:
+    """Return forces (N, 3) pressed harder by what rounding left them outside Eq. 2 and f_min."""
+    t1, t2 = tangent_basis(normals)
+    press = -(forces * normals).sum(-1)
+    friction = np.maximum(np.abs((forces * t1).sum(-1)), np.abs((forces * t2).sum(-1)))
+    need = np.maximum(f_min, friction / mu * (1 + 1e-15))
+    return forces - np.maximum(0.0, need - press)[:, None] * normals
+
+
+def solve_wrench_qp(
+    points: Numbers,
+    normals: Numbers,
+    mu: float,
+    f_min: float = 1.0,
+    length_scale: float | None = None,
+    solver: str = "daqp",
+    center: Numbers = None,
+) -> WrenchSolution:
+    """Solve Eq. 4 by daqp, or through qpsolvers by another solver.
+
+    Args:
+        points: (N, 3) metres. normals: (N, 3) unit, out of the object. mu: friction coefficient.
+        f_min: least pressing force [N] of each contact.
+        length_scale: divides torques [m]; None is the contacts' rms radius.
+        solver: daqp, or any that qpsolvers finds installed.
+        center: (3,) torque reference; None is the contacts' centroid.
+
+    Raises:
+        InputError: bad contacts or an unknown solver.
+    """
+    points, normals = check_contacts(points, normals)
+    if len(points) == 0:
+        raise InputError("points must hold at least one contact, got none")
+    about = points.mean(0) if center is None else check_array("center", center, (3,))
+    scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
+    mu, f_min = check_positive("mu", mu), check_positive("f_min", f_min)
+    G = grasp_map(points, about, scale)
+    A, b = pyramid_rows(normals, mu, f_min)
+    H = G.T @ G + REGULARISER * np.eye(G.shape[1])
+    x = _by_daqp(H, A, b) if solver == "daqp" else _by_qpsolvers(H, A, b, solver)
+    forces = restore_feasible(-f_min * normals if x is None else x.reshape(-1, 3), normals, mu, f_min)
+    wrench = G @ forces.ravel()
+    status = f"{solver} found no solution" if x is None else "solved"
+    return WrenchSolution(float(wrench @ wrench), forces, status)
+
+
+def _by_daqp(H: Array, A: Array, b: Array) -> Array | None:
+    """Return the minimiser of x H x / 2 subject to A x >= b, None where none is found."""
+    x, _, flag, _ = daqp.solve(
+        H, np.zeros(len(H)), -A, -b, np.full(len(b), -1e30), np.zeros(len(b), np.int32)
+    )
+    return x if flag > 0 else None
+
+
+def _by_qpsolvers(H: Array, A: Array, b: Array, solver: str) -> Array | None:
+    """Like `_by_daqp`; qpsolvers takes long to import."""
+    import qpsolvers
+    from scipy.sparse import csc_matrix
+
+    if solver not in qpsolvers.available_solvers:
+        raise unknown_name("QP solver", solver, sorted(qpsolvers.available_solvers))
+    form = np.asarray if solver in qpsolvers.dense_solvers else csc_matrix
+    problem = qpsolvers.Problem(form(H), np.zeros(len(H)), form(-A), -b)
+    with warnings.catch_warnings():  # the status returned says the same
+        warnings.simplefilter("ignore")
+        answer = qpsolvers.solve_problem(problem, solver, **_OPTIONS.get(solver, {}))
+    return answer.x if answer.found else None

@@ -1,0 +1,166 @@
+"""From what is seen to a plan: the one way of agents, of `dexgrasp plan`, and of point clouds of one's own."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.agent import Observation
+from dexgrasp.geometry.around import neighbours_of
+from dexgrasp.geometry.completion import NoTarget, target_of
+from dexgrasp.planning.cvae_source import make_source
+from dexgrasp.planning.diverse import plan_many, sure_of
+from dexgrasp.planning.planner import Planner, warm_up
+from dexgrasp.planning.result import PlanResult, Progress
+from dexgrasp.planning.settings import GRASPS, PlannerSettings
+from dexgrasp_env.arrays import Array, array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.cloud import Cloud
+from dexgrasp_env.perception.pointing import Pointing, mask_of
+from dexgrasp_env.perception.recorded import find_object
+from dexgrasp_env.perception.robot import RobotShape
+from dexgrasp_env.perception.scan import cloud_of
+from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
+from dexgrasp_env.robot.model import compiled_robot, posed
+from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.valid import POSITIVE, check
+
+_BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
+
+
+def plan_scene(
+    planner: Planner, scene: Scene, seed: int, start: Array, *,
+    mass: float | None = None, count: int | None = None, progress: Progress | None = None, give: float = 0.0,
+) -> PlanResult:  # fmt: skip
+    """Plan a grasp of the object in a scene, or several that differ.
+
+    Args:
+        planner: who plans.
+        scene: what is seen.
+        seed: of everything that is drawn; the same scene and seed give the same grasp.
+        start: (n,) rad, set-points the robot approaches from.
+        mass: kg where it is known; None assumes one from the volume.
+        count: grasps asked for; None plans one.
+        progress: called with steps done and steps in all, where there is a count.
+        give: see `neighbours_of`.
+
+    Raises:
+        InputError: for a count out of range.
+    """
+    if count is not None:
+        check("count", count, GRASPS)
+    began = time.perf_counter()
+    try:
+        target = replace(
+            target_of(scene, mass, planner.settings.most_parts), neighbours=neighbours_of(scene, give)
+        )
+    except NoTarget as none:
+        result = PlanResult(
+            settings=planner.settings, seed=seed, asked=count, shortfall=str(none), sentence=scene.sentence
+        )
+    else:
+        hull_seconds = time.perf_counter() - began
+        if count is None:
+            result = planner.plan(target, seed, start)
+        else:
+            result = plan_many(planner, target, count, seed, start, progress)
+        if planner.settings.at_least:
+            result = sure_of(result, planner, start, progress)
+        result.log.seconds = {"hull": hull_seconds} | result.log.seconds
+    result.planning_seconds = time.perf_counter() - began
+    return result
+
+
+def start_of(observation: Observation, robot: Robot) -> Array:
+    """Return the set-points (n,) rad that an episode begins with.
+
+    Raises:
+        InputError: where the robot cannot be there: planning from such a start takes minutes to fail.
+    """
+    start = np.asarray(observation["joint_targets"], dtype=float)
+    low, high = robot.lower - _BEYOND, robot.upper + _BEYOND
+    if start.shape != low.shape or not ((start > low) & (start < high)).all():
+        raise InputError(f"joint_targets must be {len(low)} set-points within the joint ranges, in rad")
+    return start
+
+
+def plan_cloud(
+    points: Any,
+    *,
+    near: Sequence[float] | None = None,
+    box: Sequence[float] | None = None,
+    mask: Any = None,
+    label: int | None = None,
+    mass: float | None = None,
+    seed: int = 0,
+    start: Array | None = None,
+    planner: Planner | None = None,
+    robot: Given = None,
+    count: int | None = None,
+) -> PlanResult:
+    """Plan a grasp of an object in a cloud, or several that differ; what else stands there is kept clear of.
+
+    The scene stands on a table at the height that the cell has; the table, and the robot where it stands at `start`,
+    may be in the cloud. Points are given in the frame of the robot's base; the plan is in the world, whose z = 0 is the
+    table's top: the same frame, unless the cell says otherwise. Grasp files are in the frame of the base again.
+
+    Args:
+        points: (N, 3) m in the frame of the robot's base, z up, or a `Cloud` as `read_scan` returns it.
+        near: (3,) m, a point near the object that is meant; with nothing pointed at, the only one in the workspace.
+        box: (6,) m, instead: x, y, z of the lowest and of the highest corner of a box that holds it.
+        mask: instead: one bool, or one whole number, for each point, or for each pixel that the cloud was made from.
+        label: the object's number in such a mask; None where it has but one.
+        mass: kg where it is known; None assumes one from the volume.
+        seed: of everything that is drawn; the same cloud and seed give the same grasp.
+        start: (n,) rad, where the robot stands; its home posture by default.
+        planner: one of your own, with its cell; the default planner otherwise.
+        robot: a cell, a robot, or the file of either; None: the simulated cell.
+        count: how many grasps that differ; None plans one.
+
+    Returns:
+        A plan with `.grasp`, or with `.reason` why there is none; with a count, `.found` are all, firmest first.
+
+    Raises:
+        InputError: for something that is no cloud, a point, box, mask, mass or count that is none.
+    """
+    if mass is not None:
+        check("mass", mass, POSITIVE)
+    planner = planner or default_planner(make_cell(robot))
+    home = planner.cell.robot.home
+    q = check("start", home if start is None else start, array(len(home)))
+    corners = None if box is None else check("box", box, array(6)).reshape(2, 3)
+    where = None if near is None else check("near", near, array(3))
+    pointing = Pointing(where, corners, None if mask is None else mask_of(mask, label))
+    scene = scene_of(points, pointing, seed=seed, start=q, cell=planner.cell)
+    return plan_scene(planner, scene, seed, q, mass=mass, count=count)
+
+
+def scene_of(
+    points: Any,
+    pointing: Pointing | None = None,
+    *,
+    seed: int = 0,
+    start: Array | None = None,
+    cell: Cell | None = None,
+) -> Scene:
+    """Return the scene of a cloud without the robot of a cell; the rest is as in `plan_cloud`."""
+    cloud = points if isinstance(points, Cloud) else cloud_of(points)
+    cell = cell or default_cell()
+    data = posed(compiled_robot(cell), cell.robot.home if start is None else start)
+    return find_object(cloud, np.random.default_rng(seed), cell, pointing=pointing, own=_shape(cell).at(data))
+
+
+@lru_cache(maxsize=8)
+def _shape(cell: Cell) -> RobotShape:
+    return RobotShape(compiled_robot(cell))
+
+
+def default_planner(cell: Cell, settings: PlannerSettings | None = None, proposals: str = "auto") -> Planner:
+    """Return the planner of agent `bilevel`, its compiled code loaded; `proposals` are of a source of that name."""
+    source = make_source(proposals, cell.robot)
+    warm_up(cell, source)
+    return Planner(settings, source, cell)

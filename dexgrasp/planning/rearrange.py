@@ -1,0 +1,129 @@
+"""What stands in the way of an object is taken first and set aside: which neighbour, by which grasp, and where to."""
+
+from dataclasses import replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp.geometry.around import neighbours_of
+from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.grasp.grasp import RAISED
+from dexgrasp.grasp.script import ActionScript
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.motion.carried import WayAside, carried
+from dexgrasp.motion.collision import CollisionChecker, carried_into, raised_into
+from dexgrasp.motion.motion import arm_and_hand
+from dexgrasp.planning.claims import overlap
+from dexgrasp.planning.plan_scene import plan_scene
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.result import PlanResult
+from dexgrasp.planning.settings import Problem
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
+
+_ASKED = 8  # neighbours for which a grasp is looked for
+_TABLE = ((0.34, 0.70), (-0.36, 0.36))  # m, x and y, where things are set down
+_GRID = 0.04  # m between places that are looked at
+_HEIGHTS = (0.03, 0.10, 0.17)  # m above the table, at which a place must be free
+_HAND, _AWAY = 0.06, 0.16  # m that are free around what is set down, for the hand; between it and the object
+_PLACES, _RISES = 8, (0.0, 0.12)  # places tried, nearest first; m beyond the lift that it is carried higher
+_LEFT, _CLEAR = 0.12, 0.004  # m that the open hand goes up, and above the table where it is let go of
+_STRAY = 0.01  # m that the palm may be off its way
+
+
+class Aside(NamedTuple):
+    """How a neighbour is set aside."""
+
+    plan: PlanResult  # of its grasp
+    way: WayAside
+
+
+def plan_aside(planner: Planner, scene: Scene, target: GraspTarget, seed: int, start: Array) -> Aside | None:
+    """Return how a neighbour that is in the way is set aside, None where none can be grasped and put somewhere.
+
+    Args:
+        planner: that found no grasp of the object.
+        scene: what is seen.
+        target: the object.
+        seed: of everything that is drawn.
+        start: (n,) rad, set-points the robot approaches from.
+    """
+    settings = replace(planner.settings, breadths=planner.settings.breadths[:1], patience=0)
+    quick = Planner(settings, planner.source, planner.cell)
+    for k in _most_in_the_way(quick, scene, target, seed, start)[:_ASKED]:
+        others = (*scene.neighbours[:k], *scene.neighbours[k + 1 :], scene.target)
+        plan = plan_scene(quick, replace(scene, target=scene.neighbours[k], neighbours=others), seed, start)
+        for one in plan.found:
+            assert plan.target is not None and one.script is not None  # as there is a start
+            way = _way_aside(one.script, Problem(plan.target, planner.cell, settings), target.centre)
+            if way is not None:
+                return Aside(plan, way)
+    return None
+
+
+def _most_in_the_way(
+    planner: Planner, scene: Scene, target: GraspTarget, seed: int, start: Array
+) -> list[int]:
+    """Return the neighbours by how deep they are in the hand of the grasp without neighbours, or in what is lifted.
+
+    Of those that are not in its way the near and high ones come first.
+    """
+    alone = planner.plan(replace(target, neighbours=()), seed, start)
+    ranks = []
+    for k, one in enumerate(scene.neighbours):
+        beside = replace(
+            target, neighbours=neighbours_of(replace(scene, neighbours=(one,), rest=ObjectCloud()))
+        )
+        deep = max(
+            (_depth(found.script, beside, planner) for found in alone.found if found.script), default=0.0
+        )
+        off = np.linalg.norm(one.points[:, :2] - target.centre[:2], axis=1).min() - one.points[:, 2].max()
+        ranks.append((-max(deep, raised_into(beside, RAISED)), off, k))
+    return [k for _, _, k in sorted(ranks)]
+
+
+def _depth(script: ActionScript, target: GraspTarget, planner: Planner) -> float:
+    """Return how deep, m, a neighbour is in the hand that closes, or in the object that is lifted."""
+    problem = Problem(target, planner.cell, planner.settings)
+    hand = [overlap(script.phases[phase][-1], problem) for phase in ("approach", "close", "squeeze")]
+    return max(*hand, carried_into(target, script.way("lift"), problem.tree))
+
+
+def _way_aside(script: ActionScript, problem: Problem, kept: Array) -> WayAside | None:
+    """Return the way to the nearest free place, away from `kept` (3,) m, to which arm and object can go."""
+    tree, target = problem.tree, problem.target
+    lifted, opened = script.phases["lift"][-1], script.phases["approach"][-1]
+    rise = palm_frame(lifted, tree)[1][2] - palm_frame(opened, tree)[1][2]
+    middle = target.centre + np.array([0.0, 0.0, rise])
+    checker = CollisionChecker(problem.cell, target.around, 0.0)
+    for place, up in product(_free_places(target, kept), _RISES):
+        legs = ([0.0, 0.0, up], [*(place - middle[:2]), 0.0], [0.0, 0.0, _CLEAR - rise - up])
+        there, error, at, now = [lifted[None]], 0.0, middle, lifted
+        for leg in np.array(legs):
+            path, strayed = carried(now, at, leg, tree)
+            there, error, at, now = [*there, path], max(error, strayed), at + leg, path[-1]
+        rows = np.concatenate(there)
+        if (
+            error > _STRAY
+            or checker.first_contact(rows) is not None
+            or carried_into(target, rows, tree, script.phases["squeeze"][-1]) > 0.0
+        ):
+            continue
+        free = arm_and_hand(now, opened, tree)
+        return WayAside(rows[1:], carried(free, at, np.array([0.0, 0.0, _LEFT]), tree)[0])
+    return None
+
+
+def _free_places(target: GraspTarget, kept: Array) -> Array:
+    """Return places (N, 2) m on the table where an object and the hand around it have room, the nearest first."""
+    axes = [np.arange(low, high, _GRID) for low, high in _TABLE]
+    places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    corners = np.concatenate(target.corners)[:, :2]
+    radius = np.linalg.norm(corners - target.centre[:2], axis=1).max()
+    free = np.linalg.norm(places - kept[:2], axis=1) > radius + _AWAY
+    if target.around is not None:
+        for height in _HEIGHTS:
+            free &= target.around.distance(np.insert(places, 2, height, axis=1)) > radius + _HAND
+    places = places[free]
+    return places[np.argsort(np.linalg.norm(places - target.centre[:2], axis=1))[:_PLACES]]
