@@ -164,7 +164,6 @@ def test_a_broken_arm_or_robot_is_said_in_one_line(arm, robot, words, tmp_path, 
 _LINK = '<geom type="capsule" fromto="0 0 0 0 0 0.05" size="0.01"/>'
 _FINGER = '<body name="{n}" pos="0 {y} 0"><joint name="{n}" range="-1 1"/>' + _LINK + "</body>"
 _THREE = "".join(_FINGER.format(n=f"f{k}", y=0.03 * k) for k in range(3))
-_COUPLED = '<equality><joint joint1="f0" joint2="f1"/></equality>'
 
 
 def _hand(inside: str, after: str = "") -> str:
@@ -184,10 +183,9 @@ def _hand(inside: str, after: str = "") -> str:
         ("\0" * 100, "MuJoCo cannot read"),
         (
             _hand(_THREE, '<equality><connect body1="f0" body2="f2" anchor="0 0 0.05"/></equality>'),
-            "couples joints",
+            "closes a loop",
         ),
-        (_hand("<freejoint/>" + _THREE), "hinges"),
-        (_hand(_THREE, _COUPLED), "couples joints"),
+        (_hand('<joint name="s" type="slide"/>' + _THREE), "hinges"),
         (_hand(_THREE.replace(_LINK, '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>')), "collides"),
         (_hand(_FINGER.format(n="a", y=0)), "0 fingers"),
         (_hand(_THREE.replace('name="f1"', "")), "no name"),

@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from refusals import refused
 
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.scoring.hand import Candidate, HandStage, find_hand
@@ -170,11 +169,8 @@ def test_it_lifts_and_the_judge_agrees(made, tmp_path):
     assert "coupled joints as stated" in [check.name for check in verify(record) if not check.holds]
 
 
-@pytest.mark.parametrize(
-    ("servos", "words"),
-    [("", "tendons without an actuator"), (_SERVO.replace('tendon="{n}"', 'joint="{n}_curl"'), "without")],
-)
-def test_tendons_that_nothing_pulls_end_in_a_line(servos, words, tmp_path):
+@pytest.mark.parametrize("servos", ["", _SERVO.replace('tendon="{n}"', 'joint="{n}_curl"')])
+def test_tendons_that_nothing_pulls_are_left_out_and_noted(servos, tmp_path):
     (tmp_path / "hand.xml").write_text(_mjcf(servos))
-    with refused(words):
-        make_robot(tmp_path / "hand.xml", None, tmp_path / "x.yaml")
+    notes = make_robot(tmp_path / "hand.xml", None, tmp_path / "x.yaml")
+    assert any("tendons over pulleys or without servos are left out" in note for note in notes)

@@ -41,7 +41,7 @@ def add_to_spec(
     body.mass, body.ipos = model.mass, [0.0, 0.0, 0.0]
     body.fullinertia = model.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     if visual:
-        from dexgrasp_env.robot.foreign import add_mesh_geom
+        from dexgrasp_env.robot.rebuilt import add_mesh_geom
 
         own = f"{name}_visual"
         spec.add_material(name=own, rgba=model.rgba, specular=0.3, shininess=0.4)

@@ -1,6 +1,6 @@
-"""A robot file made of somebody else's MJCF: what can be derived is, and what cannot is assumed and said."""
+"""Maker of robot files from a maker's URDF or MJCF: what can be derived is, and what cannot is assumed and noted."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +9,11 @@ import yaml
 from dexgrasp_env.arrays import Array, Fields, middle
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
-from dexgrasp_env.robot.foreign import FLANGE, about, described, placed, pose_of
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.postures import always_near, home_posture, open_posture
+from dexgrasp_env.robot.rebuilt import FLANGE, about, couplings, described, placed, pose_of
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 
 _FILES = (".yaml", ".yml")
@@ -22,6 +22,8 @@ _SPREAD = 0.4  # rad that an idle finger is turned away from the others
 _NARROW = 0.008  # m: fingers whose tips have less of a radius touch with all of their last links
 _CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
 _FEWEST = 4  # joints of an arm: fewer bring no palm over a table
+_ALONG = 0.8  # cosine between axes that bend a finger alike
+_WRIST = 3  # joints before the palm: more are an arm's
 _PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
 
 
@@ -46,18 +48,16 @@ class HandMaker(Part):
             InputError: for what is no hand of hinges with three fingers or more.
         """
         super().__init__(path)
-        if self.model.neq:
-            raise InputError(
-                f"{path} couples joints by equality: `couplings` of a hand's file are to say that"
-            )
+        self.couplings = couplings(self.model, path)
         self.held: list[str] = []
         self.palm = self._find_palm()
-        self.chains = [self.chain(b) for b in self.below(self.palm)]
+        self.chains = self._find_fingers()
         if len(self.chains) < 3:
             raise InputError(f"{path} has {len(self.chains)} fingers: valid are three or more")
         self._tips = [self._tip(chain) for chain in self.chains]
         ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
-        thumb = int(np.argmin((ways @ ways.T).sum(1)))  # points and faces least as the others do
+        unlike = (ways @ ways.T)[self.linkages :, self.linkages :].sum(1)
+        thumb = self.linkages + int(np.argmin(unlike))  # points and faces least as the others do
         self.chains.append(self.chains.pop(thumb))  # the thumb comes last
         self._tips.append(self._tips.pop(thumb))
         self.bases = self.data.xanchor[[self.model.body_jntadr[chain[0]] for chain in self.chains]]
@@ -70,9 +70,50 @@ class HandMaker(Part):
             (body,) = below
             if self.model.body_jntnum[body]:
                 self.held += self.names([body])[1]
+        if len(self.held) > _WRIST:
+            self.notes.append(
+                f"the arm in the file ends at {self.model.body(body).name!r}, which bears the hand"
+            )
+            self.held = []
         if self.held:
             self.notes.append(f"hand held: {', '.join(self.held)}, before the palm, stand still at 0")
         return body
+
+    def _find_fingers(self) -> list[list[int]]:
+        """Return the chains of jointed bodies from the palm out; joints before a branching are held at 0."""
+        found, left, held = list[list[int]](), self.below(self.palm), set[int]()
+        while left:
+            body = left.pop(0)
+            chain = self.chain(body, branches=True)
+            if more := self.below(chain[-1]):
+                held |= set(self.model.body_jntadr[chain].tolist())
+                left = more + left
+            else:
+                found.append(chain)
+        name = self.model.joint
+        for _ in self.couplings:
+            held |= {name(own.joint).id for own in self.couplings if name(own.follows).id in held}
+        if held:
+            joints = sorted(name(j).name for j in held)
+            self.notes.append(
+                f"hand held: {', '.join(joints)}, which several fingers share, stand still at 0"
+            )
+            self.held += joints
+            self.couplings = [own for own in self.couplings if own.joint not in joints]
+        followers = {own.joint for own in self.couplings}
+        chains = [[b for b in chain if self.model.body_jntadr[b] not in held] for chain in found]
+        own = [{name(self.model.body_jntadr[b]).name for b in chain} for chain in chains]
+        linkages = [k for k, joints in enumerate(own) if joints and joints <= followers]
+        self.linkages = len(linkages)  # chains that only follow: rods of a finger
+        return [chains[k] for k in linkages] + [
+            chain for k, chain in enumerate(chains) if k not in linkages and chain
+        ]
+
+    def _first_flexing(self, chain: list[int]) -> int:
+        """Return the first joint of a finger that turns about the axis of its last one."""
+        joints = self.model.body_jntadr[chain]
+        along = np.abs(self.data.xaxis[joints] @ self.data.xaxis[joints[-1]])
+        return int(joints[np.argmax(along > _ALONG)])
 
     def _tip(self, chain: list[int]) -> tuple[Array, float]:
         """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
@@ -118,7 +159,7 @@ class HandMaker(Part):
         for k, chain in enumerate(self.chains):
             bodies, own = self.names(chain)
             joints += own
-            idle = k not in near and names[k] != "thumb"
+            idle = self.linkages <= k and k not in near and names[k] != "thumb"
             fingers.append(_stated({
                 "name": names[k], "joints": own, "bodies": bodies, "tip": f"{names[k]}_tip",
                 "frame": frame_entry(self.pose(chain[-1]), self.tip(k)),
@@ -160,14 +201,34 @@ class HandMaker(Part):
         for tendon in tendons:
             last = joints.index(tendon["joints"][-1])
             limits["upper"][last] = min(limits["upper"][last], _CURLED)
+        self._narrow(joints, limits)
         if tendons:
             self.notes.append(f"hand upper: last joints of tendons end at {_CURLED} rad")
-        return limits | {"tendons": tendons}
+        followers = [asdict(own) for own in self.couplings if own.joint in joints]
+        return limits | {"couplings": followers, "tendons": tendons}
+
+    def _narrow(self, joints: list[str], limits: Fields) -> None:
+        """Narrow the range of each leading joint to where those that follow it stay in theirs."""
+        for own in self.couplings:
+            if own.joint not in joints:
+                continue
+            k, leader = joints.index(own.joint), joints.index(own.follows)
+            ends = sorted((limits[side][k] - own.offset) / own.ratio for side in ("lower", "upper"))
+            low, high = max(ends[0], limits["lower"][leader]), min(ends[1], limits["upper"][leader])
+            if low < high:
+                limits["lower"][leader], limits["upper"][leader] = low, high
+            ends = sorted(own.offset + own.ratio * limits[side][leader] for side in ("lower", "upper"))
+            limits["lower"][k] = min(limits["lower"][k], ends[0])
+            limits["upper"][k] = max(limits["upper"][k], ends[1])
+        if self.couplings:
+            pairs = ", ".join(f"{own.joint} = {own.ratio:.4g} {own.follows}" for own in self.couplings)
+            self.notes.append(f"hand couplings: {pairs}")
 
     def _beside_thumb(self) -> list[int]:
-        """The finger whose base is nearest to the thumb's, and the neighbour of it whose base is nearer."""
-        away = np.linalg.norm(self.bases[:-1] - self.bases[-1], axis=1)
-        near = np.argsort(away, kind="stable").tolist()
+        """Return the finger whose base is nearest to the thumb's tip, and the neighbour of it whose base is nearer."""
+        bases = self.data.xanchor[[self._first_flexing(chain) for chain in self.chains[:-1]]]
+        away = np.linalg.norm(bases - self._tips[-1][0][:3, 3], axis=1)
+        near = [k for k in np.argsort(away, kind="stable").tolist() if k >= self.linkages]
         tips = [self.tip(k)[:3, 3] for k in near]
         beside = [round(float(np.linalg.norm(tip - tips[0])), 2) for tip in tips]
         return [near[k] for k in np.argsort(beside, kind="stable")[:2]]
@@ -176,7 +237,8 @@ class HandMaker(Part):
         """The back of the hand on the flange, the palm's middle on the flange's axis."""
         solids = [
             (self.points(b) - self.frame[:3, 3]) @ self.frame[:3, :3]
-            for b in (self.palm, *(chain[0] for chain in self.chains))
+            for b in (self.palm, *(b for chain in self.chains for b in chain[:2]))
+            if self.has_shape(b)
         ]
         back = min(points[:, 0].min() for points in solids)
         _, y, z = middle(solids[0])
@@ -210,7 +272,9 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     root = part.below(0)
     if len(root) != 1:
         raise InputError(f"{path} has {len(root)} chains of bodies: valid is one arm, without a hand")
-    chain = part.chain(root[0])
+    chain = part.chain(root[0], branches=True)
+    if m.nbody > 1 and any(part.below(b) for b in part.below(chain[-1])):
+        part.notes.append(f"the hand in the file hangs on {m.body(chain[-1]).name!r}: the arm ends there")
     bodies, joints = part.names(chain)
     if len(joints) < _FEWEST:
         raise InputError(f"{path} is an arm of {len(joints)} joints: valid are {_FEWEST} or more")
@@ -222,6 +286,11 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     flange = pose_of(data.site(sites[-1]) if len(sites) else data.body(chain[-1]))
     if not len(sites):
         part.notes.append("arm frame: no site at the flange, the last body's frame assumed")
+    axis = data.xaxis[m.body_jntadr[chain[-1]]]
+    if abs(axis @ flange[:3, 2]) < 1.0 - 1e-6:
+        part.notes.append("arm frame: the flange's z is no axis of the last joint, which is taken")
+    outwards = flange[:3, 2] @ axis or (flange[:3, 3] - data.xanchor[m.body_jntadr[chain[-1]]]) @ axis
+    flange = about(flange[:3, 3], axis if outwards >= -1e-9 else -axis, flange[:3, 0])
     shoulder = m.joint(joints[1]).id
     entry: Fields = {
         **part.head(), "bodies": [m.body(root[0]).name, *bodies], "joints": joints,
@@ -279,4 +348,4 @@ def make_robot(hand: Path | None, arm: Path | None, out: Path) -> list[str]:
             {"schema": SCHEMA, **content}, sort_keys=False, default_flow_style=None, width=110
         )
         write_atomically(out.parent / name, text.encode())
-    return notes
+    return list(dict.fromkeys(notes))

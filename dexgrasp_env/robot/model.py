@@ -11,7 +11,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.coupled import Tendon
-from dexgrasp_env.robot.foreign import described
+from dexgrasp_env.robot.rebuilt import described
 from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot
 
 _NAMES = ("name", "material", "meshname", "target", "bodyname1", "bodyname2")  # by which parts of models go

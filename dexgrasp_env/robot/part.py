@@ -8,11 +8,12 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.foreign import Description
+from dexgrasp_env.robot.rebuilt import DRIVES_JOINT, Description, wrapped_joints
 
 _UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model without a name
 _TORQUE = 0.7  # Nm
 _LOAD = 20.0  # N, of a hand and what it holds
+_STRONGEST = 8.0  # Nm: a joint of a finger has less
 _LARGEST_LAG = 0.2  # rad that a set-point which presses in full may be ahead
 _STIFFNESS = {"hand": 10.0, "arm": 2000.0}  # Nm/rad
 _RATES = {
@@ -31,7 +32,7 @@ class Part(Description):
             InputError: for what MuJoCo cannot read, has no joints, or others than hinges.
         """
         super().__init__(path)
-        self.notes = list[str]()
+        self.notes = list(self.source.notes)
         if self.model.njnt == 0:
             raise InputError(f"{path} has no joints: it is no hand and no arm")
         if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
@@ -59,8 +60,12 @@ class Part(Description):
         children = np.flatnonzero(self.model.body_parentid == body).tolist()
         return [b for b in children if b and (self.model.body_jntnum[b] or self.below(b))]
 
-    def chain(self, body: int) -> list[int]:
-        """Return the jointed bodies from a body to the end of its chain.
+    def has_shape(self, body: int) -> bool:
+        """Tell whether anything of a body, or of what it bears without a joint, collides."""
+        return any(self.hangs_on(b, body) for b in self.model.geom_bodyid[self.solid].tolist())
+
+    def chain(self, body: int, branches: bool = False) -> list[int]:
+        """Return the jointed bodies from a body to the end of its chain, or to where it branches if that may be.
 
         Raises:
             InputError: if it branches, or a body has several joints.
@@ -73,6 +78,8 @@ class Part(Description):
             found += [body] if count else []
             following = self.below(body)
             if not following:
+                return found
+            if len(following) > 1 and branches and found:
                 return found
             if len(following) > 1:
                 raise InputError(
@@ -99,7 +106,7 @@ class Part(Description):
         """
         found = [
             self.corners(g) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
-            for g in np.flatnonzero(self.model.geom_contype | self.model.geom_conaffinity).tolist()
+            for g in np.flatnonzero(self.solid).tolist()
             if self.hangs_on(self.model.geom_bodyid[g], body)
         ]
         if not found:
@@ -127,29 +134,41 @@ class Part(Description):
         ):
             self.notes.append(f"{kind} stiffness: {_STIFFNESS[kind]} Nm/rad assumed")
             gains = [_STIFFNESS[kind]] * len(numbers)
-        self.notes.append(f"{kind} velocity, acceleration, jerk: an MJCF has none, {_RATES[kind]} assumed")
+        if kind == "hand" and max(torque) > _STRONGEST:
+            self.notes.append(
+                f"hand torque: {max(torque):g} Nm is stated, more than fingers have: put in the maker's"
+            )
+        rates, stated_rates = dict[str, Any](_RATES[kind]), self.source.velocity
+        if all(name in stated_rates for name in joints):
+            rates["velocity"] = [stated_rates[name] for name in joints]
+        missing_rates = ", ".join(
+            f"{key} {value}" for key, value in rates.items() if not isinstance(value, list)
+        )
+        self.notes.append(f"{kind}: {self.path.name} states none, {missing_rates} assumed")
         low, high = self.ranges(numbers).round(6).T.tolist()
         stiffness = gains[0] if kind == "hand" else gains
-        return {"lower": low, "upper": high, **_RATES[kind], "torque": torque, "stiffness": stiffness}
+        return {"lower": low, "upper": high, **rates, "torque": torque, "stiffness": stiffness}
 
     def tendons(self) -> dict[int, dict[int, float]]:
         """Return, of each actuator that pulls a tendon, joints and coefficients from the palm out.
 
         Raises:
-            InputError: for tendons that are no sums of joints, or that nothing pulls.
+            InputError: for tendons with a servo that are no sums of joints.
         """
         m, found = self.model, dict[int, dict[int, float]]()
+        pulled = m.actuator_trnid[m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0]
         for a in np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON).tolist():
-            tendon = m.actuator_trnid[a, 0]
-            wraps = slice(m.tendon_adr[tendon], m.tendon_adr[tendon] + m.tendon_num[tendon])
-            coefs = dict(zip(m.wrap_objid[wraps].tolist(), m.wrap_prm[wraps].tolist(), strict=True))
-            if (m.wrap_type[wraps] != mujoco.mjtWrap.mjWRAP_JOINT).any() or min(coefs.values()) <= 0:
-                raise InputError(
-                    f"{self.path}: tendon {m.tendon(tendon).name!r} is no sum of joints times positive coefs"
-                )
-            found[a] = dict(sorted(coefs.items()))
-        if len(found) < m.ntendon:
-            raise InputError(f"{self.path} has tendons without an actuator of their own: valid is one each")
+            joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
+            if not joints:
+                continue  # over pulleys
+            if min(coefs) <= 0:
+                name = m.tendon(m.actuator_trnid[a, 0]).name
+                raise InputError(f"{self.path}: tendon {name!r} is no sum of joints times positive coefs")
+            found[a] = dict(sorted(zip(joints, coefs, strict=True)))
+        if others := [t for t in range(m.ntendon) if t not in pulled or not wrapped_joints(m, t)[0]]:
+            self.notes.append(
+                f"hand: {len(others)} tendons over pulleys or without servos are left out; each joint has a servo"
+            )
         return found
 
     def _bearing(self) -> float:
@@ -170,7 +189,7 @@ class Part(Description):
         Of several at one joint it is the stiffest: the others damp, or push besides.
         """
         m, found = self.model, dict[int, tuple[int, float]]()
-        for a in np.flatnonzero(np.isin(m.actuator_trntype, _AT_JOINTS)).tolist():
+        for a in np.flatnonzero(np.isin(m.actuator_trntype, DRIVES_JOINT)).tolist():
             joint, lever = int(m.actuator_trnid[a, 0]), abs(float(m.actuator_gear[a, 0]))
             if joint not in found or self._stiffness(a, lever) > self._stiffness(*found[joint]):
                 found[joint] = a, lever
@@ -200,9 +219,6 @@ class Part(Description):
                 )
                 found.append(lever * most)
         return min(found) if found and min(found) > 0 else None
-
-
-_AT_JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
 
 def _both_ways(limits: Array) -> float:

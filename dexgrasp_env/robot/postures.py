@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.foreign import FLANGE
 from dexgrasp_env.robot.model import bodies_apart, posed, swept
+from dexgrasp_env.robot.rebuilt import FLANGE
 from dexgrasp_env.robot.robot import Arm, Hand
 
 _DRAWS = 20_000

@@ -15,7 +15,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.robot.coupled import Coupling, Tendon
-from dexgrasp_env.robot.described import described
+from dexgrasp_env.robot.source import description_text
 from dexgrasp_env.valid import Names, Natural, Positive, Positives, Rule, Word, list_of, number, read, several
 
 Numbers = tuple[float, ...]
@@ -95,7 +95,7 @@ class Arm:
         reach: m.
         shaken: the two joints that a shaking turns.
         adapter: the plate under the hand, if any.
-        frame: of the flange in the last body of an MJCF that has frames of its own; see `foreign`.
+        frame: of the flange in the last body of an MJCF that has frames of its own; see `rebuilt`.
         plinth: so many bodies from the base on may be near the table beside it: they stand over the plinth.
         starts: rad, where inverse kinematics begins, first joints less the direction of the goal; without them home,
             its last joint and its first one turned to either side.
@@ -233,7 +233,7 @@ class Hand:
     def stamp(self) -> str:
         """What learned parts call the hand: its name, and a hash of its shape; limits and gains do not count."""
         shape = repr([(f, f.frame) for f in self.fingers]), self.frame, self.grasp, self.tip_radius
-        return f"{self.name}-{content_hash(described(self.mjcf), *shape)[:8]}"
+        return f"{self.name}-{content_hash(description_text(self.mjcf), *shape)[:8]}"
 
     def finger(self, name: str) -> Finger:
         """Return the finger of that name."""
@@ -338,7 +338,7 @@ class Robot:
     def stamp(self) -> str:
         """What learned policies call the robot: names, and hashes of arm and hand; limits do not count."""
         arm = self.arm
-        return f"{arm.name}-{content_hash(described(arm.mjcf), arm.frame)[:8]}-{self.hand.stamp}"
+        return f"{arm.name}-{content_hash(description_text(arm.mjcf), arm.frame)[:8]}-{self.hand.stamp}"
 
     @property
     def arm_columns(self) -> slice:
@@ -365,7 +365,7 @@ class Robot:
 
     @cached_property
     def hash(self) -> str:
-        """A hash of all that the files say, descriptions in MJCF and what they include; of meshes the names alone."""
+        """A hash of all that the files say, descriptions and what they include or attach; of meshes the names alone."""
         parts: tuple[Any, ...] = (self.arm, self.hand, *self.hand.fingers)
         late = [
             (each.name, value)
@@ -373,7 +373,7 @@ class Robot:
             for each in fields(part)
             if not each.repr and (value := getattr(part, each.name)) != each.default and each.name != "mjcf"
         ]
-        return content_hash(repr(self), *(described(part.mjcf) for part in parts[:2]), *late)[:8]
+        return content_hash(repr(self), *(description_text(part.mjcf) for part in parts[:2]), *late)[:8]
 
 
 def _fixed(*values: float) -> Array:

@@ -15,8 +15,8 @@ from dexgrasp_env.files import check_file, expand
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import shifted
 from dexgrasp_env.robot.cell import default_cell, make_cell
-from dexgrasp_env.robot.foreign import described
 from dexgrasp_env.robot.model import set_drives
+from dexgrasp_env.robot.rebuilt import described
 from dexgrasp_env.robot.robot import Hand
 
 ALLEGRO = "allegro"

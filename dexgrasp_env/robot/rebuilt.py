@@ -6,6 +6,7 @@ excluded pairs stay as they are; what collides of a mesh is its convex hull, as 
 """
 
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +16,20 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rigid
+from dexgrasp_env.robot.coupled import Coupling
 from dexgrasp_env.robot.hulls import colour_of, cut, hull_of, mesh_of
 from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
+from dexgrasp_env.robot.source import read_source
 
 FLANGE = 0.107
 """m from the frame of an arm's last link to its flange, along z: mounts count on it."""
 _ROTOR = {"arm": 0.1, "hand": 0.001}  # kg m2 of joints whose description has none: they are geared
+_ROUND = 0.02  # m, radius of gyration of a link whose file gives it a mass alone
 _GEOM = mujoco.mjtGeom
 _CUBE = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
 _SHAPES = (
     _GEOM.mjGEOM_SPHERE,
+    _GEOM.mjGEOM_ELLIPSOID,
     _GEOM.mjGEOM_CAPSULE,
     _GEOM.mjGEOM_CYLINDER,
     _GEOM.mjGEOM_BOX,
@@ -38,6 +43,7 @@ class Description:
     Attributes:
         path: of the file.
         model, data: of it.
+        source: what was changed so that it compiles, and the rates that it states.
     """
 
     def __init__(self, path: Path) -> None:
@@ -46,7 +52,8 @@ class Description:
         Raises:
             InputError: in one line, where MuJoCo cannot read it.
         """
-        self.path, self.model = path, _read(mujoco.MjModel.from_xml_path, path)
+        self.path, self.source = path, read_source(path)
+        self.model = self.source.model
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = 0.0
         mujoco.mj_kinematics(self.model, self.data)
@@ -54,6 +61,20 @@ class Description:
     def pose(self, body: int | str) -> Array:
         """Return the pose (4, 4) of a body."""
         return pose_of(self.data.body(body))
+
+    @cached_property
+    def solid(self) -> Array:
+        """Which geoms (ngeom,) collide; of a description in which nothing does, and of ends of chains, all."""
+        m = self.model
+        solid = (m.geom_contype | m.geom_conaffinity) != 0
+        for body in range(1, m.nbody):
+            if (
+                m.body_jntnum[body]
+                and not (m.body_parentid == body).any()
+                and not solid[m.geom_bodyid == body].any()
+            ):
+                solid = solid | (m.geom_bodyid == body)
+        return solid if solid.any() else np.ones_like(solid)
 
     def corners(self, geom: int) -> Array:
         """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in its own frame."""
@@ -88,6 +109,64 @@ def described(part: Arm | Hand) -> mujoco.MjSpec:
     return _Rebuilt(part).spec
 
 
+def couplings(model: mujoco.MjModel, path: Path) -> list[Coupling]:
+    """Return the joints that follow others by active equalities, each referred to the joint that leads in the end.
+
+    Raises:
+        InputError: for loops of bodies, and for couplings that are no straight lines.
+    """
+    lines = dict[int, tuple[int, float, float]]()  # follower: leader, ratio, offset
+    driven = set(model.actuator_trnid[np.isin(model.actuator_trntype, DRIVES_JOINT), 0].tolist())
+    for e in np.flatnonzero(model.eq_active0).tolist():
+        if model.eq_type[e] != mujoco.mjtEq.mjEQ_JOINT:
+            kind = mujoco.mjtEq(model.eq_type[e]).name.removeprefix("mjEQ_").lower()
+            raise InputError(
+                f"{path} closes a loop by equality {kind} {model.equality(e).name!r}: valid are trees"
+            )
+        follower, leader = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+        offset, ratio, *curve = map(float, model.eq_data[e, :5])
+        if leader < 0:
+            continue
+        if np.abs(curve).max() > 1e-6 or abs(ratio) < 1e-9:
+            raise InputError(
+                f"{path} couples joint {model.joint(follower).name!r} by a curve: valid is a line"
+            )
+        offset += float(model.qpos0[follower] - ratio * model.qpos0[leader])
+        if follower in driven and leader not in driven:
+            follower, leader, ratio, offset = leader, follower, 1.0 / ratio, -offset / ratio
+        lines[follower] = leader, ratio, offset
+    for tendon in np.flatnonzero(model.tendon_limited).tolist():
+        joints, coefs = wrapped_joints(model, tendon)
+        slack = np.ptp(model.tendon_range[tendon])
+        if len(joints) == 2 and coefs[0] * coefs[1] < 0 and slack < _SLACK * min(map(abs, coefs)):
+            (leader, a), (follower, b) = sorted(zip(joints, coefs, strict=True))
+            lines[follower] = leader, -a / b, float(model.tendon_range[tendon].mean() / b)
+    found = []
+    for follower, (leader, ratio, offset) in lines.items():
+        for _ in lines:
+            if leader not in lines:
+                break
+            leader, more, shift = lines[leader]
+            ratio, offset = ratio * more, offset + ratio * shift
+        if leader in lines:
+            raise InputError(f"{path} couples joint {model.joint(follower).name!r} to itself")
+        names = model.joint(follower).name, model.joint(leader).name
+        found.append(Coupling(*names, round(ratio, 9), round(offset, 9)))
+    return found
+
+
+def wrapped_joints(model: mujoco.MjModel, tendon: int) -> tuple[list[int], list[float]]:
+    """Return the joints of a fixed tendon and their coefficients; nothing of one that runs over sites or pulleys."""
+    own = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    if (model.wrap_type[own] != mujoco.mjtWrap.mjWRAP_JOINT).any():
+        return [], []
+    return model.wrap_objid[own].tolist(), model.wrap_prm[own].tolist()
+
+
+_SLACK = 0.3  # rad that a tendon between two joints may leave: they are coupled
+DRIVES_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+
+
 class _Rebuilt(Description):
     """A description as it is rebuilt; W are the new frames of bodies in the world of the file, joints at 0."""
 
@@ -114,20 +193,52 @@ class _Rebuilt(Description):
             for name in given:
                 if name not in known:
                     raise InputError(f"{self.path} has no {what} {name!r}")
-        if more := sorted(own - set(self.part.joints.names + self.held)):
+        if more := sorted(own - set(self.part.joints.names + self.held) - self._beyond()):
             raise InputError(f"joint {more[0]!r} of {self.path} is not named: every joint has to be")
         if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
             raise InputError(f"{self.path} has joints that are no hinges: they are not supported yet")
-        if self.model.neq or (self.model.ntendon and not (self.hand and self.hand.tendons)):
-            raise InputError(f"{self.path} couples joints (equality, tendon): that is not supported yet")
+        m = self.model
+        pulled = m.actuator_trnid[m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0]
+        if any(wrapped_joints(m, t)[0] for t in pulled) and not (self.hand and self.hand.tendons):
+            raise InputError(f"{self.path} couples joints by a tendon: that is not supported yet")
+        stated = {own.joint for own in self.hand.couplings} if self.hand else set()
+        for own in couplings(self.model, self.path):
+            if own.joint not in stated and own.joint in self.part.joints.names:
+                raise InputError(
+                    f"{self.path} couples joint {own.joint!r} to another: state it under couplings"
+                )
+
+    def _beyond(self) -> set[str]:
+        """Return the joints of an arm that bears this hand, or of a hand that hangs on this arm, in the same file."""
+        m, found = self.model, set[str]()
+        if self.hand:
+            body = m.body_parentid[m.body(self.part.palm).id]  # type: ignore[union-attr]
+            while body:
+                found |= {m.joint(j).name for j in np.flatnonzero(m.jnt_bodyid == body)}
+                body = m.body_parentid[body]
+        else:
+            last = m.body(self.part.bodies[-1]).id
+            found = {m.joint(j).name for j in range(m.njnt) if self._above(m.jnt_bodyid[j], last)}
+        return found - set(self.part.joints.names + self.held)
+
+    def _above(self, body: int, other: int) -> bool:
+        """Tell whether a body hangs on another one, and is not it."""
+        while body:
+            body = self.model.body_parentid[body]
+            if body == other:
+                return True
+        return False
 
     def _owner(self, body: int) -> str:
         """The named body that a body is, or hangs on without a joint; empty for what the part does not begin with."""
+        beyond = self._beyond()
         while body:
             name = self.model.body(body).name
             if name in self.part.bodies:
                 return str(name)
             joints = map(self.model.joint, np.flatnonzero(self.model.jnt_bodyid == body))
+            if any(joint.name in beyond for joint in joints):
+                return ""
             if any(joint.name not in self.held for joint in joints):
                 raise InputError(f"body {name!r} of {self.path} is not named")
             body = self.model.body_parentid[body]
@@ -148,7 +259,7 @@ class _Rebuilt(Description):
         for name, joint in zip(part.bodies[1:], part.joints.names, strict=True):
             at = self.data.joint(joint)
             W[name] = about(at.xanchor, at.xaxis, W[name][:3, 0])
-        axis = W[name][:3, 2]
+        axis = W[name][:3, 2] * np.sign(W[name][:3, 2] @ end[:3, 2])
         if axis @ end[:3, 2] < 1.0 - 1e-6:
             raise InputError(
                 f"frame of arm {part.name!r}: the flange's z has to be the axis of the last joint"
@@ -182,6 +293,8 @@ class _Rebuilt(Description):
             R, away = self.data.ximat[b].reshape(3, 3), self.data.xipos[b] - centre
             inertia += R @ np.diag(self.model.body_inertia[b]) @ R.T
             inertia += m * (away @ away * np.eye(3) - np.outer(away, away))
+        if np.linalg.eigvalsh(inertia)[0] <= 0:
+            inertia = mass.sum() * _ROUND**2 * np.eye(3)
         W = self.W[body.name]
         R, p = W[:3, :3], W[:3, 3]
         inertia = R.T @ inertia @ R
@@ -213,7 +326,7 @@ class _Rebuilt(Description):
 
     def _add_geoms(self, body: Any) -> None:
         own = [g for g, b in enumerate(self.model.geom_bodyid) if self.owner.get(b) == body.name]
-        solid = [g for g in own if self.model.geom_contype[g] or self.model.geom_conaffinity[g]]
+        solid = [g for g in own if self.solid[g]]
         for k, g in enumerate([*solid, *(set(own) - set(solid) or solid)]):
             if _GEOM(self.model.geom_type[g]) not in _SHAPES:
                 raise InputError(f"{self.path}: body {body.name!r} has a shape that is no solid")

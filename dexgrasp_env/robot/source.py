@@ -1,0 +1,288 @@
+"""Reader of robot descriptions as their makers ship them: URDF or MJCF, cleaned until MuJoCo compiles them.
+
+Each step is a function on the description's XML tree that returns what it changed, a line each. A tree that no step
+changes is read by MuJoCo from its file.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+
+from dexgrasp_env.errors import InputError
+
+BASE = "base"
+"""Name of the body that everything hangs on where a description has its first links in the world itself."""
+_MESHES = (".obj", ".stl", ".msh")  # formats that MuJoCo reads
+_LARGEST = 64 << 20  # bytes of a description with all that it includes
+_MENDS = 20  # changes that MuJoCo may ask for, one after the other
+_URDF = {
+    "fusestatic": "false", "balanceinertia": "true", "strippath": "false", "discardvisual": "true", "meshdir": "",
+}  # fmt: skip
+_UNKNOWN = re.compile(r"unrecognized attribute: '([\w.]+)'\s*Element '([\w.]+)'")
+_NOTHING_SOLID = "nothing collides: the visual shapes are taken"
+
+
+class Source(NamedTuple):
+    """A description that compiles, and what was changed so that it does."""
+
+    model: mujoco.MjModel
+    notes: tuple[str, ...]
+    velocity: dict[str, float]
+    """rad/s or m/s of the joints that state one (URDF)."""
+
+
+def read_source(path: Path) -> Source:
+    """Return the compiled description of a URDF or MJCF file.
+
+    Raises:
+        InputError: in one line, for what MuJoCo cannot read after all mends.
+    """
+    if not path.is_file():
+        raise InputError(f"MuJoCo cannot read {path}: it is no file")
+    root = _tree(path)
+    steps: tuple[Callable[[Element, Path], list[str]], ...]
+    steps = (_as_urdf,) if root.tag == "robot" else (_drop_floors, _drop_free_joints)
+    notes = [note for step in steps for note in step(root, path)]
+    changed = bool(notes) or root.tag == "robot"
+    velocity = {
+        str(joint.get("name")): float(rate)
+        for joint in root.iter("joint")
+        if (limit := joint.find("limit")) is not None and (rate := limit.get("velocity"))
+    }
+    model = _compile(root, path, changed, notes)
+    if _begins_in_world(model) and root.tag != "robot":
+        _gather(root)
+        notes.append(f"links that stand in the world are those of one body, {BASE!r}")
+        model = _compile(root, path, True, notes)
+    return Source(model, tuple(notes), {name: rate for name, rate in velocity.items() if rate > 0})
+
+
+def _tree(path: Path, seen: tuple[Path, ...] = ()) -> Element:
+    """Return the XML tree of a file, what it includes put in its place."""
+    path = path.resolve()
+    if path in seen:
+        raise InputError(f"MuJoCo cannot read {path}: it includes itself")
+    try:
+        text = path.read_bytes()
+        if len(text) > _LARGEST or b"<!ENTITY" in text:
+            raise InputError(f"MuJoCo cannot read {path}: it is too large, or defines entities")
+        root = ElementTree.fromstring(text)
+    except OSError:
+        raise InputError(f"MuJoCo cannot read {path}: it is no file") from None
+    except ElementTree.ParseError as error:
+        raise InputError(f"MuJoCo cannot read {path}: {error}") from None
+    if root.tag not in ("robot", "mujoco", "mujocoinclude"):
+        raise InputError(f"MuJoCo cannot read {path}: <{root.tag}> is neither URDF nor MJCF")
+    for parent in list(root.iter()):
+        for k, child in reversed(list(enumerate(parent))):
+            if child.tag == "include":
+                base = seen[0].parent if seen else path.parent
+                parent[k : k + 1] = list(_tree(base / str(child.get("file")), (*seen, path)))
+    return root
+
+
+def _as_urdf(root: Element, path: Path) -> list[str]:
+    """Find the meshes of a URDF, drop what MuJoCo cannot show, and set its compiler."""
+    notes = []
+    for old in root.findall("mujoco"):
+        root.remove(old)
+    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", _URDF)
+    if not any(True for _ in root.iter("collision")):
+        for visual in root.iter("visual"):
+            visual.tag = "collision"
+        notes.append(_NOTHING_SOLID)
+    for link in root.iter("link"):
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            mesh = shape.find("geometry/mesh")
+            if mesh is None:
+                continue
+            found = _find_mesh(str(mesh.get("filename")), path)
+            if shape.tag == "visual" and (found is None or found.suffix.lower() not in _MESHES):
+                link.remove(shape)
+            elif found is None:
+                raise InputError(
+                    f"{path}: mesh {mesh.get('filename')!r} of link {link.get('name')!r} is not found"
+                )
+            else:
+                mesh.set("filename", str(found))
+    return notes
+
+
+def _find_mesh(name: str, path: Path) -> Path | None:
+    """Return the file that a URDF calls a mesh: of a package, or relative to the URDF, sought upwards."""
+    package, _, rest = (
+        name.removeprefix("package://").partition("/") if "package://" in name else ("", "", name)
+    )
+    rest = rest.removeprefix("file://")
+    for folder in path.resolve().parents:
+        for place in (folder / package / rest, folder / rest):
+            if place.is_file():
+                return place
+    return None
+
+
+def _drop_floors(root: Element, path: Path) -> list[str]:
+    """Take planes out: a floor is no part of a robot."""
+    found = [
+        (body, geom) for body in root.iter() for geom in body.findall("geom") if geom.get("type") == "plane"
+    ]
+    for body, geom in found:
+        body.remove(geom)
+    return [f"{len(found)} floors are left out"] if found else []
+
+
+def _drop_free_joints(root: Element, path: Path) -> list[str]:
+    """Fix what floats."""
+    found = [
+        (body, joint)
+        for body in root.iter("body")
+        for joint in body
+        if joint.tag == "freejoint" or (joint.tag == "joint" and joint.get("type") == "free")
+    ]
+    for body, joint in found:
+        body.remove(joint)
+    for key in root.findall("keyframe") if found else ():
+        root.remove(key)
+    return [f"body {body.get('name')!r} floats: it is fixed" for body, _ in found]
+
+
+def _gather(root: Element) -> None:
+    """Put all that lies in the world below one body."""
+    for key in root.findall("keyframe"):
+        root.remove(key)
+    for world in root.findall("worldbody"):
+        own = [child for child in world if child.tag not in ("light", "camera")]
+        for child in own:
+            world.remove(child)
+        ElementTree.SubElement(world, "body", {"name": BASE}).extend(own)
+    first, *others = root.iterfind("worldbody/body")
+    for other in others:  # worldbodies of several files
+        if other.get("name") == BASE:
+            first.extend(list(other))
+            for world in root.findall("worldbody"):
+                if other in list(world):
+                    world.remove(other)
+
+
+def _begins_in_world(model: mujoco.MjModel) -> bool:
+    """Tell whether chains of joints begin in the world itself, not in one body that stands still."""
+    moved = np.flatnonzero(model.body_jntnum)
+    roots = set()
+    for body in moved.tolist():
+        while model.body_parentid[body]:
+            body = model.body_parentid[body]
+        roots.add(body)
+    solid = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) != 0]
+    return len(roots) > 1 or bool(len(roots) and model.body_jntnum[min(roots)] and (solid == 0).any())
+
+
+def _compile(root: Element, path: Path, changed: bool, notes: list[str]) -> mujoco.MjModel:
+    """Compile a tree, mending what MuJoCo asks for."""
+    message = ""
+    for _ in range(_MENDS):
+        try:
+            return _spec(root, path, changed).compile()
+        except (ValueError, OSError, MemoryError) as error:
+            message = " ".join(str(error).split())
+        mend = next((said for step in _AFTER for said in step(root, message)), None)
+        if mend is None:
+            break
+        notes.append(mend)
+        changed = True
+    raise InputError(f"MuJoCo cannot read {path}: {message[:200]}")
+
+
+def _spec(root: Element, path: Path, changed: bool) -> mujoco.MjSpec:
+    if not changed:
+        return mujoco.MjSpec.from_file(str(path))
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    if root.tag == "mujoco":
+        spec.modelfiledir = str(path.resolve().parent)
+        spec.meshdir, spec.texturedir = _folder(path, spec.meshdir), _folder(path, spec.texturedir)
+    return spec
+
+
+def _folder(path: Path, name: str) -> str:
+    """Return the folder of meshes that a file names: relative to itself, or to a folder above it."""
+    places = [folder / name for folder in path.resolve().parents]
+    return str(next((place for place in places if place.is_dir()), places[0]))
+
+
+def _drop_attribute(root: Element, message: str) -> Iterator[str]:
+    """Drop an attribute of another version of MuJoCo."""
+    if (found := _UNKNOWN.search(message)) is None:
+        return
+    name, tag = found.groups()
+    if owners := [element for element in root.iter(tag) if name in element.attrib]:
+        for element in owners:
+            del element.attrib[name]
+        yield f"attribute {name!r} of <{tag}> is of another MuJoCo: it is left out"
+
+
+def _balance(root: Element, message: str) -> Iterator[str]:
+    """Let MuJoCo mend inertias that no body has."""
+    if "balanceinertia" in message and _compiler(root).get("balanceinertia") != "true":
+        _compiler(root).set("balanceinertia", "true")
+        yield "inertias that no body has (A + B < C) are made spheres'"
+
+
+def _from_shapes(root: Element, message: str) -> Iterator[str]:
+    """Take a body's inertia from its shapes where the one that is stated is none."""
+    if "must have positive eigenvalues" in message and (
+        found := re.search(r"Element name '([^']*)'", message)
+    ):
+        for body in [*root.iter("link"), *root.iter("body")]:
+            if body.get("name") == found[1] and (inertial := body.find("inertial")) is not None:
+                body.remove(inertial)
+                yield f"inertia of {found[1]!r} is none: that of its shapes is taken"
+                return
+    if "mass and inertia" in message and _compiler(root).get("inertiafromgeom") != "true":
+        _compiler(root).set("inertiafromgeom", "true")
+        yield "masses or inertias are missing: those of the shapes are taken"
+
+
+def _drop_actuator(root: Element, message: str) -> Iterator[str]:
+    """Drop a servo of what is not in the file."""
+    found = re.search(r"unknown transmission target '([^']*)'.*Element name '([^']*)'", message)
+    for section in root.findall("actuator") if found else ():
+        for servo in section:
+            if found and servo.get("name") == found[2]:
+                section.remove(servo)
+                yield f"actuator {found[2]!r} drives {found[1]!r}, which is not in the file: it is left out"
+                return
+
+
+def _drop_sensors(root: Element, message: str) -> Iterator[str]:
+    """Drop the sensors, where one is of what is not in the file."""
+    for section in root.findall("sensor") if "sensorized object" in message else ():
+        root.remove(section)
+        yield "sensors are left out: one is of what is not in the file"
+
+
+_AFTER = (_drop_sensors, _drop_actuator, _drop_attribute, _balance, _from_shapes)
+
+
+def _compiler(root: Element) -> Element:
+    found = root.find("mujoco/compiler" if root.tag == "robot" else "compiler")
+    return ElementTree.SubElement(root, "compiler") if found is None else found
+
+
+_FILE = re.compile(r"""<(?:include|model)\b[^>]*?\bfile\s*=\s*["']([^"']+)""")
+
+
+def description_text(path: Path) -> str:
+    """Return what a description says, then what it includes or attaches, each file once; for hashes."""
+    texts, left = dict[Path, str](), [path]
+    while left:
+        file = left.pop()
+        if file not in texts and file.is_file():
+            texts[file] = file.read_text("utf-8", "replace")
+            for name in _FILE.findall(texts[file]):
+                left += dict.fromkeys((file.parent / name, path.parent / name))
+    return "".join(texts.values())
