@@ -2,12 +2,12 @@
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
-from dexgrasp_env.objects.load import Objects, load_target
+from dexgrasp_env.objects.load import Objects, has_own_size, load_target
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, make_cell
@@ -19,7 +19,7 @@ from dexgrasp_env.tasks.disturbance import Disturbance
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
-from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, number, one_of, read
+from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, hints, number, one_of, read
 
 REWARD_MODES = ("dense", "sparse")
 WEIGHTS = {
@@ -91,8 +91,13 @@ class LiftSettings:
         Raises:
             InputError: one line that says which is wrong and what is valid.
         """
+        known = ["robot", "mount", *(name for name in hints(cls) if name != "cell")]
+        for key in given:
+            if key not in known:
+                raise unknown_name("argument", key, known)
         cell = make_cell(given.pop("robot", None), given.pop("mount", None))
         settings = read(cls, given | {"cell": cell})
+        settings.refuse_idle()
         check("render_camera", settings.render_camera, one_of((*SHOW_CAMERAS, *cell.camera_names)))
         latency = settings.randomisation.latency
         if latency and latency[1] > settings.period:
@@ -103,6 +108,29 @@ class LiftSettings:
             settings, reward_weights=reward_weights(settings.version, settings.reward_weights),
             views=check("views", settings.views, _views_of(cell.camera_names)),
         )  # fmt: skip
+
+    def needs(self) -> dict[str, tuple[bool, str]]:
+        """Return the arguments that have an effect beside some others only: whether these are there, and which."""
+        meshes = not all(map(has_own_size, self.objects)), "a mesh file among objects"
+        return {
+            "device": (self.backend == "warp", "backend='warp'"),
+            "mesh_scale": meshes,
+            "mesh_mass": meshes,
+            "action_scale": (self.control_mode != "joint_position", "a control_mode whose actions are changes"),
+            "reward_weights": (self.reward_mode == "dense", "reward_mode='dense'"),
+        }
+
+    def refuse_idle(self) -> None:
+        """Refuse arguments that would change nothing.
+
+        Raises:
+            InputError: naming the first of them, and what it needs.
+        """
+        defaults = {entry.name: entry.default for entry in fields(self)}
+        for name, (met, need) in self.needs().items():
+            value = getattr(self, name)
+            if not met and value != defaults[name]:
+                raise InputError(f"{name}={value!r} changes nothing here: valid is {need}, or leave it out")
 
     @property
     def period(self) -> float:
