@@ -163,7 +163,9 @@ class Episodes:
         What begins with a word of ours is a mistake in one of ours.
         """
         space, underscore, _ = str(key).partition("_")
-        foreign = bool(underscore) and not get_close_matches(space, {"reset", *" ".join(self.options).replace("_", " ").split()})
+        foreign = bool(underscore) and not get_close_matches(
+            space, {"reset", *" ".join(self.options).replace("_", " ").split()}
+        )
         if foreign:
             warnings.warn(f"reset option {key!r} is of another program: it is passed over", stacklevel=6)
         return foreign
@@ -342,7 +344,7 @@ class Episodes:
         """Return what a state has to agree with."""
         settings = self.settings
         keys = (
-            "version", "obs_mode", "control_mode", "mount", "disturbance", "frame_skip", "action_scale",
+            "obs_mode", "control_mode", "mount", "disturbance", "frame_skip", "action_scale",
             "reward_weights",
         )  # fmt: skip
         own = {key: getattr(settings, key) for key in keys}

@@ -1,4 +1,4 @@
-"""DexGrasp/Lift-v2, and v1."""
+"""The task of lifting, DexGrasp/Lift-v2, and its page."""
 
 from dexgrasp_env.tasks.single import SingleEnv
 
@@ -142,7 +142,6 @@ class LiftEnv(SingleEnv):
     | `render_mode` | `None` | `human`, `rgb_array`, `depth_array` |
     | `render_size` | `(480, 640)` | rows and columns of pictures |
     | `render_camera` | `'front'` | `front`; `grasp`: follows the hand, close by; or one of the depth cameras |
-    | `version` | `2` | `2`, or `1`: the dense reward of version 1 |
     | `reward_weights` | `None` | weights by term, from 0 on; terms that are not named keep theirs |
     | `frame_skip` | `25` | physics steps of a control step, 5 to 125; what lasts seconds still does; limits are steps |
     | `action_scale` | `1.0` | factor, above 0 and up to 1, on what 1 means in actions that are changes |
@@ -152,6 +151,5 @@ class LiftEnv(SingleEnv):
     ## Version History
 
     * v2: a dense reward that leads to a grasp and that nothing but success earns in full; physics and success are v1's.
-    * v1: deprecated for its dense reward: the sum of `reach` (0.2), `contact` (0.2: thumb and a finger press, full at
-      1 N each), `lift` (0.3) and `hold` (0.3) at every step, of which much is earned by hovering.
+    * v1: withdrawn for its dense reward, much of which was earned by hovering.
     """

@@ -25,21 +25,20 @@ REWARD_MODES = ("dense", "sparse")
 WEIGHTS = {
     "reach": 5.0, "close": 10.0, "contact": 5.0, "squeeze": 5.0, "lift": 15.0, "hold": 10.0, "success": 50.0,
 }  # fmt: skip
-WEIGHTS_V1 = {"reach": 0.2, "contact": 0.2, "lift": 0.3, "hold": 0.3}
+"""Of the terms of the dense reward, in the order in which `terms` writes them."""
 
 
-def reward_weights(version: int, given: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the weight of each term: that given, else the version's.
+def reward_weights(given: Mapping[str, float] | None) -> dict[str, float]:
+    """Return the weight of each term: that given, else that of `WEIGHTS`.
 
     Raises:
         InputError: for an unknown term, or a weight that is not a number from 0 on.
     """
-    known = WEIGHTS if version > 1 else WEIGHTS_V1
     for term, weight in (given or {}).items():
-        if term not in known:
-            raise unknown_name("reward_weights key", term, known)
+        if term not in WEIGHTS:
+            raise unknown_name("reward_weights key", term, WEIGHTS)
         check(f"reward_weights {term}", weight, number(ge=0))
-    return known | dict(given or {})
+    return WEIGHTS | dict(given or {})
 
 
 BACKENDS = ("mujoco", "warp")
@@ -77,7 +76,6 @@ class LiftSettings:
     render_mode: Annotated[str | None, one_of(RENDER_MODES)] = None
     render_size: Annotated[tuple[int, int], RENDER_SIZE] = (480, 640)
     render_camera: str = "front"
-    version: Annotated[int, number(ge=1, le=2, whole=True)] = 2
     reward_weights: dict[str, float] | None = None
     frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)] = CONTROL_STEPS
     action_scale: Annotated[float, number(gt=0, le=1)] = 1.0
@@ -105,7 +103,7 @@ class LiftSettings:
                 f"randomisation latency is {latency}: valid is up to a control step, {settings.period} s"
             )
         return replace(
-            settings, reward_weights=reward_weights(settings.version, settings.reward_weights),
+            settings, reward_weights=reward_weights(settings.reward_weights),
             views=check("views", settings.views, _views_of(cell.camera_names)),
         )  # fmt: skip
 
@@ -116,7 +114,10 @@ class LiftSettings:
             "device": (self.backend == "warp", "backend='warp'"),
             "mesh_scale": meshes,
             "mesh_mass": meshes,
-            "action_scale": (self.control_mode != "joint_position", "a control_mode whose actions are changes"),
+            "action_scale": (
+                self.control_mode != "joint_position",
+                "a control_mode whose actions are changes",
+            ),
             "reward_weights": (self.reward_mode == "dense", "reward_mode='dense'"),
         }
 
