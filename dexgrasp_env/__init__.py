@@ -30,17 +30,16 @@ __version__ = "0.3.0"
 
 _LIMIT = 300  # control steps at 20 Hz: 15 s
 _PUSHES = 80  # control steps that the pushes take: `tasks.disturbance`, which is not imported here
-_SOLVED = {1: 220.0, 2: 75.0}  # dense return; version 1: held grasps reach 239; 2: without success 50 at most
+_SOLVED = 75.0  # dense return: without success 50 at most
 
 
 def _register(name: str, max_episode_steps: int = _LIMIT, **kwargs: Any) -> None:
     # The entry points are strings so that specs serialise.
-    for version, threshold in _SOLVED.items():
-        register(
-            id=f"DexGrasp/{name}-v{version}", entry_point="dexgrasp_env.tasks.lift:LiftEnv",
-            vector_entry_point="dexgrasp_env.tasks.vector:LiftVectorEnv", max_episode_steps=max_episode_steps,
-            reward_threshold=threshold, kwargs=kwargs | {"version": 1} if version == 1 else kwargs,
-        )  # fmt: skip
+    register(
+        id=f"DexGrasp/{name}-v2", entry_point="dexgrasp_env.tasks.lift:LiftEnv",
+        vector_entry_point="dexgrasp_env.tasks.vector:LiftVectorEnv", max_episode_steps=max_episode_steps,
+        reward_threshold=_SOLVED, kwargs=kwargs,
+    )  # fmt: skip
 
 
 _register("Lift")
@@ -57,12 +56,10 @@ for name, count, gaps, limit in (
     register(
         id=f"DexGrasp/Clutter{name}-v1", entry_point="dexgrasp_env.tasks.cluttered:ClutterEnv",
         vector_entry_point="dexgrasp_env.tasks.vector:ClutterVectorEnv", max_episode_steps=limit,
-        reward_threshold=_SOLVED[2], kwargs={"neighbours": count, "gaps": gaps},
+        reward_threshold=_SOLVED, kwargs={"neighbours": count, "gaps": gaps},
     )  # fmt: skip
 
-for version in (1, 2):
-    register(
-        id=f"DexGrasp/Place-v{version}", entry_point="dexgrasp_env.tasks.place:PlaceEnv",
-        vector_entry_point="dexgrasp_env.tasks.vector:PlaceVectorEnv", max_episode_steps=_LIMIT,
-        kwargs={"version": 1} if version == 1 else {},
-    )  # fmt: skip
+register(
+    id="DexGrasp/Place-v2", entry_point="dexgrasp_env.tasks.place:PlaceEnv",
+    vector_entry_point="dexgrasp_env.tasks.vector:PlaceVectorEnv", max_episode_steps=_LIMIT,
+)  # fmt: skip

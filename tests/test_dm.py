@@ -159,5 +159,5 @@ def test_pixels():
 def test_wrong_arguments():
     with refused("obs_mode"):
         dm.load("sugar_box", obs_mode="pixels")
-    with refused("LiftUpright-v1"):
+    with refused("LiftUpright-v2"):
         dm.load(env_id="DexGrasp/Lift-v7")

@@ -252,14 +252,14 @@ def test_truncated_missing_and_folder(contents, tmp_path):
 
 
 def test_what_has_a_size_of_its_own_has_scale_1(tmp_path):
-    """`--mesh-scale` is for bare mesh files: members of sets, like the catalogue, do not heed it."""
+    """`mesh_scale` is for bare mesh files: members of sets, like the catalogue, do not heed it."""
     trimesh.creation.box((0.06, 0.06, 0.1)).export(tmp_path / "box.stl")
     member = {"name": "box", "mesh": "box.stl", "mass": 0.2}
     (tmp_path / "set.json").write_text(json.dumps({"schema": 1, "name": "one", "objects": [member]}))
     targets = {f"{tmp_path}/set.json#box": False, "varied-3": False, f"{tmp_path}/box.stl": True}
     for target, heeds in targets.items():
-        env = gym.make("DexGrasp/Lift-v2", objects=[target], mesh_scale=0.9)
-        env.reset(seed=0)
+        env = gym.make("DexGrasp/Lift-v2", objects=[target, f"{tmp_path}/box.stl"], mesh_scale=0.9)
+        env.reset(seed=0, options={"object": target})
         identity = subject_of(env).identity
         env.close()
         assert identity.scale == (0.9 if heeds else 1.0)

@@ -97,7 +97,14 @@ def test_page_lists_rewards_and_arguments():
         ({"sensor": "perfect"}, "realistic"),
         ({"render_mode": "ascii"}, "rgb_array"),
         ({"obs_mode": "depth+pointcloud"}, "state+pointcloud"),
-        ({"version": 3}, "version"),
+        ({"version": 1}, "unknown argument 'version'"),
+        ({"cell": "no/such.yaml"}, "robot, mount"),
+        ({"cell": 42}, "unknown argument 'cell'"),
+        ({"device": "cuda:0"}, "backend='warp'"),
+        ({"mesh_scale": 5.0}, "a mesh file among objects"),
+        ({"mesh_mass": 0.3}, "mesh_mass=0.3 changes nothing"),
+        ({"control_mode": "joint_position", "action_scale": 0.5}, "whose actions are changes"),
+        ({"reward_mode": "sparse", "reward_weights": {"reach": 1.0}}, "reward_mode='dense'"),
         ({"reward_weights": {"fly": 1.0}}, "reach"),
         ({"frame_skip": 4}, "<= 125"),
         ({"frame_skip": 10, "randomisation": {"latency": (0, 0.03)}}, "0.02"),
@@ -157,8 +164,9 @@ def test_impossible_poses_are_refused(position, word):
         env.step(np.zeros(23))
 
 
-def test_v0_says_what_follows_it():
+@pytest.mark.parametrize("name", ["Lift-v0", "Lift-v1", "LiftPushed-v1", "Place-v1"])
+def test_withdrawn_ids_say_what_follows_them(name):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with pytest.raises(gym.error.DeprecatedEnv, match="Lift-v2"):
-            gym.make("DexGrasp/Lift-v0")
+        with pytest.raises(gym.error.DeprecatedEnv, match=name.split("-")[0] + "-v2"):
+            gym.make(f"DexGrasp/{name}")

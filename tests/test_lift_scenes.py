@@ -3,12 +3,14 @@
 import copy
 from types import SimpleNamespace
 
+import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
 from lift_envs import make
 from numpy.testing import assert_allclose, assert_array_equal
 from project_scripts import load_script
+from refusals import refused
 from robots import CELL, HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
@@ -273,3 +275,33 @@ def test_an_object_of_another_size_settles_for_itself():
         settle()
         settled.append(simulation.data.qpos.copy())
     assert np.array_equal(*settled)
+
+
+@pytest.mark.parametrize("obs_mode", ["depth", "pointcloud"])
+def test_images_come_in_the_order_of_the_views_and_infos_name_them(obs_mode):
+    asked, seen = ("side_right", "front_left"), []
+    for views in (asked, asked[::-1]):
+        env = make(obs_mode=obs_mode, views=list(views), sensor="none")
+        observation, info = env.reset(seed=0)
+        assert info["perception_cameras"] == views
+        seen.append((observation, info))
+    (a, about_a), (b, about_b) = seen
+    for key in ("perception_T_world_camera", "perception_intrinsics"):
+        assert_allclose(about_a[key], about_b[key][::-1])
+    if obs_mode == "depth":
+        assert_allclose(a["depth"], b["depth"][::-1])
+        assert not np.array_equal(a["depth"], b["depth"])
+    envs = gym.make_vec(
+        "DexGrasp/Lift-v2", num_envs=2, objects="sugar_box", obs_mode=obs_mode, views=list(asked)
+    )
+    assert envs.reset(seed=0)[1]["perception_cameras"].tolist() == [asked] * 2
+
+
+def test_options_of_other_programs_are_passed_over():
+    env = make()
+    with pytest.warns(UserWarning, match="lerobot_new_rollout"):
+        first, _ = env.reset(seed=0, options={"lerobot_new_rollout": True})
+    assert np.array_equal(first["object_pose"], env.reset(seed=0)[0]["object_pose"])
+    for key in ("objekt", "object_poze", "objects_pose", "reset_maks"):
+        with refused("reset option"):
+            env.reset(options={key: 1})

@@ -142,7 +142,7 @@ def test_a_whole_set_is_named_by_its_file_in_commands(folder):
 
 def test_members_stand_upright_as_the_set_says(folder):
     path = written(folder, BALL | {"upright": [2**-0.5, 2**-0.5, 0, 0]})
-    env = gym.make("DexGrasp/LiftUpright-v1", objects=path)
+    env = gym.make("DexGrasp/LiftUpright-v2", objects=path)
     env.reset(seed=0)
     vertical = env.unwrapped.data.body("object").xmat.reshape(3, 3)[2]
     assert_allclose(vertical, [0, 1, 0], atol=1e-2)

@@ -95,7 +95,7 @@ def test_as_many_steps_are_done_as_rounds_come_to(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        ({"env_id": "DexGrasp/Place-v2"}, "valid is DexGrasp/Lift-v1"),
+        ({"env_id": "DexGrasp/Place-v2"}, "valid is DexGrasp/Lift"),
         ({"randomise": [["colour", 0.0, 1.0]]}, "valid are mass, friction, size"),
         ({"randomise": [["mass", 2.0, 1.0]]}, "low <= high"),
         ({"randomise": ["mass"]}, "randomise"),

@@ -59,7 +59,7 @@ def played(robot: str | None, folder: Path) -> dict[str, object]:
     plan = agent.plan(look.observation, look.info)
     content = plan.contents(look.subject.identity, "bilevel", look.subject.pose)[0]
     failed = [check.name for check in verify(record_of(content, cell=cell)) if not check.holds]
-    env = gym.make("DexGrasp/Lift-v1", objects="pear", robot=robot)
+    env = gym.make("DexGrasp/Lift-v2", objects="pear", robot=robot)
     env.reset(seed=0)
     rng = np.random.default_rng(0)
     seen = [env.step(rng.uniform(-1.0, 1.0, env.action_space.shape))[0] for _ in range(5)][-1]
@@ -93,14 +93,14 @@ def _run(robot: str | None, folder: Path) -> str:
 def test_a_hand_of_three_fingers_sizes_its_environment(tmp_path):
     cell = str(without_ring_finger(tmp_path))
     for mode, size in {"joint_delta": 19, "ee_delta": 18}.items():
-        env = gym.make("DexGrasp/Lift-v1", objects="pear", robot=cell, control_mode=mode)
+        env = gym.make("DexGrasp/Lift-v2", objects="pear", robot=cell, control_mode=mode)
         assert env.action_space.shape == (size,)
         observation, _ = env.reset(seed=0)
         assert env.observation_space.contains(observation)
         assert observation["fingertip_positions"].shape == (9,)
-    envs = gym.make_vec("DexGrasp/Lift-v1", num_envs=2, objects="pear", robot=cell)
+    envs = gym.make_vec("DexGrasp/Lift-v2", num_envs=2, objects="pear", robot=cell)
     first, _ = envs.reset(seed=0)
-    single = gym.make("DexGrasp/Lift-v1", objects="pear", robot=cell).reset(seed=1)[0]
+    single = gym.make("DexGrasp/Lift-v2", objects="pear", robot=cell).reset(seed=1)[0]
     assert all(np.array_equal(first[key][1], value) for key, value in single.items())
 
 

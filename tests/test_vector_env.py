@@ -283,7 +283,6 @@ def test_resets_without_options_begin_where_they_are_told():
         ({"control_mode": "ee_delta"}, "control_mode"),
         ({"mount": "fingers_along"}, "mount"),
         ({"disturbance": "pushed"}, "disturbance"),
-        ({"version": 1}, "version"),
         ({"frame_skip": 50}, "frame_skip"),
         ({"reward_weights": {"reach": 1.0}}, "reward_weights"),
         ({"objects": "soda"}, "sugar_box"),

@@ -61,7 +61,7 @@ def somewhere(envs, rng):
     [
         ("DexGrasp/Lift-v2", "joint_position", "pushed", "dense"),
         ("DexGrasp/Lift-v2", "ee_delta", "shaken", "sparse"),
-        ("DexGrasp/Lift-v1", "joint_delta", "none", "dense"),
+        ("DexGrasp/Lift-v2", "joint_delta", "none", "dense"),
     ],
 )
 def test_the_device_computes_what_numba_does(env_id, mode, kind, rewards):

@@ -16,6 +16,7 @@ from dexgrasp.registry import make_agent, placing_agent
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
+from dexgrasp_env.objects.load import has_own_size
 
 _MOST_ENVS = 4  # each holds a compiled scene
 
@@ -78,6 +79,7 @@ class TrialRunner:
             "id": get_protocol(spec.protocol).env_id,
             "objects": [spec.target],
             **self.settings.scene(spec.protocol),
+            **({"mesh_scale": 1.0, "mesh_mass": None} if has_own_size(spec.target) else {}),
             **agent_settings(spec.agent, self.agent(spec)),
         }
 

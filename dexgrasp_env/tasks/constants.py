@@ -1,4 +1,4 @@
-"""Constants of the tasks, frozen as v1."""
+"""Constants of the tasks: success, placement, motion, goals and neighbours."""
 
 import math
 

@@ -4,8 +4,10 @@ The single environment has one, the vector environment many; only who advances t
 """
 
 import copy
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -143,7 +145,7 @@ class Episodes:
         return simulation
 
     def _check_options(self, options: Mapping[str, Any] | None) -> Fields:
-        options = dict(options or {})
+        options = {key: value for key, value in (options or {}).items() if not self._is_foreign(key)}
         for key in options:
             if key not in self.options:
                 raise unknown_name("reset option", key, self.options)
@@ -154,6 +156,19 @@ class Episodes:
                 f"reset options {', '.join(beside)} beside state: valid is either, as it has its own"
             )
         return options
+
+    def _is_foreign(self, key: str) -> bool:
+        """Return whether a reset option is of another program's name space, as `lerobot_new_rollout` is; warn of it.
+
+        What begins with a word of ours is a mistake in one of ours.
+        """
+        space, underscore, _ = str(key).partition("_")
+        foreign = bool(underscore) and not get_close_matches(
+            space, {"reset", *" ".join(self.options).replace("_", " ").split()}
+        )
+        if foreign:
+            warnings.warn(f"reset option {key!r} is of another program: it is passed over", stacklevel=6)
+        return foreign
 
     def enter(self, i: int) -> Simulation:
         """Mount the model of episode `i` in its scene, which it may share with others."""
@@ -329,7 +344,7 @@ class Episodes:
         """Return what a state has to agree with."""
         settings = self.settings
         keys = (
-            "version", "obs_mode", "control_mode", "mount", "disturbance", "frame_skip", "action_scale",
+            "obs_mode", "control_mode", "mount", "disturbance", "frame_skip", "action_scale",
             "reward_weights",
         )  # fmt: skip
         own = {key: getattr(settings, key) for key in keys}

@@ -30,7 +30,7 @@ from dexgrasp_env.tasks.rules import (
     TOUCHING_HAND,
     Rules,
 )
-from dexgrasp_env.tasks.terms import length, level_terms, progress_terms
+from dexgrasp_env.tasks.terms import length, reward_terms
 
 product = njit(product_components)
 rotated = njit(rotated_components)
@@ -94,13 +94,7 @@ def judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules, 
 @njit
 def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> float:
     """Write the terms, and return the reward of the control step."""
-    if rules.version == 1:
-        level_terms(e, pose, R, s, rules, terms)
-    else:
-        progress_terms(e, pose, R, s, rules, terms)
-    if e.failure == _DIVERGED and rules.version == 1:
-        for k in range(len(terms)):
-            terms[k] = 0.0
+    reward_terms(e, pose, R, s, rules, terms)
     total = 0.0
     for k in range(len(rules.weights)):
         total += rules.weights[k] * terms[k]
@@ -108,7 +102,7 @@ def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules
     e.total = total
     if not rules.dense:
         return 1.0 if e.success and e.failure != _DIVERGED else 0.0
-    return total if rules.version == 1 else gain
+    return gain
 
 
 @njit

@@ -1,4 +1,4 @@
-"""DexGrasp/Lift-v2, and v1."""
+"""The task of lifting, DexGrasp/Lift-v2, and its page."""
 
 from dexgrasp_env.tasks.single import SingleEnv
 
@@ -67,7 +67,8 @@ class LiftEnv(SingleEnv):
     dropped, held), `failure` (empty while there is none), `object`, `object_height` m, `object_slip` m, `object_tilt`
     rad, `object_shift` m (in the palm's frame since the disturbance began), `held_seconds`, `disturbance` (none,
     before, running, over), `variation` (what was drawn), `mujoco_warnings` (names with spaces between), `reward_terms`.
-    With cameras it has `perception_failure`, `perception_T_world_camera` (as calibrated) and `perception_intrinsics`.
+    With cameras it has, in the order of the images, `perception_cameras` (names), `perception_T_world_camera` (as
+    calibrated) and `perception_intrinsics` (fx, fy, cx, cy in pixels), and `perception_failure`.
 
     ## Rewards
 
@@ -132,16 +133,15 @@ class LiftEnv(SingleEnv):
     | `disturbance` | `None` | `none`, `pushed`, `shaken`, or `kind` and `size` (of the weight; of the shaking) |
     | `object_pose` | `None` | ranges `x`, `y` (over the table), `yaw` and `rest_pose` (`any`, `likely`, a number) |
     | `randomisation` | `None` | ranges of `mass`, `size`, `gain` (factors), `friction`, `latency` s, `joint_noise` |
-    | `views` | `4` | names of the cameras that look, or how many of them to draw at reset |
+    | `views` | `4` | names of the cameras that look, in the order of the images, or how many to draw at reset |
     | `calibration` | `None` | `position` m and `rotation` rad: one rigid error of all cameras, drawn at reset |
     | `sensor` | `'realistic'` | `realistic`, `none`, or settings of `SensorModel` |
     | `observe` | `'step'` | `step`; `reset`: cameras look once; `clear`: and whenever the arm is home |
-    | `mesh_scale` | `1.0` | factor from a mesh file's unit to metres |
-    | `mesh_mass` | `None` | kg of a mesh file's object; None for 400 kg/m3 |
+    | `mesh_scale` | `1.0` | factor from a mesh file's unit to metres; of mesh files alone |
+    | `mesh_mass` | `None` | kg of a mesh file's object; None for 400 kg/m3; of mesh files alone |
     | `render_mode` | `None` | `human`, `rgb_array`, `depth_array` |
     | `render_size` | `(480, 640)` | rows and columns of pictures |
     | `render_camera` | `'front'` | `front`; `grasp`: follows the hand, close by; or one of the depth cameras |
-    | `version` | `2` | `2`, or `1`: the dense reward of version 1 |
     | `reward_weights` | `None` | weights by term, from 0 on; terms that are not named keep theirs |
     | `frame_skip` | `25` | physics steps of a control step, 5 to 125; what lasts seconds still does; limits are steps |
     | `action_scale` | `1.0` | factor, above 0 and up to 1, on what 1 means in actions that are changes |
@@ -151,6 +151,5 @@ class LiftEnv(SingleEnv):
     ## Version History
 
     * v2: a dense reward that leads to a grasp and that nothing but success earns in full; physics and success are v1's.
-    * v1: deprecated for its dense reward: the sum of `reach` (0.2), `contact` (0.2: thumb and a finger press, full at
-      1 N each), `lift` (0.3) and `hold` (0.3) at every step, of which much is earned by hovering.
+    * v1: withdrawn for its dense reward, much of which was earned by hovering.
     """

@@ -1,4 +1,4 @@
-"""DexGrasp/Place-v2, and v1."""
+"""The task of bringing an object to a goal, DexGrasp/Place-v2: episodes, rewards of goals and its page."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -49,15 +49,16 @@ class PlaceSettings(LiftSettings):
         """Check the arguments of the environment.
 
         Raises:
-            InputError: as `LiftSettings.of`, or for cameras of version 1 or a disturbance.
+            InputError: as `LiftSettings.of`, or for a disturbance.
         """
         settings = super().of(**given)
-        blind = settings.version > 1 or settings.obs_mode == "state"
-        if not blind or settings.disturbance.kind != "none":
-            raise InputError(
-                "Place has no disturbance, and Place-v1 obs_mode 'state' alone: valid is the rest"
-            )
+        if settings.disturbance.kind != "none":
+            raise InputError("Place has no disturbance: valid is none")
         return settings
+
+    def needs(self) -> dict[str, tuple[bool, str]]:
+        """Return what arguments need; the reward is of goals, not of terms with weights."""
+        return super().needs() | {"reward_weights": (False, "a task whose reward has terms")}
 
 
 class PlaceEpisodes(Episodes):
@@ -69,12 +70,8 @@ class PlaceEpisodes(Episodes):
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
         self._order = list(key_sizes("state", settings.cell.robot))
-        first = settings.version == 1
-        self._size = 3 if first else 4  # numbers of a goal
-        low, high = (_GOAL_LOW, _GOAL_HIGH) if first else (_LOWEST, _HIGHEST)
-        self._goals = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
-        self._achieved = unbounded(3) if first else self._goals
-        self.truncating[FAILURES.index("object_lost")] = settings.version > 1
+        self._goals = spaces.Box(_LOWEST.astype(np.float32), _HIGHEST.astype(np.float32), dtype=np.float32)
+        self.truncating[FAILURES.index("object_lost")] = True
         self._distances = np.zeros(number)  # m, of the objects' centres to their goals
 
     def observation_space(self) -> spaces.Dict:
@@ -82,7 +79,7 @@ class PlaceEpisodes(Episodes):
         parts = dict(super().observation_space()) | {"desired_goal": self._goals}
         if self.settings.obs_mode.startswith("state"):
             parts["observation"] = unbounded(sum(spaces.flatdim(parts.pop(key)) for key in self._order))
-            parts["achieved_goal"] = self._achieved
+            parts["achieved_goal"] = self._goals
         return spaces.Dict(parts)
 
     def _begin(self, i: int, rng: Generator, options: Mapping[str, Any]) -> Simulation:
@@ -90,16 +87,14 @@ class PlaceEpisodes(Episodes):
         simulation, record = super()._begin(i, rng, options), self.records[i]
         if not self.slots[i].resumed:
             record["start"] = simulation.object_pose()[:3]
-            record["goal"][: self._size] = self._draw(rng, record["start"])
+            record["goal"] = self._draw(rng, record["start"])
         if options.get("goal") is not None:
-            record["goal"][: self._size] = self._check_goal(options["goal"])
+            record["goal"] = self._check_goal(options["goal"])
             record["at_goal"] = self.told[i, _SUCCESS] = 0
         return simulation
 
     def _draw(self, rng: Generator, start: Array) -> Array:
         """Draw a goal: one that the object is to be held at, or put down at, away from where it lies."""
-        if self._size == 3:
-            return rng.uniform(_GOAL_LOW, _GOAL_HIGH)
         held, low = rng.random() < 0.5, np.array([*_GOAL_LOW[:2], start[2] + GOAL_RISE])
         while True:
             goal = rng.uniform(low, np.maximum(low, _GOAL_HIGH))
@@ -118,8 +113,7 @@ class PlaceEpisodes(Episodes):
                 raise ValueError
             return given
 
-        words = f"{self._size} numbers within {space.low} and {space.high}"
-        words += ", the last 1 in the hand or 0 free" if self._size == 4 else ""
+        words = f"4 numbers within {space.low} and {space.high}, the last 1 in the hand or 0 free"
         return check("goal", goal, Rule(words, admit))
 
     def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
@@ -128,14 +122,14 @@ class PlaceEpisodes(Episodes):
         centres = qpos[:, -7:-4]
         known = np.logical_and.reduce(np.isfinite(centres), axis=-1)
         centres = np.where(known[:, None], centres, 0.0)  # where nothing is known no goal is reached
-        goals = records["goal"][:, : self._size].astype(np.float32)
+        goals = records["goal"].astype(np.float32)
         self._distances[part] = np.linalg.norm(centres - records["goal"][:, :3], axis=-1)
         if judge:
             records["moved"] |= np.linalg.norm(centres - records["start"], axis=-1) > GOAL_RADIUS
         touching = sensors[:, self.rules.at[TOUCHING_HAND]] > 0
         hand = np.where(records["moved"] & known, touching, -1.0)
-        achieved = np.column_stack([centres, hand])[:, : self._size].astype(np.float32)
-        achieved = np.clip(achieved, self._achieved.low, self._achieved.high)
+        achieved = np.column_stack([centres, hand]).astype(np.float32)
+        achieved = np.clip(achieved, self._goals.low, self._goals.high)
         self.rewards[part] = goal_rewards(achieved, goals, self.settings.reward_mode)
         reached = (goal_rewards(achieved, goals, "sparse") == 0.0) & (records["failure"] == 0)
         if judge:
@@ -159,7 +153,7 @@ class GoalRewards:
     settings: LiftSettings
 
     def compute_reward(self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any) -> Array:
-        """Return the rewards (...,) of goals (..., 4), or (..., 3) of version 1; `info` is not used."""
+        """Return the rewards (...,) of goals (..., 4); `info` is not used."""
         return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
 
@@ -216,7 +210,7 @@ class PlaceEnv(GoalRewards, LiftEnv):
 
     * v2: goals on the table, and what the hand is to do; cameras; the space of goals holds all that are achieved;
       a lost object truncates.
-    * v1: goals (3,) in the air, 15 to 35 cm above the table; `obs_mode="state"` alone; a lost object terminates.
+    * v1: withdrawn; goals in the air alone, without what the hand is to do.
     """
 
     episodes_type = PlaceEpisodes
@@ -224,10 +218,10 @@ class PlaceEnv(GoalRewards, LiftEnv):
 
 
 def goal_rewards(achieved: NDArray[Any], desired: NDArray[Any], reward_mode: str) -> Array:
-    """Return the rewards (...,) of goals (..., 4), or (..., 3) of version 1; see `PlaceEnv`."""
+    """Return the rewards (...,) of goals (..., 4); see `PlaceEnv`."""
     achieved, desired = np.asarray(achieved), np.asarray(desired)
     distance = np.linalg.norm((achieved - desired)[..., :3], axis=-1)
-    wrong = ((achieved != desired) | (achieved < 0.0))[..., 3:].any(axis=-1)
+    wrong = ((achieved != desired) | (achieved < 0.0))[..., 3]
     if reward_mode == "dense":
         return -distance.astype(np.float64) - _WRONG * wrong
     return -(~(distance <= GOAL_RADIUS) | wrong).astype(np.float64)

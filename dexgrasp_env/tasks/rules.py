@@ -28,8 +28,7 @@ class Rules(NamedTuple):
         length: of the disturbance, control steps.
         bad_numbers: the bits of MuJoCo's warnings after which numbers are no physics.
         weights: (T,) of the reward's terms.
-        version: 1: the reward is the weighted sum of the terms; 2: what that sum gains in a control step.
-        dense: whether that is the reward, else success.
+        dense: whether the reward is what the weighted sum of the terms gains in a control step, else success.
     """
 
     at: Index
@@ -44,7 +43,6 @@ class Rules(NamedTuple):
     length: int
     bad_numbers: int
     weights: Array
-    version: int
     dense: bool
 
 
@@ -57,6 +55,5 @@ def rules_of(settings: LiftSettings, at: Index, hulls: Array, bad_numbers: int) 
         grasp=np.array([fingers.index(name) for name in hand.grasp]), hulls=hulls, period=settings.period,
         hold=at_pace(HOLD_STEPS, pace), grasped=at_pace(GRASP_STEPS, pace), wait=at_pace(DISTURB_AFTER, pace),
         length=settings.disturbance_steps, bad_numbers=bad_numbers,
-        weights=np.array(list(settings.weights.values())), version=settings.version,
-        dense=settings.reward_mode == "dense",
+        weights=np.array(list(settings.weights.values())), dense=settings.reward_mode == "dense",
     )  # fmt: skip

@@ -2,12 +2,12 @@
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
-from dexgrasp_env.objects.load import Objects, load_target
+from dexgrasp_env.objects.load import Objects, has_own_size, load_target
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, make_cell
@@ -19,27 +19,26 @@ from dexgrasp_env.tasks.disturbance import Disturbance
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
-from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, number, one_of, read
+from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, hints, number, one_of, read
 
 REWARD_MODES = ("dense", "sparse")
 WEIGHTS = {
     "reach": 5.0, "close": 10.0, "contact": 5.0, "squeeze": 5.0, "lift": 15.0, "hold": 10.0, "success": 50.0,
 }  # fmt: skip
-WEIGHTS_V1 = {"reach": 0.2, "contact": 0.2, "lift": 0.3, "hold": 0.3}
+"""Of the terms of the dense reward, in the order in which `terms` writes them."""
 
 
-def reward_weights(version: int, given: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the weight of each term: that given, else the version's.
+def reward_weights(given: Mapping[str, float] | None) -> dict[str, float]:
+    """Return the weight of each term: that given, else that of `WEIGHTS`.
 
     Raises:
         InputError: for an unknown term, or a weight that is not a number from 0 on.
     """
-    known = WEIGHTS if version > 1 else WEIGHTS_V1
     for term, weight in (given or {}).items():
-        if term not in known:
-            raise unknown_name("reward_weights key", term, known)
+        if term not in WEIGHTS:
+            raise unknown_name("reward_weights key", term, WEIGHTS)
         check(f"reward_weights {term}", weight, number(ge=0))
-    return known | dict(given or {})
+    return WEIGHTS | dict(given or {})
 
 
 BACKENDS = ("mujoco", "warp")
@@ -77,7 +76,6 @@ class LiftSettings:
     render_mode: Annotated[str | None, one_of(RENDER_MODES)] = None
     render_size: Annotated[tuple[int, int], RENDER_SIZE] = (480, 640)
     render_camera: str = "front"
-    version: Annotated[int, number(ge=1, le=2, whole=True)] = 2
     reward_weights: dict[str, float] | None = None
     frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)] = CONTROL_STEPS
     action_scale: Annotated[float, number(gt=0, le=1)] = 1.0
@@ -91,8 +89,13 @@ class LiftSettings:
         Raises:
             InputError: one line that says which is wrong and what is valid.
         """
+        known = ["robot", "mount", *(name for name in hints(cls) if name != "cell")]
+        for key in given:
+            if key not in known:
+                raise unknown_name("argument", key, known)
         cell = make_cell(given.pop("robot", None), given.pop("mount", None))
         settings = read(cls, given | {"cell": cell})
+        settings.refuse_idle()
         check("render_camera", settings.render_camera, one_of((*SHOW_CAMERAS, *cell.camera_names)))
         latency = settings.randomisation.latency
         if latency and latency[1] > settings.period:
@@ -100,9 +103,35 @@ class LiftSettings:
                 f"randomisation latency is {latency}: valid is up to a control step, {settings.period} s"
             )
         return replace(
-            settings, reward_weights=reward_weights(settings.version, settings.reward_weights),
+            settings, reward_weights=reward_weights(settings.reward_weights),
             views=check("views", settings.views, _views_of(cell.camera_names)),
         )  # fmt: skip
+
+    def needs(self) -> dict[str, tuple[bool, str]]:
+        """Return the arguments that have an effect beside some others only: whether these are there, and which."""
+        meshes = not all(map(has_own_size, self.objects)), "a mesh file among objects"
+        return {
+            "device": (self.backend == "warp", "backend='warp'"),
+            "mesh_scale": meshes,
+            "mesh_mass": meshes,
+            "action_scale": (
+                self.control_mode != "joint_position",
+                "a control_mode whose actions are changes",
+            ),
+            "reward_weights": (self.reward_mode == "dense", "reward_mode='dense'"),
+        }
+
+    def refuse_idle(self) -> None:
+        """Refuse arguments that would change nothing.
+
+        Raises:
+            InputError: naming the first of them, and what it needs.
+        """
+        defaults = {entry.name: entry.default for entry in fields(self)}
+        for name, (met, need) in self.needs().items():
+            value = getattr(self, name)
+            if not met and value != defaults[name]:
+                raise InputError(f"{name}={value!r} changes nothing here: valid is {need}, or leave it out")
 
     @property
     def period(self) -> float:

@@ -7,14 +7,13 @@ from dexgrasp_env.compiled import njit
 from dexgrasp_env.scene.constants import GRAVITY
 from dexgrasp_env.tasks.constants import GRASP_FORCE, LIFT_HEIGHT
 from dexgrasp_env.tasks.records import FAILURES, PHASES, Record
-from dexgrasp_env.tasks.rules import PRESSES, TIP_FORCES, TIPS, Rules
+from dexgrasp_env.tasks.rules import PRESSES, TIPS, Rules
 
-_NEAR, _FAR = 0.02, 0.3  # m
+_NEAR = 0.02  # m
 _AWAY = 0.6  # m, from where there is a gain in coming nearer
 _TIP = 0.016  # m, of a tip's centre from a surface that it is about to touch
 _CLOSE = 0.06  # m beyond, at which a tenth is left
 _TAIL = 3.0  # sqrt(1 / 0.1 - 1)
-_FIRM = 1.0  # N: a fingertip force that counts as contact
 _FRICTION = 1  # column of the variation
 _NO_FAILURE = FAILURES.index("")
 _NO_PHASE, _OVER = PHASES.index("none"), PHASES.index("over")
@@ -27,8 +26,8 @@ def length(x: float, y: float, z: float) -> float:
 
 
 @njit
-def level_terms(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> None:
-    """Write the terms of version 1: (4,), of `settings.WEIGHTS_V1`.
+def reward_terms(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> None:
+    """Write the terms of the dense reward: (7,), of `settings.WEIGHTS`.
 
     Args:
         e: the episode's record, brought up to date.
@@ -38,26 +37,6 @@ def level_terms(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: R
         rules: of the environment.
         terms: out.
     """
-    tips, forces, near, thumb, fingers = rules.at[TIPS], rules.at[TIP_FORCES], 0.0, 0.0, 0.0
-    for k in range(len(rules.grasp)):
-        tip = tips + 3 * rules.grasp[k]
-        near += _nearness(_distance_to_box(e, pose, R, s[tip], s[tip + 1], s[tip + 2]), _NEAR, _FAR)
-        pressure = _pressure(s, forces + 3 * rules.grasp[k])
-        if k == 0:
-            thumb = pressure
-        else:
-            fingers = max(fingers, pressure)
-    terms[0] = near / len(rules.grasp)
-    terms[1] = min(thumb, fingers)  # the thumb opposes: two fingers on one side do not hold
-    terms[2] = min(max(e.height / LIFT_HEIGHT, 0.0), 1.0) if e.grasped else 0.0
-    terms[3] = e.grasps / rules.hold
-
-
-@njit
-def progress_terms(
-    e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array
-) -> None:
-    """Write the terms of version 2: (7,), of `settings.WEIGHTS`; arguments as of `level_terms`."""
     for k in range(len(terms)):
         terms[k] = 0.0
     terms[6] = e.solved
@@ -119,9 +98,3 @@ def _nearness(distance: float, near: float, far: float) -> float:
     """
     x = _TAIL * max(distance - near, 0.0) / far
     return 1.0 / (x * x + 1.0)
-
-
-@njit
-def _pressure(s: Array, first: int) -> float:
-    """A contact force over what counts as firm, at most 1."""
-    return min(length(s[first], s[first + 1], s[first + 2]) / _FIRM, 1.0)

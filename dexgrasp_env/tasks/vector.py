@@ -327,8 +327,10 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         infos, seen = self._episodes.infos(), [slot.view.info for slot in self._episodes.slots]
         if self.settings.obs_mode != "state":
             infos |= {
-                key: np.array([info[key] for info in seen], object if key.endswith("failure") else None)
-                for key in seen[0]
+                key: np.fromiter((info[key] for info in seen), object, len(seen))
+                if isinstance(value, str | tuple)
+                else np.array([info[key] for info in seen])
+                for key, value in seen[0].items()
             }
         return with_masks(infos, self.num_envs)
 

@@ -103,6 +103,7 @@ class Views:
         """Return what cameras see, and with it poses as calibrated and pinhole parameters in pixels."""
         lenses = [camera.intrinsics for camera in perception.believed]
         info: Fields = {
+            "perception_cameras": tuple(camera.name for camera in perception.cameras),
             "perception_T_world_camera": np.stack([camera.T_world_camera for camera in perception.believed]),
             "perception_intrinsics": np.array([[lens.fx, lens.fy, lens.cx, lens.cy] for lens in lenses]),
             "perception_failure": "",
@@ -129,10 +130,10 @@ class Views:
         """The cell of this simulation; made anew when the object's size or the cameras have changed."""
         known, key = self._perceptions.get(simulation), (simulation.variation.size, names)
         if known is None or known[0] != key:
-            cameras = tuple(camera for camera in self._cameras if camera.name in names)
+            by_name = {camera.name: camera for camera in self._cameras}
             perception = Perception(
                 simulation.model,
-                cameras,
+                tuple(by_name[name] for name in names),
                 sensor=self._settings.sensor,
                 rays=self.rays,
                 robot=None if known is None else known[1].robot,

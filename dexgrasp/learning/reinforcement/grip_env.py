@@ -10,6 +10,9 @@ from dexgrasp.learning.reinforcement.actor import GRIP_SIZE, GripRun, look, one
 from dexgrasp.learning.reinforcement.sb3_vec_env import SB3VecEnv
 from dexgrasp_env.arrays import Array, Mask, Single
 
+_WEIGHTS = {"reach": 0.2, "contact": 0.2, "lift": 0.3, "hold": 0.3}
+"""Of the terms whose mean over the control steps is an episode's return: early and firm holds earn more."""
+
 
 class GripVecEnv(SB3VecEnv):
     """Environments in which a clone acts, and an action is the correction of its grip for an episode.
@@ -71,9 +74,10 @@ class GripVecEnv(SB3VecEnv):
         returns, held = np.zeros(self.num_envs), np.zeros(self.num_envs, bool)
         for _ in range(self._length):
             actions = np.stack([run.action(one(now, i)) for i, run in enumerate(runs)])
-            now, rewards, terminated, _, infos = self.envs.step(actions)
+            now, _, terminated, _, infos = self.envs.step(actions)
             running &= ~terminated
-            returns[running] += rewards[running]
+            terms = infos["reward_terms"]
+            returns[running] += sum(weight * terms[name] for name, weight in _WEIGHTS.items())[running]
             held = (infos["held_seconds"] > 0.0) & running
             if terminated.any():  # they go on with another object, uncounted
                 now, _ = self.envs.reset(options={"reset_mask": terminated})

@@ -74,7 +74,7 @@ class PolicyTraining(Rounds):
         s = self.settings
         envs = SB3VecEnv(
             s.env_id, s.num_envs, ("is_success",), objects=list(s.objects), randomisation=ranges(s.randomise),
-            backend=s.backend, device="cpu" if self.place.type == "cpu" else None, **self.env,
+            backend=s.backend, device="cpu" if (s.backend, self.place.type) == ("warp", "cpu") else None, **self.env,
             **({"max_episode_steps": s.episode_steps} if s.episode_steps else {}),
         )  # fmt: skip
         if self._resets:

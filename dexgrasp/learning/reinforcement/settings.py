@@ -147,7 +147,7 @@ class GripSettings:
     objects: Annotated[Objects, "OBJECT"]
     friction: Range = (0.3, 0.5)
     mass: Range = (1.0, 1.5)
-    env_id: str = "DexGrasp/Lift-v1"
+    env_id: str = "DexGrasp/Lift-v2"
     episode_steps: Count = 110
     episodes: Count = 3000
     num_envs: Count = 16
