@@ -1,5 +1,6 @@
 """Files: the user's cache, content hashes, atomic writes, values as JSON holds them."""
 
+import codecs
 import errno
 import hashlib
 import io
@@ -85,6 +86,13 @@ def read_file(path: Path, kind: str = "") -> bytes:
     """Return the bytes of a file of somebody else's that `check_file` lets pass."""
     check_file(path, kind)
     return path.read_bytes()
+
+
+def plain_text(data: bytes) -> bytes:
+    """Return a text without the byte order mark that editors put before it; UTF-16 becomes UTF-8."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", "replace").encode()
+    return data.removeprefix(codecs.BOM_UTF8)
 
 
 def check_archive(path: Path) -> None:

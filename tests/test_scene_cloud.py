@@ -219,6 +219,36 @@ def test_files_give_the_points_that_were_written(rng, tmp_path):
         assert np.abs(read_scan(path).points - points).max() < 1e-6, path.name
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeff0.1 0.2 0.3\n1 2 3\n",
+        "//X Y Z R G B\n2\n0.1 0.2 0.3 4 5 6\n1 2 3 7 8 9\n",
+        '"x","y","z"\n0.1,0.2,0.3\n1,2,3\n',
+        "X;Y;Z\n0,1;0,2;0,3\n1,0;2,0;3,0\n",
+        "# made in Jena\n\n0,1 0,2 0,3\n1,0 2,0 3,0 # the last\n",
+    ],
+)
+def test_texts_of_other_programs_are_read(tmp_path, text):
+    path = tmp_path / "a.xyz"
+    path.write_text(text, encoding="utf-8")
+    assert read_scan(path).points.tolist() == [[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]]
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "ply\nformat ascii 1.0\nelement vertex 2\n{}end_header\n",
+        "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 2\nDATA ascii\n",
+    ],
+)
+def test_headers_may_begin_with_a_byte_order_mark(tmp_path, head):
+    path = tmp_path / ("a.ply" if head.startswith("ply") else "a.pcd")
+    properties = "".join(f"property float {axis}\n" for axis in "xyz")
+    path.write_text(head.format(properties) + "0.5 0.25 0\n1 2 3\n", encoding="utf-8-sig")
+    assert read_scan(path).points.tolist() == [[0.5, 0.25, 0.0], [1.0, 2.0, 3.0]]
+
+
 def test_fields_of_a_pcd_may_be_several_numbers(tmp_path):
     head = "FIELDS normal x y z\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 3 1 1 1\nPOINTS 3\nDATA ascii\n"
     path = tmp_path / "a.pcd"

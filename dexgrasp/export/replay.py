@@ -11,6 +11,7 @@ from dexgrasp.export.read import Recording
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file
+from dexgrasp_env.locales import with_decimal_points
 
 OFFSET = 0.003
 """m that the object is off, in a random direction."""
@@ -73,7 +74,7 @@ def load_scene(scene: Path, recording: Recording) -> tuple[Any, Any]:
         raise InputError(f"{scene} is not there: a replay needs the scene of `dexgrasp export --format mjcf`")
     check_file(scene)
     try:
-        model = mujoco.MjModel.from_xml_path(str(scene))
+        model = with_decimal_points(mujoco.MjModel.from_xml_path, str(scene))
         model.joint("object")
     except (ValueError, KeyError) as error:
         raise InputError(f"{scene} is no scene of a trajectory: {' '.join(str(error).split())}") from None

@@ -8,6 +8,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
+from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.cell import Cell
@@ -34,10 +35,10 @@ def write_scene(folder: Path, model: ObjectModel, T_world_object: Array, cell: C
     spec = scene_spec(model, cell)
     home, R = cell.robot.home.tolist(), T_world_object[:3, :3]
     spec.add_key(name="start", qpos=[*home, *T_world_object[:3, 3], *matrix_to_quat(R)], ctrl=home)
-    spec.compile()
+    with_decimal_points(spec.compile)
     write_atomically(folder / SCENE, _portable(spec.to_xml(), folder / MESHES).encode())
     try:
-        mujoco.MjModel.from_xml_path(str(folder / SCENE))
+        with_decimal_points(mujoco.MjModel.from_xml_path, str(folder / SCENE))
     except ValueError as error:
         raise InputError(f"{folder / SCENE} does not load: {' '.join(str(error).split())}") from None
     return [folder / SCENE, *sorted((folder / MESHES).iterdir())]

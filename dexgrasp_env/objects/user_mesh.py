@@ -4,7 +4,6 @@ Axes stay as they are in the file (glTF has y up: a glb keeps that); textures ar
 to the centre of mass.
 """
 
-import io
 import os
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,12 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from dexgrasp_env.arrays import Arrays, Fields
+from dexgrasp_env.arrays import Arrays
 from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.files import cached_arrays, content_hash, printable_stem, read_file
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.objects.decompose import convex_parts
+from dexgrasp_env.objects.mesh_file import DamagedMeshError, load_file
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.repair import repair
 from dexgrasp_env.objects.sets import MESH_SUFFIXES, mesh_file
@@ -118,11 +118,12 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
 def _parsed(path: Path) -> trimesh.Trimesh:
     """Read a file with the mesh library, whose many errors become one."""
     kind = path.suffix.lower()[1:]
-    options: Fields = {"skip_materials": True} if kind == "obj" else {}
     try:
-        loaded = trimesh.load(io.BytesIO(read_file(path)), file_type=kind, process=False, **options)
+        loaded = load_file(read_file(path), kind)
         _check_faces(loaded, path.name)
         geometry = loaded.to_geometry() if isinstance(loaded, trimesh.Scene) else loaded
+    except DamagedMeshError as error:
+        raise InputError(f"mesh file {path.name!r} is damaged ({error}): export it again") from None
     except InputError:
         raise
     except Exception as error:  # parsers of damaged files raise whatever they trip over

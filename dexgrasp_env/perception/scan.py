@@ -5,6 +5,7 @@ file is the code that they go through as well.
 """
 
 import io
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError, first_line
-from dexgrasp_env.files import check_bytes, check_file, read_npz, read_yaml
+from dexgrasp_env.files import check_bytes, check_file, plain_text, read_npz, read_yaml
 from dexgrasp_env.perception.cloud import Cloud, check_count, gather, remove_flying
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.valid import Rule, read
@@ -34,7 +35,7 @@ def read_pcd(path: Path) -> Array:
         InputError: for what is no PCD file, lacks coordinates, is cut off or has too many points.
         Exception: whatever else a damaged file makes the parser trip over.
     """
-    file = io.BytesIO(path.read_bytes())
+    file = io.BytesIO(plain_text(path.read_bytes()))
     header = _header(file, path)
     names, count, kind = header["FIELDS"], int(header["POINTS"][0]), " ".join(header["DATA"])
     check_count(count, str(path))
@@ -67,13 +68,16 @@ def read_pcd(path: Path) -> Array:
 
 def _unpacked(body: bytes, size: int, path: Path) -> bytes:
     """Return `size` bytes that were packed by LZF."""
-    from dexgrasp_env.perception.lzf import unpack
+    import lzf
 
     packed, whole = np.frombuffer(body, "<u4", 2).tolist()
-    data = unpack(np.frombuffer(body[8 : 8 + packed], np.uint8), size)
-    if data is None or whole != size:
+    try:
+        data = lzf.decompress(body[8 : 8 + packed], size)
+    except ValueError:
+        data = None
+    if data is None or len(data) != size or whole != size:
         raise InputError(f"{path}: its compressed points are damaged or cut off")
-    return data.tobytes()
+    return bytes(data)
 
 
 def _header(file: IO[bytes], path: Path) -> dict[str, list[str]]:
@@ -266,7 +270,7 @@ def cloud_of(points: Any, source: str = "points") -> Cloud:
 def _read_ply(path: Path) -> Array:
     import trimesh
 
-    loaded = trimesh.load(path, file_type="ply", process=False)
+    loaded = trimesh.load(io.BytesIO(plain_text(path.read_bytes())), file_type="ply", process=False)
     vertices = getattr(loaded, "vertices", None)
     if vertices is None or not len(vertices):
         raise InputError(f"{path} holds no vertices")
@@ -282,10 +286,29 @@ def _read_npz(path: Path) -> NDArray[Any]:
 
 
 def _read_xyz(path: Path) -> Array:
-    """Read rows of x, y, z and whatever follows, in words or with commas; lines of `#` are remarks."""
-    with path.open() as file:
-        rows = (line.replace(",", " ") for line in file)
-        return np.loadtxt(rows, ndmin=2, usecols=(0, 1, 2))
+    """Read rows of x, y, z and whatever follows, apart by blanks, commas or semicolons.
+
+    Remarks (`#`, `//`), the names of columns and a count may stand above them, as CloudCompare writes them.
+    """
+    lines = plain_text(path.read_bytes()).decode("utf-8", "replace").splitlines()
+    if _DECIMAL_COMMAS.match(next(filter(_is_row, lines), "")):
+        lines = [line.replace(",", ".") for line in lines]
+    start = next((k for k, line in enumerate(lines[:_LINES]) if _is_row(line)), 0)
+    rows = (line.replace(",", " ").replace(";", " ") for line in lines[start:])
+    return np.loadtxt(rows, ndmin=2, usecols=(0, 1, 2), comments=("#", "//"))
+
+
+def _is_row(line: str) -> bool:
+    """Tell a row of coordinates from what may stand above it."""
+    words = line.replace(",", " ").replace(";", " ").split()[:3]
+    try:
+        return len([float(word) for word in words]) == 3
+    except ValueError:
+        return False
+
+
+_DECIMAL_COMMAS = re.compile(r"\s*-?\d+,\d+(\s*;\s*|\s+)-?\d+,\d+(\s*;\s*|\s+)-?\d+,\d+")
+"""A row whose numbers have commas for points; what is apart by commas alone has none between its digits and blanks."""
 
 
 READERS: dict[str, Callable[[Path], NDArray[Any]]] = {

@@ -9,6 +9,7 @@ import yaml
 from dexgrasp_env.arrays import Array, Fields, middle
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
+from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
@@ -255,9 +256,9 @@ def hand_entry(path: Path) -> tuple[Fields, list[str]]:
     maker = HandMaker(path)
     entry = maker.entry()
     value = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
-    near = always_near(value, described(value).compile())
+    near = always_near(value, with_decimal_points(described(value).compile))
     value = replace(value, excluded=near)
-    open_at = open_posture(value, described(value).compile())
+    open_at = open_posture(value, with_decimal_points(described(value).compile))
     return entry | _stated({"excluded": near, "open": open_at}), maker.notes
 
 
@@ -299,7 +300,7 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         "reach": round(_reach(part, flange, chain[-1], shoulder), 3), "shaken": [0, (len(joints) - 1) // 2],
     }  # fmt: skip
     value = make_arm({**entry, "home": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
-    home, found = home_posture(value, described(value).compile())
+    home, found = home_posture(value, with_decimal_points(described(value).compile))
     if not found:
         part.notes.append(
             "arm home: none looks down on the table; state one, and look at the flange's frame and the ranges"

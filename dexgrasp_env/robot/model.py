@@ -9,6 +9,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.coupled import Tendon
 from dexgrasp_env.robot.rebuilt import described
@@ -90,7 +91,7 @@ def compiled_robot(cell: Cell) -> mujoco.MjModel:
         InputError: for a description that MuJoCo cannot compile.
     """
     try:
-        model = robot_spec(cell).compile()
+        model = with_decimal_points(robot_spec(cell).compile)
     except InputError:
         raise
     except ValueError as error:

@@ -15,6 +15,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.coupled import Coupling
 from dexgrasp_env.robot.hulls import colour_of, cut, hull_of, mesh_of
@@ -93,7 +94,7 @@ def _read(reader: Callable[[str], Any], path: Path) -> Any:
     if not path.is_file():
         raise InputError(f"MuJoCo cannot read {path}: it is no file")
     try:
-        return reader(str(path))
+        return with_decimal_points(reader, str(path))
     except (ValueError, OSError, MemoryError) as error:
         raise InputError(f"MuJoCo cannot read {path}: {' '.join(str(error).split())[:200]}") from None
 

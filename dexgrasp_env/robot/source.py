@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.locales import with_decimal_points
 
 BASE = "base"
 """Name of the body that everything hangs on where a description has its first links in the world itself."""
@@ -187,7 +188,7 @@ def _compile(root: Element, path: Path, changed: bool, notes: list[str]) -> mujo
     message = ""
     for _ in range(_MENDS):
         try:
-            return _spec(root, path, changed).compile()
+            return with_decimal_points(lambda: _spec(root, path, changed).compile())
         except (ValueError, OSError, MemoryError) as error:
             message = " ".join(str(error).split())
         mend = next((said for step in _AFTER for said in step(root, message)), None)

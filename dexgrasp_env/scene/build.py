@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import matrix_to_quat
@@ -87,7 +88,7 @@ def build_scene(model: ObjectModel, cell: Cell, **more: Any) -> mujoco.MjModel:
         InputError: for a robot that cannot be simulated.
     """
     compiled_robot(cell)
-    return scene_spec(model, cell, **more).compile()
+    return with_decimal_points(scene_spec(model, cell, **more).compile)
 
 
 def _add_object(spec: mujoco.MjSpec, name: str, model: ObjectModel) -> list[str]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Arrays, Index
+from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.build import pair_friction, scene_spec
@@ -145,7 +146,7 @@ def _compile(
             if part.kind == "mesh":
                 vertices = np.asarray(part.vertices, dtype=np.float32).ravel()
                 spec.add_mesh(name=_mesh_name(number, k), uservert=vertices)
-    return spec.compile()
+    return with_decimal_points(spec.compile)
 
 
 def _mesh_name(number: int, part: int) -> str:

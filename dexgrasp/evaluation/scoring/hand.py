@@ -12,6 +12,7 @@ import mujoco
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.files import check_file, expand
+from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import shifted
 from dexgrasp_env.robot.cell import default_cell, make_cell
@@ -72,7 +73,7 @@ class HandModel:
             InputError: if the file cannot be compiled.
         """
         try:
-            return self.spec().compile()
+            return with_decimal_points(self.spec().compile)
         except ValueError as error:
             raise InputError(f"hand {str(self.path)!r} does not compile: {first_line(error)}") from None
 

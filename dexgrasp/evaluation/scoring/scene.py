@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from dexgrasp.evaluation.scoring.hand import Candidate, HandModel, HandStage
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import matrix_to_quat, pose_matrix
@@ -53,7 +54,7 @@ def build_model(hand: HandModel, target: ObjectModel, physics: Physics) -> mujoc
         sliding = physics.friction[0] if geom.name != "table" else physics.table_friction
         geom.friction = [sliding, physics.friction[1], 0.0001]
         geom.condim = 4
-    return spec.compile()
+    return with_decimal_points(spec.compile)
 
 
 def _set_options(spec: mujoco.MjSpec, physics: Physics) -> None:

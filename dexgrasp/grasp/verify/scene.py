@@ -11,6 +11,7 @@ import numpy as np
 
 from dexgrasp.geometry.exact import Closest, closest_on_mesh
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import excluded_pairs, robot_spec
 
@@ -68,7 +69,7 @@ class Scene:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
             spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
         spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
-        self.model: mujoco.MjModel = spec.compile()
+        self.model: mujoco.MjModel = with_decimal_points(spec.compile)
         self.data = mujoco.MjData(self.model)
         self.object = {self.model.geom(f"object{k}").id for k in range(len(self.parts))}
         self.around = {self.model.geom(f"around{k}").id for k in range(len(around))}

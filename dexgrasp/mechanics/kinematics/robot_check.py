@@ -13,6 +13,7 @@ from dexgrasp.mechanics.kinematics.palm_ik import PALM_DOWN, reach_palm
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.findings import Finding
+from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, excluded_pairs, robot_spec, swept
@@ -59,7 +60,7 @@ def _alone(cell: Cell, excluding: bool = True) -> mujoco.MjModel:
     spec.option = read_arena().option
     for exclude in [] if excluding else list(spec.excludes):
         spec.delete(exclude)
-    return spec.compile()
+    return with_decimal_points(spec.compile)
 
 
 def _at(model: mujoco.MjModel, q: Array) -> mujoco.MjData:

@@ -1,0 +1,139 @@
+"""Mesh files to triangles: what the mesh library reads amiss is put right before or after it.
+
+It cuts polygons into fans, which is wrong for concave ones, and takes a binary STL whose length is not as it says for
+text.
+"""
+
+import io
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.files import plain_text
+from dexgrasp_env.poses import frame_of_z
+
+_POLYGON = re.compile(r"^f(?:[ \t]+[^\s\\]+){3}[ \t]+\S", re.MULTILINE)
+_STL_HEAD, _STL_FACE = 84, 50  # bytes
+_LEVEL = 1e-9  # of the square of twice a polygon's area: turns of less are straight on
+
+
+class DamagedMeshError(ValueError):
+    """A mesh file that ends before it says; where, in words."""
+
+
+def load_file(data: bytes, kind: str) -> Any:
+    """Return what a mesh file holds, as the mesh library does: a mesh, a scene or points.
+
+    Args:
+        data: of the file.
+        kind: obj, stl, ply or glb.
+
+    Raises:
+        DamagedMeshError: for a file that is cut off.
+        Exception: whatever else a damaged file makes the parser trip over.
+    """
+    if kind == "stl":
+        data = _whole_stl(data)
+    elif kind == "obj":
+        data = _with_triangles(plain_text(data).decode("utf-8", "replace")).encode()
+    elif kind == "ply":
+        data = plain_text(data)
+    options = {"skip_materials": True} if kind == "obj" else {}
+    loaded = trimesh.load(io.BytesIO(data), file_type=kind, process=False, **options)
+    polygons = _ply_polygons(loaded) if kind == "ply" else None
+    if polygons is not None:
+        pieces = [piece for own in split_concave(loaded.vertices, polygons) for piece in own]
+        loaded.faces = trimesh.geometry.triangulate_quads(pieces)
+    return loaded
+
+
+def split_concave(vertices: Array, polygons: Sequence[Sequence[int]]) -> list[list[Sequence[int]]]:
+    """Return for each polygon its triangles where it is concave, and itself where a fan is right.
+
+    Args:
+        vertices: (N, 3) m.
+        polygons: indices of their corners, three or more each.
+    """
+    pieces: list[list[Sequence[int]]] = [[polygon] for polygon in polygons]
+    sizes = np.array([len(polygon) for polygon in polygons], dtype=int)
+    for size in np.unique(sizes[sizes > 3]):
+        rows = np.flatnonzero(sizes == size)
+        corners = np.asarray(vertices)[np.array([polygons[row] for row in rows])]
+        concave = _is_concave(corners)
+        for row, own in zip(rows[concave], corners[concave], strict=True):
+            pieces[row] = [[polygons[row][i] for i in piece] for piece in _ears(own)]
+    return pieces
+
+
+def _is_concave(corners: Array) -> Mask:
+    """Return which polygons (M, n, 3) turn against their own sense at a corner."""
+    edges = np.roll(corners, -1, axis=1) - corners
+    turns = np.cross(edges, np.roll(edges, -1, axis=1))
+    normals = _normals(corners)
+    across = np.einsum("mni,mi->mn", turns, normals)
+    return (across < -_LEVEL * (normals**2).sum(-1, keepdims=True)).any(axis=1)
+
+
+def _normals(corners: Array) -> Array:
+    """Return normals of polygons (..., n, 3), as long as twice their areas (Newell)."""
+    local = corners - corners[..., :1, :]
+    return np.cross(local, np.roll(local, -1, axis=-2)).sum(-2)
+
+
+def _ears(corners: Array) -> Index:
+    """Return the triangles (n - 2, 3) of a polygon (n, 3)."""
+    import manifold3d
+
+    normal = _normals(corners)
+    flat = (corners - corners[0]) @ frame_of_z(normal / np.linalg.norm(normal))[:, :2]
+    return np.asarray(manifold3d.triangulate([flat]))
+
+
+def _with_triangles(text: str) -> str:
+    """Return an OBJ text with its concave polygons cut into triangles."""
+    if not _POLYGON.search(text):
+        return text
+    lines = text.replace("\\\r\n", " ").replace("\\\n", " ").splitlines()
+    vertices, rows, polygons = list[list[str]](), list[int](), list[list[int]]()
+    for row, line in enumerate(lines):
+        kind, *words = line.split() or [""]
+        if kind == "v":
+            vertices.append(words[:3])
+        elif kind == "f" and len(words) > 3:
+            given = [int(word.partition("/")[0]) for word in words]
+            polygons.append([k - 1 if k > 0 else len(vertices) + k for k in given])
+            rows.append(row)
+    for row, pieces in zip(rows, split_concave(np.array(vertices, dtype=float), polygons), strict=True):
+        if len(pieces) > 1:
+            lines[row] = "\n".join(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in pieces)
+    return "\n".join(lines)
+
+
+def _ply_polygons(loaded: Any) -> Any:
+    """Return the faces of a PLY file as it has them, or None where all are triangles."""
+    data = getattr(loaded, "metadata", {}).get("_ply_raw", {}).get("face", {}).get("data")
+    names = data if isinstance(data, dict) else getattr(getattr(data, "dtype", None), "names", None) or ()
+    name = next((name for name in ("vertex_index", "vertex_indices") if name in names), None)
+    if name is None:
+        return None
+    rows = data[name]
+    rows = rows["f1"] if rows.dtype.names else rows
+    return None if all(len(row) == 3 for row in rows) else rows
+
+
+def _whole_stl(data: bytes) -> bytes:
+    """Return an STL without what follows its triangles."""
+    if data[:_STL_HEAD].lstrip().lower().startswith(b"solid") and b"facet" in data:
+        if b"endsolid" not in data.lower():
+            raise DamagedMeshError("it ends before its last facet")
+        return data
+    if len(data) < _STL_HEAD:
+        return data
+    count, held = int.from_bytes(data[80:_STL_HEAD], "little"), (len(data) - _STL_HEAD) // _STL_FACE
+    if held < count:
+        raise DamagedMeshError(f"it ends after {held} of {count} triangles")
+    return data[: _STL_HEAD + _STL_FACE * count]
