@@ -17,7 +17,7 @@ from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.report.tables import rate_words
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.learning.imitation.cloning import VIEWS
+from dexgrasp.learning.imitation.bc_training import VIEWS
 from dexgrasp.learning.imitation.settings import BcSettings
 from dexgrasp.runs.pool import Backend
 from dexgrasp_env.valid import Count, one_of

@@ -26,9 +26,9 @@ from dexgrasp.data.dataset.dataset import read_dataset  # noqa: E402
 from dexgrasp.data.dataset.generate import generate  # noqa: E402
 from dexgrasp.data.dataset.settings import DatasetSettings  # noqa: E402
 from dexgrasp.geometry.target import GraspTarget  # noqa: E402
-from dexgrasp.learning.cvae.autoencoder import Cvae, losses, rotation_of  # noqa: E402
-from dexgrasp.learning.cvae.batches import split, training_batch  # noqa: E402
+from dexgrasp.learning.cvae.cvae_network import Cvae, losses, rotation_of  # noqa: E402
 from dexgrasp.learning.cvae.cvae_training import CvaeTraining  # noqa: E402
+from dexgrasp.learning.cvae.grasp_batches import split, training_batch  # noqa: E402
 from dexgrasp.learning.cvae.settings import TrainingSettings  # noqa: E402
 from dexgrasp.learning.training.checkpoint import write_tensors  # noqa: E402
 from dexgrasp.mechanics.margin import margins  # noqa: E402

@@ -151,7 +151,7 @@ def test_evaluate_in_the_middle_keeps_every_trial(tmp_path):
         ("dataset generate --objects pear", "dexgrasp.data.dataset.generate.generate"),
         ("demos generate --objects pear", "dexgrasp.data.demonstrations.generate.generate"),
         ("train cvae --data data", "dexgrasp.learning.cvae.cvae_training.CvaeTraining"),
-        ("train bc --data data --view state", "dexgrasp.learning.imitation.cloning.Cloning.__init__"),
+        ("train bc --data data --view state", "dexgrasp.learning.imitation.bc_training.Cloning.__init__"),
         ("train ppo --objects pear", "dexgrasp.learning.reinforcement.policy_training.PolicyTraining"),
     ],
 )

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 _CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")
 _BC = ("epochs", "threads", "hidden", "chunk", "execute")
-_GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "rate", "threads")
-_OF_PPO = ("spread", "settle", "noise", "rollout", "passes", "divergence", "adaptive")
-_OF_SAC = ("buffer", "warm_up", "updates")
+_GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "learning_rate", "threads")
+_OF_PPO = ("log_std_init", "log_std_final", "noise", "n_steps", "n_epochs", "target_kl", "adaptive")
+_OF_SAC = ("buffer_size", "learning_starts", "gradient_steps")
 Device = Annotated[str, one_of(("auto", "cpu", "cuda"))]
 Minutes = Annotated[Positive | None, "M", {"instead_of": "settings.epochs"}]
 
@@ -69,7 +69,7 @@ class TrainingCommand(Command):
             **course: what the course has beside the device.
         """
         from dexgrasp.learning.training.curves import draw_curves
-        from dexgrasp.learning.training.training import Course
+        from dexgrasp.learning.training.training import RunOptions
 
         folder, name = out or self.out, type(self).__name__.lower()
         with resumable(f"the last checkpoint is kept in {folder}"), progress_bar(unit, name + of) as bar:
@@ -82,7 +82,7 @@ class TrainingCommand(Command):
                     **{key: shown(value) for key, value in self.figures(state.curve[-1]).items()},
                 )
 
-            training = make(out=folder, course=Course(self.device, **course))
+            training = make(out=folder, course=RunOptions(self.device, **course))
             training.run(show)
         draw_curves(training.state.curve, folder / "curves.png", training.best)
         return training
@@ -220,8 +220,8 @@ class Bc(PolicyCommand):
     def run(self) -> Answer:
         """Train a policy for each seed, return losses and successes."""
         from dexgrasp.data.demonstrations.generate import read_about
-        from dexgrasp.learning.imitation.cloning import VIEWS
-        from dexgrasp.learning.imitation.features import view_of
+        from dexgrasp.learning.imitation.bc_training import VIEWS
+        from dexgrasp.learning.imitation.state_features import view_of
 
         view = self.view or view_of(str(read_about(self.data[0])["settings"].get("obs_mode")))
         settings = replace(self.settings, view=view)
@@ -301,7 +301,7 @@ class Sac(_Rl):
     """Train a policy with SAC.
 
     examples:
-      dexgrasp train sac --objects seen --from runs/bc --share 0.1 --out runs/sac_bc --seed 0 1 2
+      dexgrasp train sac --objects seen --from runs/bc --residual-scale 0.1 --out runs/sac_bc --seed 0 1 2
 
     All else is as of `dexgrasp train ppo`, whose help says more.
     """

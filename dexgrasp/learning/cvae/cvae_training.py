@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from dexgrasp.data.dataset.dataset import read_dataset, read_manifest
-from dexgrasp.learning.cvae.autoencoder import Cvae, Losses, losses
-from dexgrasp.learning.cvae.batches import Batch, split, test_batches, training_batch
+from dexgrasp.learning.cvae.cvae_network import Cvae, Losses, losses
+from dexgrasp.learning.cvae.grasp_batches import Batch, split, test_batches, training_batch
 from dexgrasp.learning.cvae.settings import TrainingSettings
 from dexgrasp.learning.training.checkpoint import write_tensors
 from dexgrasp.learning.training.step_training import StepTraining
-from dexgrasp.learning.training.training import CHECKPOINT, Course
+from dexgrasp.learning.training.training import CHECKPOINT, RunOptions
 from dexgrasp.planning.decoder import SCHEMA
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -28,7 +28,9 @@ class CvaeTraining(StepTraining):
 
     about, steps, clip = "run.json", 50, 5.0
 
-    def __init__(self, data: Path, out: Path, settings: TrainingSettings, course: Course = Course()) -> None:
+    def __init__(
+        self, data: Path, out: Path, settings: TrainingSettings, course: RunOptions = RunOptions()
+    ) -> None:
         """Read the dataset.
 
         Args:

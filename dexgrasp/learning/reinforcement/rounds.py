@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.learning.imitation.clone import Clone
+from dexgrasp.learning.imitation.bc_policy import BcPolicy
 from dexgrasp.learning.reinforcement.settings import GRASPS
 from dexgrasp.learning.training.checkpoint import Parts, damaged
-from dexgrasp.learning.training.training import CHECKPOINT, Course, Training
+from dexgrasp.learning.training.training import CHECKPOINT, RunOptions, Training
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -28,7 +28,7 @@ with from_extra():
     from stable_baselines3 import PPO
     from stable_baselines3.common.base_class import BaseAlgorithm
 
-    from dexgrasp.learning.imitation.clone_net import layer_arrays
+    from dexgrasp.learning.imitation.bc_network import layer_arrays
 
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
@@ -49,7 +49,7 @@ class Rounds(Training):
     model: Any
 
     def __init__(
-        self, out: Path, settings: Any, clone: Path | None = None, course: Course = Course()
+        self, out: Path, settings: Any, clone: Path | None = None, course: RunOptions = RunOptions()
     ) -> None:
         """Read the clone.
 
@@ -64,7 +64,7 @@ class Rounds(Training):
         """
         super().__init__(out, settings, settings.rounds, course)
         self.base: Any = read_policy(clone) if clone else None
-        self.clone = Clone(*self.base) if self.base else None
+        self.clone = BcPolicy(*self.base) if self.base else None
         mode = getattr(settings, "control_mode", "joint_delta")
         self.env = {"obs_mode": "state", "control_mode": "ee_delta" if mode == GRASPS else mode}
         if self.clone and self.clone.env != self.env:

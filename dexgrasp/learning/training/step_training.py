@@ -56,7 +56,7 @@ class StepTraining(Training):
         """Make network and optimiser."""
         torch.manual_seed(self.settings.seed)
         self.net = self.network().to(self.place)
-        self.adam = torch.optim.Adam(self.net.parameters(), lr=self.settings.rate)
+        self.adam = torch.optim.Adam(self.net.parameters(), lr=self.settings.learning_rate)
 
     def parts(self) -> Parts:
         """Return network and optimiser."""
@@ -88,7 +88,7 @@ class StepTraining(Training):
     def _step(self, number: int) -> list[float]:
         done = number / (self.state.epochs * self.steps)
         for group in self.adam.param_groups:
-            group["lr"] = float(self.settings.rate * max(_LAST_RATE, self.fall(done)))
+            group["lr"] = float(self.settings.learning_rate * max(_LAST_RATE, self.fall(done)))
         losses = self.losses(number, done)
         self.adam.zero_grad(set_to_none=True)
         losses[0].backward()

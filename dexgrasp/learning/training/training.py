@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.learning.training.checkpoint import Parts, damaged, read_state, write_state
-from dexgrasp.learning.training.curves import Board
+from dexgrasp.learning.training.curves import TensorBoardWriter
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.interrupt import held
 from dexgrasp.runs.versions import package_versions
@@ -47,7 +47,7 @@ class Tester(ABC):
 
 
 @dataclass(frozen=True)
-class Course:
+class RunOptions:
     """Where a training runs, and what it is not told by its settings.
 
     Attributes:
@@ -70,7 +70,7 @@ class Training(ABC):
     about = "training.json"
     """File that says what is trained on what."""
 
-    def __init__(self, out: Path, settings: Any, epochs: int, course: Course) -> None:
+    def __init__(self, out: Path, settings: Any, epochs: int, course: RunOptions) -> None:
         """Prepare.
 
         Args:
@@ -176,7 +176,7 @@ class Training(ABC):
         return note
 
     def _go_on(self, progress: Callable[[Progress], object] | None, stop_after: int | None) -> None:
-        board, calls, state = Board(self.out / "tensorboard"), 0, self.state
+        board, calls, state = TensorBoardWriter(self.out / "tensorboard"), 0, self.state
         while state.epoch < state.epochs and calls != stop_after:
             began = time.perf_counter()
             row = {"epoch": state.epoch + 1} | self.learn()

@@ -1,4 +1,4 @@
-"""Cloning of a policy from demonstrations."""
+"""BcTraining of a policy from demonstrations."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.learning.imitation.clone import Clone
-from dexgrasp.learning.imitation.clone_net import CloneNet, GraspNet
-from dexgrasp.learning.imitation.cloud_look import along
-from dexgrasp.learning.imitation.data import Grips, Rows, read_grips, read_rows
-from dexgrasp.learning.imitation.grasper import Grasper
+from dexgrasp.learning.imitation.bc_network import BcNet, GraspNet
+from dexgrasp.learning.imitation.bc_policy import BcPolicy
+from dexgrasp.learning.imitation.cloud_features import grip_features
+from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
+from dexgrasp.learning.imitation.demonstrated_grasp import sizes
+from dexgrasp.learning.imitation.demonstration_data import Grips, Rows, read_grips, read_rows
 from dexgrasp.learning.imitation.settings import BcSettings
-from dexgrasp.learning.imitation.taken import sizes
 from dexgrasp.learning.training.step_training import StepTraining
-from dexgrasp.learning.training.training import Course
+from dexgrasp.learning.training.training import RunOptions
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.runs.policy_folder import write_policy
 from dexgrasp_env.arrays import Fields
@@ -35,7 +35,7 @@ _OFF = 0.15, 0.15, 0.15, 0.15, 0.15, 0.3
 _WEIGHTS = 1.0, 1.0, 0.5, 0.3, 0.2, 0.3
 
 
-class Cloning(StepTraining):
+class BcTraining(StepTraining):
     """Training on demonstrations; its folder is an agent by its path.
 
     Who inherits says what is read of demonstrations, what learns from it, and by which loss.
@@ -44,7 +44,7 @@ class Cloning(StepTraining):
     steps, clip = 200, 1.0
 
     def __init__(
-        self, data: Sequence[Path], out: Path, settings: BcSettings, course: Course = Course()
+        self, data: Sequence[Path], out: Path, settings: BcSettings, course: RunOptions = RunOptions()
     ) -> None:
         """Read the demonstrations.
 
@@ -113,7 +113,7 @@ class Cloning(StepTraining):
         write_policy(self.out, about, self.net.arrays() | arrays)
 
 
-class StateCloning(Cloning):
+class StateBcTraining(BcTraining):
     """Of a policy that sees the state, and answers with the next set-points."""
 
     _rows: Rows
@@ -127,10 +127,10 @@ class StateCloning(Cloning):
         self._unit = torch.from_numpy(np.maximum(unit, _LEAST_UNIT).astype(np.float32)).to(self.place)
         super().build()
 
-    def network(self) -> CloneNet:
+    def network(self) -> BcNet:
         """Make the network."""
         looks = self._rows.looks
-        return CloneNet(self.settings.network, looks.mean(axis=0), np.maximum(looks.std(axis=0), 1e-3))
+        return BcNet(self.settings.network, looks.mean(axis=0), np.maximum(looks.std(axis=0), 1e-3))
 
     def loss(self, *batch: Tensor) -> Tensor:
         """Return how far set-points are from those that were meant."""
@@ -139,14 +139,14 @@ class StateCloning(Cloning):
         return torch.nn.functional.smooth_l1_loss(self.net(looks), wanted, beta=_BEND)
 
     def policy(self) -> tuple[Fields, Fields]:
-        """Return what a `Clone` reads."""
+        """Return what a `BcPolicy` reads."""
         mode = self._rows.control_mode
         env = {"obs_mode": "state", "control_mode": mode if mode.startswith("joint") else "joint_position"}
-        own = {"kind": Clone.kind, "chunk": self.settings.network.chunk, "execute": self.settings.execute}
+        own = {"kind": BcPolicy.kind, "chunk": self.settings.network.chunk, "execute": self.settings.execute}
         return {**own, "env": env}, {"unit": self._unit.cpu().numpy()}
 
 
-class CloudCloning(Cloning):
+class CloudBcTraining(BcTraining):
     """Of a policy that looks at a cloud once, and answers with a grasp.
 
     Demonstrations of one scene grip along many lines and in several ways, so a mean of them is none: the network tells
@@ -158,8 +158,8 @@ class CloudCloning(Cloning):
 
     def network(self) -> GraspNet:
         """Make the network."""
-        taken = zip(self._rows.looks, self._rows.azimuths[:, None], strict=True)
-        numbers = np.concatenate([along(look, azimuth)[1] for look, azimuth in taken])
+        seen = zip(self._rows.looks, self._rows.azimuths[:, None], strict=True)
+        numbers = np.concatenate([grip_features(look, azimuth)[1] for look, azimuth in seen])
         parts = sizes(robot_tree(default_cell()))
         self._off, self._weights = (
             torch.from_numpy(np.repeat(part, parts).astype(np.float32)).to(self.place)
@@ -177,10 +177,10 @@ class CloudCloning(Cloning):
         return -torch.logsumexp(likely[:, 0] - far, dim=1).mean()
 
     def policy(self) -> tuple[Fields, Fields]:
-        """Return what a `Grasper` reads."""
+        """Return what a `CloudGraspPolicy` reads."""
         env = {"obs_mode": "pointcloud", "control_mode": "joint_position", "observe": "reset"}
-        return {"kind": Grasper.kind, "modes": self.settings.grasps.modes, "env": env}, {}
+        return {"kind": CloudGraspPolicy.kind, "modes": self.settings.grasps.modes, "env": env}, {}
 
 
-VIEWS: dict[str, type[Cloning]] = {"state": StateCloning, "cloud": CloudCloning}
+VIEWS: dict[str, type[BcTraining]] = {"state": StateBcTraining, "cloud": CloudBcTraining}
 """Who clones a policy of each view."""

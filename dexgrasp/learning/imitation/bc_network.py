@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from dexgrasp.learning.imitation.policy import FARTHEST
-from dexgrasp.learning.imitation.settings import CloneNetwork, GraspNetwork
+from dexgrasp.learning.imitation.settings import BcNetSizes, GraspNetSizes
 from dexgrasp.learning.training.step_training import perceptron
 from dexgrasp_env.arrays import Single
 from dexgrasp_env.extras import from_extra
@@ -39,10 +39,10 @@ class PolicyNet(nn.Module):
         return out
 
 
-class CloneNet(PolicyNet):
+class BcNet(PolicyNet):
     """Features to the set-points of the next steps, in units of their spread."""
 
-    def __init__(self, sizes: CloneNetwork, mean: Single, scale: Single) -> None:
+    def __init__(self, sizes: BcNetSizes, mean: Single, scale: Single) -> None:
         """Prepare.
 
         Args:
@@ -64,7 +64,7 @@ class GraspNet(PolicyNet):
     row_mean: Tensor
     row_scale: Tensor
 
-    def __init__(self, sizes: GraspNetwork, numbers: Single, rows: Single) -> None:
+    def __init__(self, sizes: GraspNetSizes, numbers: Single, rows: Single) -> None:
         """Prepare.
 
         Args:
