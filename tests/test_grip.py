@@ -21,7 +21,8 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
-from dexgrasp.learning.reinforcement.policy_training import GripTraining  # noqa: E402
+from dexgrasp.learning.reinforcement.rl_tasks import GripTask  # noqa: E402
+from dexgrasp.learning.reinforcement.rollout_training import RolloutTraining  # noqa: E402
 from dexgrasp.learning.reinforcement.settings import GripSettings  # noqa: E402
 
 SETTINGS = GripSettings(
@@ -78,10 +79,8 @@ def test_a_correction_stays_on_top_of_the_clones_set_points(clone):
 
 
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(tmp_path, clone):
-    assert (
-        goes_on_to_the_same_bits(partial(GripTraining, settings=SETTINGS, clone=clone), tmp_path).epoch == 3
-    )
-    work = GripTraining(tmp_path / "whole", SETTINGS, clone)
+    assert goes_on_to_the_same_bits(RolloutTraining, partial(GripTask, SETTINGS, clone), tmp_path).epoch == 3
+    work = RolloutTraining(GripTask(SETTINGS, clone), tmp_path / "whole")
     work.begin()
     work.envs.seed(5)
     meant, _ = work.model.predict(work.envs.reset()[:1], deterministic=True)
@@ -104,4 +103,4 @@ def test_what_does_not_fit_is_refused(tmp_path, clone):
         GripPolicy({"kind": "grip", "env": about["env"], "base": about}, arrays)
     write_policy(clone, about | {"env": {"obs_mode": "state", "control_mode": "joint_position"}}, arrays)
     with refused("clone another"):
-        GripTraining(tmp_path / "out", SETTINGS, clone).run()
+        GripTask(SETTINGS, clone)

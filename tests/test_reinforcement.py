@@ -1,7 +1,6 @@
 """Reinforcement: resuming to the same bits, corrections that begin at the clone, agents by their path."""
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,18 +16,20 @@ from dexgrasp_env.valid import read
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 import gymnasium as gym
+import torch
 
 import dexgrasp_env  # noqa: F401
-from dexgrasp.learning.reinforcement import policy_training
+from dexgrasp.learning.reinforcement import rl_tasks
 from dexgrasp.learning.reinforcement.grasp_space import GraspSpace
-from dexgrasp.learning.reinforcement.policy_training import PolicyTraining
+from dexgrasp.learning.reinforcement.rl_tasks import PolicyTask
+from dexgrasp.learning.reinforcement.rollout_training import RolloutTraining
 from dexgrasp.learning.reinforcement.settings import RlSettings
 
 
 @pytest.fixture(autouse=True)
 def short_rounds(monkeypatch):
     monkeypatch.setattr(RlSettings, "limit", property(lambda settings: settings.episode_steps or 12))
-    monkeypatch.setattr(policy_training, "_MEASURED", 4)
+    monkeypatch.setattr(rl_tasks, "_MEASURED", 4)
 
 
 def settings_of(algorithm, **more):
@@ -47,12 +48,12 @@ def settings_of(algorithm, **more):
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_path, clone):
     settings = settings_of(algorithm)
     base = clone if algorithm == "ppo" else None
-    make = partial(PolicyTraining, settings=settings, clone=base)
-    assert goes_on_to_the_same_bits(make, tmp_path).epoch == 3
+    task = partial(PolicyTask, settings, base)
+    assert goes_on_to_the_same_bits(RolloutTraining, task, tmp_path).epoch == 3
     assert not [path for path in tmp_path.rglob("*") if path.suffix in (".zip", ".pkl", ".pth")]
     begun(tmp_path / "whole", 1)
     with refused("other settings"):
-        PolicyTraining(tmp_path / "parts", settings_of(algorithm, seed=1), base).run()
+        RolloutTraining(PolicyTask(settings_of(algorithm, seed=1), base), tmp_path / "parts").run()
 
 
 def test_episodes_along_demonstrations_go_on_to_the_same_bits(tmp_path):
@@ -60,7 +61,7 @@ def test_episodes_along_demonstrations_go_on_to_the_same_bits(tmp_path):
     generate(DemoSettings.of(["sugar_box"], agent="hardcoded", episodes=1), tmp_path / "demos")
     more = {"control_mode": "ee_delta", "residual_scale": 0.5, "randomise": (("mass", 1.0, 1.05),)}
     settings = settings_of("ppo", resets=str(tmp_path / "demos"), **more)
-    whole = goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
+    whole = goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
     assert [row["front"] for row in whole.curve] == [0.9] * 3
     assert make_agent(str(tmp_path / "whole")).env_settings["control_mode"] == "ee_delta"
 
@@ -99,7 +100,7 @@ def test_rollouts_are_a_round(more, rollouts, monkeypatch):
 
 def test_as_many_steps_are_done_as_rounds_come_to(tmp_path):
     settings = settings_of("ppo", action_repeat=2, episode_steps=20)  # ten looks, in rollouts of six at most
-    state = PolicyTraining(tmp_path, settings).run()
+    state = RolloutTraining(PolicyTask(settings), tmp_path).run()
     assert [row["steps"] for row in state.curve] == [40, 80]
 
 
@@ -130,8 +131,8 @@ def test_wrong_settings_are_refused(wrong, says):
 )
 def test_the_agent_does_what_the_learner_means(algorithm, more, tmp_path):
     settings = settings_of(algorithm, **more)
-    PolicyTraining(tmp_path / "out", settings).run()
-    work = PolicyTraining(tmp_path / "out", settings)
+    RolloutTraining(PolicyTask(settings), tmp_path / "out").run()
+    work = RolloutTraining(PolicyTask(settings), tmp_path / "out")
     work.begin()
     work.envs.seed(5)
     looks = work.envs.reset()
@@ -148,14 +149,14 @@ def test_the_agent_does_what_the_learner_means(algorithm, more, tmp_path):
     work.envs.step(np.repeat(meant, 2, axis=0))
     assert len(played) == settings.span
     np.testing.assert_allclose(played[0][0], acted[0], atol=1e-4)
-    if not work._spec.grasps:  # in which what is carried out follows from what is seen as well
+    if not work.task.spec.grasps:  # in which what is carried out follows from what is seen as well
         np.testing.assert_allclose([actions[0] for actions in played], acted, atol=1e-4)
     work.envs.close()
 
 
 def test_training_of_grasps_goes_on_to_the_same_bits(tmp_path):
     settings = settings_of("ppo", control_mode="grasp", action_repeat=3, episode_steps=12, noise="rollout")
-    whole = goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
+    whole = goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
     assert [row["steps"] for row in whole.curve] == [24, 48, 72]
 
 
@@ -184,7 +185,7 @@ def test_what_lies_beyond_an_action_is_folded_back():
         told = [space.env_actions(np.full((1, 7), value), observations) for value in (beyond, within)]
         np.testing.assert_allclose(*told, atol=1e-6)
     settings = settings_of("ppo", control_mode="grasp", action_repeat=3)
-    envs = PolicyTraining(Path("unused"), settings).environments()
+    envs = PolicyTask(settings).environments(torch.device("cpu"))
     assert envs.action_space.high[0] == 3.0  # what PPO draws is not cut off before it is folded
     envs.close()
 
@@ -192,11 +193,11 @@ def test_what_lies_beyond_an_action_is_folded_back():
 def test_one_answer_is_an_episode_and_its_last_action_stands(tmp_path):
     settings = settings_of("ppo", control_mode="grasp", action_repeat=28, action_chunk=3, episode_steps=84)
     assert settings.length == 1
-    goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
+    goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
     place, opened, closed = [0.2, -0.56, -0.86, 0.0, 0.5], [-1.0, -1.0], [1.0, 1.0]
     lifted = [0.2, -0.56, 1.0, 0.0, 0.5]
     answer = np.array([*place, *opened, *place, *closed, *lifted, *closed])
-    work = PolicyTraining(tmp_path / "whole", settings)
+    work = RolloutTraining(PolicyTask(settings), tmp_path / "whole")
     work.begin()
     work.envs.seed(1)
     work.envs.reset()
@@ -221,7 +222,7 @@ def test_a_rate_that_follows_the_divergence_goes_on_to_the_same_bits(tmp_path):
     def rates(divergence):
         settings = settings_of("ppo", adaptive=True, target_kl=divergence)
         whole = goes_on_to_the_same_bits(
-            partial(PolicyTraining, settings=settings), tmp_path / str(divergence)
+            RolloutTraining, partial(PolicyTask, settings), tmp_path / str(divergence)
         )
         return [row["rate"] for row in whole.curve]
 
@@ -232,8 +233,8 @@ def test_a_rate_that_follows_the_divergence_goes_on_to_the_same_bits(tmp_path):
 
 def test_exploring_gets_less_as_told_and_goes_on_to_the_same_bits(tmp_path):
     settings = settings_of("ppo", log_std_final=-3.0)
-    goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
-    work = PolicyTraining(tmp_path / "more", settings)
+    goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
+    work = RolloutTraining(PolicyTask(settings), tmp_path / "more")
     work.run()
     assert work.model.policy.log_std.mean().item() == pytest.approx(
         -2.6, abs=0.05
@@ -259,7 +260,7 @@ def test_a_grasp_is_a_few_points_of_the_grasp_space():
 
 def test_a_correction_begins_at_the_clone(tmp_path, clone):
     settings = settings_of("ppo")
-    work = PolicyTraining(tmp_path, settings, clone)
+    work = RolloutTraining(PolicyTask(settings, clone), tmp_path)
     work.begin()
     work.state.curve.append({})
     work.write()
@@ -281,4 +282,4 @@ def test_clones_of_clouds_are_refused(tmp_path, clone):
     write_policy(clone, about | {"env": {"obs_mode": "state", "control_mode": "joint_position"}}, arrays)
     assert make_agent(str(clone))
     with refused("clone another"):
-        PolicyTraining(tmp_path / "out", settings_of("ppo"), clone).run()
+        PolicyTask(settings_of("ppo"), clone)

@@ -1,4 +1,4 @@
-"""Training by PPO or SAC, from nothing or from a clone, whose actions are corrected, or once an episode its grip."""
+"""Tasks of reinforcement learning: a policy by PPO or SAC, and a cloned policy's grip by PPO."""
 
 import math
 from pathlib import Path
@@ -11,9 +11,8 @@ from dexgrasp.learning.imitation.policy import Scaling
 from dexgrasp.learning.reinforcement.grasp_space import FARTHEST
 from dexgrasp.learning.reinforcement.grip_policy import GripPolicy
 from dexgrasp.learning.reinforcement.rl_policy import ActionSpec, RlPolicy
-from dexgrasp.learning.reinforcement.rounds import Rounds
+from dexgrasp.learning.reinforcement.rollout_training import RolloutTask
 from dexgrasp.learning.reinforcement.settings import GRASPS, RlSettings
-from dexgrasp.learning.training.training import RunOptions
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.tasks.randomisation import ranges
@@ -58,145 +57,129 @@ class AdaptiveRate:
         return self.now
 
 
-class PolicyTraining(Rounds):
+class PolicyTask(RolloutTask):
     """Training of a policy in rounds of one episode of every environment."""
 
     kind, counted, won = RlPolicy.kind, "steps", "training_success"
 
-    def __init__(
-        self, out: Path, settings: RlSettings, clone: Path | None = None, course: RunOptions = RunOptions()
-    ) -> None:
-        """As `Rounds`; without a clone it begins from nothing."""
-        super().__init__(out, settings, clone, course)
+    def __init__(self, settings: RlSettings, clone: Path | None = None) -> None:
+        """Read the cloned policy and the demonstrations, where there are any; see `RolloutTask`."""
+        super().__init__(settings, clone)
         self._resets = DemoResets(settings.resets) if settings.resets else None
         self._rate = AdaptiveRate(settings.learning_rate, settings.target_kl)
 
-    def environments(self) -> FeatureVecEnv:
-        """Make the environments; features are scaled as the clone's, or by random actions."""
+    def environments(self, place: torch.device) -> FeatureVecEnv:
+        """Make the environments; features are scaled as the cloned policy's, or by random actions."""
         s = self.settings
         envs = SB3VecEnv(
             s.env_id, s.num_envs, ("is_success",), objects=list(s.objects), randomisation=ranges(s.randomise),
-            backend=s.backend, device="cpu" if self.place.type == "cpu" else None, **self.env,
+            backend=s.backend, device="cpu" if place.type == "cpu" else None, **self.env,
             **({"max_episode_steps": s.episode_steps} if s.episode_steps else {}),
         )  # fmt: skip
         if self._resets:
             self._resets.attach(envs.envs)
-        share = s.residual_scale or (0.2 if self.clone else 1.0)
-        grasps = s.control_mode == GRASPS
-        spec = ActionSpec(
-            Scaling(0.0, 1.0), self.clone, share, s.action_repeat, grasps, s.action_chunk, s.limit <= s.span
-        )
+        scale = s.residual_scale or (0.2 if self.clone else 1.0)
+        grasps, once = s.control_mode == GRASPS, s.limit <= s.span
+        spec = ActionSpec(Scaling(0.0, 1.0), self.clone, scale, s.action_repeat, grasps, s.action_chunk, once)
         if self.clone:
             scaling = self.clone.scaling
         else:
             envs.seed(s.seed)
-            looks = max(_MEASURED // spec.span, 10 // s.action_chunk, 1)
-            scaling = measure(envs, spec, looks, np.random.default_rng([s.seed, 0]))
-        self._spec = spec._replace(scaling=scaling)
+            outputs = max(_MEASURED // spec.span, 10 // s.action_chunk, 1)
+            scaling = measure(envs, spec, outputs, np.random.default_rng([s.seed, 0]))
+        self.spec = spec._replace(scaling=scaling)
         farthest = FARTHEST if grasps and s.algorithm == "ppo" else 1.0
         limited = s.episode_steps is not None
-        return FeatureVecEnv(envs, self._spec, s.reward_scale, s.gamma, limited, farthest)
+        return FeatureVecEnv(envs, self.spec, s.reward_scale, s.gamma, limited, farthest)
 
-    def learner(self) -> BaseAlgorithm:
+    def learner(self, envs: FeatureVecEnv, place: torch.device) -> BaseAlgorithm:
         """Make the learner."""
         s = self.settings
         common: Fields = {
-            "learning_rate": s.learning_rate, "gamma": s.gamma, "seed": s.seed, "device": self.place,
-        }  # fmt: skip
-        width = {"net_arch": list(s.net_arch)}
+            "policy": "MlpPolicy",
+            "env": envs,
+            "gamma": s.gamma,
+            "seed": s.seed,
+            "device": place,
+        }
+        net_arch = {"net_arch": list(s.net_arch)}
         if s.algorithm == "sac":
             return SAC(
-                "MlpPolicy",
-                self.envs,
-                buffer_size=s.buffer_size,
-                learning_starts=s.learning_starts,
-                train_freq=1,
-                gradient_steps=s.gradient_steps,
-                policy_kwargs=width,
-                **common,
-            )
-        _, rollout = s.rollouts
-        if s.adaptive:
-            common["learning_rate"] = self._rate
+                learning_rate=s.learning_rate, buffer_size=s.buffer_size, learning_starts=s.learning_starts,
+                train_freq=1, gradient_steps=s.gradient_steps, policy_kwargs=net_arch, **common,
+            )  # fmt: skip
+        _, n_steps = s.rollouts
         self._rate.model = PPO(
-            "MlpPolicy", self.envs, n_steps=rollout, n_epochs=s.n_epochs,
-            batch_size=max(rollout * s.num_envs // _BATCHES, 2),
+            learning_rate=self._rate if s.adaptive else s.learning_rate, n_steps=n_steps, n_epochs=s.n_epochs,
+            batch_size=max(n_steps * s.num_envs // _BATCHES, 2),
             target_kl=None if s.adaptive else s.target_kl, use_sde=s.noise == "rollout",
-            policy_kwargs=width | {"log_std_init": self._log_std(s.log_std_init)}, **common,
+            policy_kwargs=net_arch | {"log_std_init": self._log_std(s.log_std_init)}, **common,
         )  # fmt: skip
         return self._rate.model
 
-    def learn(self) -> Fields:
-        """As every round, with the rate where it changes, and from where along demonstrations episodes begin."""
+    def before_round(self, model: Any) -> None:
+        """Begin the round's resets, and set the exploration that is due: its logarithm falls in a straight line."""
+        s = self.settings
         if self._resets:
             self._resets.go_on(**self._resets.progress)
-        if self.settings.log_std_final is not None:
-            self._settle()
-        row = super().learn()
-        rate = {"rate": self._rate.now} if self.settings.adaptive else {}
-        return row | rate | ({"front": self._resets.front} if self._resets else {})
+        if s.log_std_final is not None:
+            done = min(model.num_timesteps * s.span / s.steps, 1.0)
+            with torch.no_grad():
+                model.policy.log_std.fill_(
+                    self._log_std((1.0 - done) * s.log_std_init + done * s.log_std_final)
+                )
 
-    def _settle(self) -> None:
-        """Explore as far as is due by now: evenly less in the logarithm, whatever the learner has made of it."""
-        s = self.settings
-        share = min(self.model.num_timesteps * s.span / s.steps, 1.0)
-        with torch.no_grad():
-            self.model.policy.log_std.fill_(
-                self._log_std((1.0 - share) * s.log_std_init + share * s.log_std_final)
-            )
-
-    def _log_std(self, spread: float) -> float:
-        """Return what the learner has for an exploration of logarithm `spread`."""
+    def _log_std(self, wanted: float) -> float:
+        """Return the learner's parameter for an exploration of this logarithm."""
         # Correlated noise is a sum over the outputs of the last hidden layer.
         s = self.settings
-        return spread - (0.5 * math.log(s.net_arch[-1]) if s.noise == "rollout" else 0.0)
+        return wanted - (0.5 * math.log(s.net_arch[-1]) if s.noise == "rollout" else 0.0)
+
+    def figures(self) -> Fields:
+        """Return the rate where it changes, and the front of resets along demonstrations."""
+        rate = {"rate": self._rate.now} if self.settings.adaptive else {}
+        return rate | ({"front": self._resets.front} if self._resets else {})
 
     def note(self) -> Fields:
-        """As every round's, with where resets are."""
-        return super().note() | {"resets": self._resets and self._resets.progress}
+        """Return the rate and the progress of resets."""
+        return {"rate": self._rate.now, "resets": self._resets and self._resets.progress}
 
-    def begin(self) -> Fields | None:
-        """As every training, with where resets were."""
-        note = super().begin()
-        if note and self._resets:
+    def restore(self, note: Fields) -> None:
+        """Take up rate and resets."""
+        self._rate.now = note["rate"]
+        if self._resets:
             self._resets.go_on(**note["resets"])
-        return note
-
-    def counters(self) -> list[tuple[Any, str]]:
-        """As every learner's, with the rate."""
-        return [*super().counters(), (self._rate, "now")]
 
     def policy(self) -> tuple[Fields, Fields]:
         """Return what an `RlPolicy` reads."""
-        is_sac = self.settings.algorithm == "sac"
-        about = {
-            **{name: getattr(self._spec, name) for name in _WRITTEN},
-            "activation": "relu" if is_sac else "tanh",
-            "squashed": is_sac,
-        }
-        return about, self._spec.scaling._asdict()
+        is_sac, stated = (
+            self.settings.algorithm == "sac",
+            {name: getattr(self.spec, name) for name in _WRITTEN},
+        )
+        about = stated | {"activation": "relu" if is_sac else "tanh", "squashed": is_sac}
+        return about, self.spec.scaling._asdict()
 
 
-class GripTraining(Rounds):
-    """Training of corrections of a clone's grip."""
+class GripTask(RolloutTask):
+    """Training of corrections of a cloned policy's grip."""
 
     kind, counted, won = GripPolicy.kind, "episodes", "training_held"
 
-    def environments(self) -> GripVecEnv:
+    def environments(self, place: torch.device) -> GripVecEnv:
         """Make the environments."""
         s = self.settings
-        assert self.clone, "a grip is a clone's"
+        assert self.clone, "a grip is a cloned policy's"
         return GripVecEnv(
             s.env_id, s.num_envs, self.clone, s.group_size, objects=list(s.objects),
             max_episode_steps=s.episode_steps, randomisation={"friction": s.friction, "mass": s.mass}, **self.env,
         )  # fmt: skip
 
-    def learner(self) -> PPO:
+    def learner(self, envs: GripVecEnv, place: torch.device) -> PPO:
         """Make the learner."""
         s = self.settings
         return PPO(
-            "MlpPolicy", self.envs, n_steps=s.round_episodes, n_epochs=s.n_epochs, target_kl=s.target_kl,
+            "MlpPolicy", envs, n_steps=s.round_episodes, n_epochs=s.n_epochs, target_kl=s.target_kl,
             batch_size=max(2, s.round_steps // 2), learning_rate=s.learning_rate,
             policy_kwargs={"net_arch": list(s.net_arch), "log_std_init": s.log_std_init}, seed=s.seed,
-            device=self.place,
+            device=place,
         )  # fmt: skip
