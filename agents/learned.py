@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from dexgrasp.agent import BY_CLOUD, BY_STATE, Agent, Observation, Report, cell_of
-from dexgrasp.learning.imitation.clone import Clone
-from dexgrasp.learning.imitation.grasper import Grasper
+from dexgrasp.learning.imitation.bc_policy import BcPolicy
+from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
 from dexgrasp.learning.imitation.policy import Policy, PolicyRun
-from dexgrasp.learning.reinforcement.actor import Actor, Grip
+from dexgrasp.learning.reinforcement.grip_policy import GripPolicy
+from dexgrasp.learning.reinforcement.rl_policy import RlPolicy
 from dexgrasp.runs.policy_folder import read_policy
 from dexgrasp_env.arrays import Single
 from dexgrasp_env.assets import asset_path
@@ -33,7 +34,9 @@ class LearnedAgent(Agent):
         """
         path = expand(folder or asset_path("weights", self.shipped))
         about, arrays = read_policy(path)
-        kinds: dict[str, type[Policy]] = {own.kind: own for own in (Clone, Grasper, Actor, Grip)}
+        kinds: dict[str, type[Policy]] = {
+            own.kind: own for own in (BcPolicy, CloudGraspPolicy, RlPolicy, GripPolicy)
+        }
         kind = str(about.get("kind"))
         if kind not in kinds:
             raise InputError(f"{path}: policy of kind {kind!r}: valid are {', '.join(kinds)}")

@@ -17,8 +17,9 @@ from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.report.tables import rate_words
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.learning.imitation.cloning import VIEWS
+from dexgrasp.learning.imitation.bc_tasks import VIEWS
 from dexgrasp.learning.imitation.settings import BcSettings
+from dexgrasp.learning.training.gradient_training import GradientTraining
 from dexgrasp.runs.pool import Backend
 from dexgrasp_env.valid import Count, one_of
 
@@ -57,7 +58,8 @@ class Clone(Script):
         made = generate(settings, demos, backend=self.backend)
         print(f"{made['episodes']} of {made['tried']} scenes became demonstrations")
 
-        trained = VIEWS[self.view]([demos], clone, BcSettings(view=self.view, epochs=self.epochs)).run()
+        task = VIEWS[self.view]([demos], BcSettings(view=self.view, epochs=self.epochs))
+        trained = GradientTraining(task, clone).run()
         print(f"loss {trained.curve[-1]['loss']:.3f} after {trained.seconds:.0f} s; the policy is {clone}")
 
         scored = EvaluationSettings.of([str(clone), *self.beside], self.test, trials=self.trials)

@@ -31,7 +31,7 @@ from dexgrasp.cli.benchmarks.timing import clocks
 from dexgrasp.cli.command import File, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.statistics import mcnemar
-from dexgrasp.learning.reinforcement.actor import one
+from dexgrasp.learning.reinforcement.rl_policy import one
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.objects.load import resolve_targets

@@ -107,7 +107,7 @@ class Macro(VecEnvWrapper):
         state, asked = self.state(self.raw), np.zeros((self.num_envs, SIZE))
         asked[:, 4], asked[:, 5:] = TILT, self.closed[:, None]
         assert self.space is not None
-        moves = self.space.carried_out(asked, state)
+        moves = self.space.env_actions(asked, state)
         moves[:, :3] = np.clip(0.5 * (self.place - state["palm_pose"][:, :3]) / PALM_STEP, -0.8, 0.8)
         return moves
 

@@ -42,12 +42,12 @@ def clone(tmp_path):
     import numpy as np
 
     import dexgrasp_env  # noqa: F401
-    from dexgrasp.learning.imitation.features import features, first_look
+    from dexgrasp.learning.imitation.state_features import features, initial_scene
     from dexgrasp.runs.policy_folder import write_policy
 
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     first, _ = env.reset(seed=0)
-    width = len(features(first_look(first), first, 0))
+    width = len(features(initial_scene(first), first, 0))
     rng = np.random.default_rng(0)
     arrays = {
         "mean": np.zeros(width), "scale": np.ones(width), "unit": np.full(8 * 23, 0.01),

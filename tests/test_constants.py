@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from project_scripts import load_script
 
-from dexgrasp.learning.imitation import taken
+from dexgrasp.learning.imitation import demonstrated_grasp
 from dexgrasp.motion import carrying
 from dexgrasp.motion import move_until_contact as guarded
 from dexgrasp.planning import constraints
@@ -124,8 +124,8 @@ def test_a_constant_is_changed_wherever_it_holds_and_afterwards_is_what_it_was(v
     assert guarded.GuardedGrasp.__init__.__defaults__ == (old,)
     with varying.changed(guarded, "TIP_DEPTH", 0.1):
         assert carrying.pressing_torques.__globals__["TIP_DEPTH"] == 0.1
-        assert taken.TIP_DEPTH == 0.1
-    assert taken.TIP_DEPTH == guarded.TIP_DEPTH > 0.1
+        assert demonstrated_grasp.TIP_DEPTH == 0.1
+    assert demonstrated_grasp.TIP_DEPTH == guarded.TIP_DEPTH > 0.1
 
 
 def test_what_compiled_code_has_built_in_is_not_varied(varying):

@@ -26,11 +26,12 @@ from dexgrasp.data.dataset.dataset import read_dataset  # noqa: E402
 from dexgrasp.data.dataset.generate import generate  # noqa: E402
 from dexgrasp.data.dataset.settings import DatasetSettings  # noqa: E402
 from dexgrasp.geometry.target import GraspTarget  # noqa: E402
-from dexgrasp.learning.cvae.autoencoder import Cvae, losses, rotation_of  # noqa: E402
-from dexgrasp.learning.cvae.batches import split, training_batch  # noqa: E402
-from dexgrasp.learning.cvae.cvae_training import CvaeTraining  # noqa: E402
+from dexgrasp.learning.cvae.cvae_network import Cvae, losses, rotation_of  # noqa: E402
+from dexgrasp.learning.cvae.cvae_task import CvaeTask  # noqa: E402
+from dexgrasp.learning.cvae.grasp_batches import split, training_batch  # noqa: E402
 from dexgrasp.learning.cvae.settings import TrainingSettings  # noqa: E402
 from dexgrasp.learning.training.checkpoint import write_tensors  # noqa: E402
+from dexgrasp.learning.training.gradient_training import GradientTraining  # noqa: E402
 from dexgrasp.mechanics.margin import margins  # noqa: E402
 from dexgrasp.planning.cvae_source import CvaeProposals, decode, on_surface, shipped_weights  # noqa: E402
 from dexgrasp.planning.decoder import (  # noqa: E402
@@ -60,7 +61,7 @@ def data(tmp_path_factory):
 @pytest.fixture(scope="module")
 def trained(data, tmp_path_factory):
     out = tmp_path_factory.mktemp("trained") / "run"
-    state = CvaeTraining(data, out, TRAINING).run()
+    state = GradientTraining(CvaeTask(data, TRAINING), out).run()
     return out, state
 
 
@@ -138,7 +139,7 @@ def test_splits_share_no_grasp(data):
 def test_stopped_training_ends_with_the_same_bits(data, trained, tmp_path):
     out, state = trained
     for _ in range(3):
-        last = CvaeTraining(data, tmp_path / "run", TRAINING).run(stop_after=1)
+        last = GradientTraining(CvaeTask(data, TRAINING), tmp_path / "run").run(stop_after=1)
     assert last.epoch == 3
     assert last.curve == state.curve
     assert (tmp_path / "run/cvae.safetensors").read_bytes() == (out / "cvae.safetensors").read_bytes()
@@ -146,7 +147,7 @@ def test_stopped_training_ends_with_the_same_bits(data, trained, tmp_path):
 
 def test_other_settings_in_the_folder_are_refused(data, trained):
     with refused("other settings"):
-        CvaeTraining(data, trained[0], replace(TRAINING, seed=9)).run()
+        GradientTraining(CvaeTask(data, replace(TRAINING, seed=9)), trained[0]).run()
 
 
 def copied(trained, tmp_path):
@@ -157,7 +158,7 @@ def test_a_finished_training_without_its_weights_says_so(data, trained, tmp_path
     out = copied(trained, tmp_path)
     (out / "cvae.safetensors").unlink()
     with refused(r"weights of epoch .* are gone"):
-        CvaeTraining(data, out, TRAINING).run()
+        GradientTraining(CvaeTask(data, TRAINING), out).run()
 
 
 @pytest.mark.parametrize(
@@ -174,7 +175,7 @@ def test_damaged_metadata_of_a_checkpoint_is_refused(data, trained, tmp_path, no
         tensors = {name: tensor for name, tensor in tensors.items() if not name.startswith("model.")}
     save_file(tensors, path, {"dexgrasp": note})
     with refused("damaged"):
-        CvaeTraining(data, out, TRAINING).run()
+        GradientTraining(CvaeTask(data, TRAINING), out).run()
 
 
 def test_two_trainings_may_not_write_one_folder(data, trained, tmp_path):
@@ -183,8 +184,8 @@ def test_two_trainings_may_not_write_one_folder(data, trained, tmp_path):
         RunFolder(out, "run.json", "training").claim({}),
         refused("another process is writing"),
     ):
-        CvaeTraining(data, out, TRAINING).run()
-    assert CvaeTraining(data, out, TRAINING).run().epoch == TRAINING.epochs
+        GradientTraining(CvaeTask(data, TRAINING), out).run()
+    assert GradientTraining(CvaeTask(data, TRAINING), out).run().epoch == TRAINING.epochs
 
 
 def test_command_line(data, tmp_path, capsys, printed):

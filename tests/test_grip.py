@@ -10,7 +10,7 @@ from refusals import refused
 from robots import CELL, HOME
 from trainings import begun, goes_on_to_the_same_bits
 
-from dexgrasp.learning.reinforcement.actor import GRIP_SIZE, Grip, arm_step, look
+from dexgrasp.learning.reinforcement.grip_policy import GRIP_SIZE, GripPolicy, arm_step, first_features
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
@@ -21,11 +21,12 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
-from dexgrasp.learning.reinforcement.policy_training import GripTraining  # noqa: E402
+from dexgrasp.learning.reinforcement.rl_tasks import GripTask  # noqa: E402
+from dexgrasp.learning.reinforcement.rollout_training import RolloutTraining  # noqa: E402
 from dexgrasp.learning.reinforcement.settings import GripSettings  # noqa: E402
 
 SETTINGS = GripSettings(
-    ("sugar_box",), episode_steps=12, episodes=12, num_envs=2, round_episodes=2, alike=2, hidden=8
+    ("sugar_box",), episode_steps=12, episodes=12, num_envs=2, round_episodes=2, group_size=2, net_arch=(8, 8)
 )
 
 
@@ -34,7 +35,7 @@ def grip_of(clone, correction):
     about, arrays = read_policy(clone)
     arrays = {f"base.{name}": array for name, array in arrays.items()}
     arrays |= {"actor.0.weight": np.zeros((GRIP_SIZE, len(arrays["base.mean"]))), "actor.0.bias": correction}
-    return Grip({"kind": "grip", "env": about["env"], "base": about}, arrays)
+    return GripPolicy({"kind": "grip", "env": about["env"], "base": about}, arrays)
 
 
 def played(policy, env, steps):
@@ -78,30 +79,28 @@ def test_a_correction_stays_on_top_of_the_clones_set_points(clone):
 
 
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(tmp_path, clone):
-    assert (
-        goes_on_to_the_same_bits(partial(GripTraining, settings=SETTINGS, clone=clone), tmp_path).epoch == 3
-    )
-    work = GripTraining(tmp_path / "whole", SETTINGS, clone)
+    assert goes_on_to_the_same_bits(RolloutTraining, partial(GripTask, SETTINGS, clone), tmp_path).epoch == 3
+    work = RolloutTraining(GripTask(SETTINGS, clone), tmp_path / "whole")
     work.begin()
     work.envs.seed(5)
     meant, _ = work.model.predict(work.envs.reset()[:1], deterministic=True)
     work.envs.close()
     agent, observation = begun(tmp_path / "whole", 8)
     grip = agent._policy
-    looks = look(grip.clone, observation)
+    looks = first_features(grip.clone, observation)
     assert np.abs(grip.correction(looks)).max() > 0.0  # it has learned something
     assert meant.shape == (1, GRIP_SIZE)
 
 
 def test_groups_of_one_have_nothing_to_be_above_of():
-    with refused("alike is 1: valid is 2 or more"):
-        replace(SETTINGS, alike=1)
+    with refused("group_size is 1: valid is 2 or more"):
+        replace(SETTINGS, group_size=1)
 
 
 def test_what_does_not_fit_is_refused(tmp_path, clone):
     about, arrays = read_policy(clone)
     with refused("incomplete"):
-        Grip({"kind": "grip", "env": about["env"], "base": about}, arrays)
+        GripPolicy({"kind": "grip", "env": about["env"], "base": about}, arrays)
     write_policy(clone, about | {"env": {"obs_mode": "state", "control_mode": "joint_position"}}, arrays)
     with refused("clone another"):
-        GripTraining(tmp_path / "out", SETTINGS, clone).run()
+        GripTask(SETTINGS, clone)

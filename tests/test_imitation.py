@@ -19,28 +19,29 @@ from dexgrasp.data.demonstrations.minari_format import read_episodes
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.learning.imitation.clone import Clone, CloneRun
-from dexgrasp.learning.imitation.cloud_look import along, look_at
-from dexgrasp.learning.imitation.data import read_grips, read_rows
-from dexgrasp.learning.imitation.features import features, first_look, side_by_side
-from dexgrasp.learning.imitation.grasper import Grasper
-from dexgrasp.learning.imitation.taken import as_row, of_row, taken
+from dexgrasp.learning.imitation.bc_policy import BcPolicy, BcRun
+from dexgrasp.learning.imitation.cloud_features import grip_features, observed_cloud
+from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
+from dexgrasp.learning.imitation.demonstrated_grasp import demonstrated_grasp, grasp_from_row, grasp_to_row
+from dexgrasp.learning.imitation.demonstration_data import read_grips, read_rows
+from dexgrasp.learning.imitation.state_features import features, initial_scene, stack_scenes
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp_env.poses import about_z, quat_multiply, rotate, yaw_quat
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("minari")
-from dexgrasp.learning.imitation.clone_net import CloneNet, GraspNet  # noqa: E402
-from dexgrasp.learning.imitation.cloning import VIEWS, Cloning, StateCloning  # noqa: E402
-from dexgrasp.learning.imitation.settings import BcSettings, CloneNetwork, GraspNetwork  # noqa: E402
+from dexgrasp.learning.imitation.bc_network import BcNet, GraspNet  # noqa: E402
+from dexgrasp.learning.imitation.bc_tasks import VIEWS, BcTask, StateBcTask  # noqa: E402
+from dexgrasp.learning.imitation.settings import BcNetSizes, BcSettings, GraspNetSizes  # noqa: E402
 from dexgrasp.learning.imitation.trials import Trials  # noqa: E402
 from dexgrasp.learning.training.checkpoint import read_state  # noqa: E402
-from dexgrasp.learning.training.training import CHECKPOINT, Course  # noqa: E402
+from dexgrasp.learning.training.gradient_training import GradientTraining  # noqa: E402
+from dexgrasp.learning.training.loop import CHECKPOINT, RunOptions  # noqa: E402
 from dexgrasp.runs.policy_folder import read_policy  # noqa: E402
 
-SMALL = CloneNetwork(hidden=24, layers=2)
-NARROW = GraspNetwork(local=8, cloud=12, width=24)
+SMALL = BcNetSizes(hidden=24, layers=2)
+NARROW = GraspNetSizes(local=8, cloud=12, width=24)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +53,7 @@ def demos(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def short_epochs(monkeypatch):
-    monkeypatch.setattr(Cloning, "steps", 4)
+    monkeypatch.setattr(BcTask, "steps", 4)
 
 
 def settings_of(view, **more):
@@ -75,7 +76,7 @@ def test_a_scene_turned_about_the_base_looks_the_same(demos):
         other[key] = rotate(turn, np.asarray(seen[key], dtype=float).reshape(-1, 3)).reshape(seen[key].shape)
     for key in ("joint_targets", "joint_positions"):
         other[key] = seen[key] + angle * np.eye(23)[0]
-    scenes = [first_look(look) for look in (seen, other)]
+    scenes = [initial_scene(look) for look in (seen, other)]
     rows = [features(scene, look, 40) for scene, look in zip(scenes, (seen, other), strict=True)]
     differing = np.flatnonzero(~np.isclose(*rows, atol=1e-4))
     # The way from the base to the object alone tells them apart.
@@ -86,17 +87,17 @@ def test_a_scene_turned_about_the_base_looks_the_same(demos):
 def test_episodes_side_by_side_are_seen_as_each_alone(demos):
     episodes = list(islice(read_episodes(demos), 2))
     seen = [{key: array[40] for key, array in episode.observations.items()} for episode in episodes]
-    scenes = [first_look(look) for look in seen]
+    scenes = [initial_scene(look) for look in seen]
     alone = [features(scene, look, k) for k, (scene, look) in enumerate(zip(scenes, seen, strict=True))]
     together = {key: np.stack([look[key] for look in seen]) for key in seen[0]}
-    rows = features(side_by_side(scenes), together, np.arange(len(seen)))
+    rows = features(stack_scenes(scenes), together, np.arange(len(seen)))
     assert_allclose(rows, alone, atol=1e-12)
 
 
 def test_features_tell_nothing_of_the_last_action(demos):
     episode = next(read_episodes(demos))
     seen = {key: array[40] for key, array in episode.observations.items()}
-    scene = first_look(seen)
+    scene = initial_scene(seen)
     faster = seen | {
         "joint_velocities": seen["joint_velocities"] + 1.0,
         "joint_positions": seen["joint_positions"] - 0.1,
@@ -117,9 +118,10 @@ def test_chunks_are_the_set_points_to_come_and_stand_still_at_the_end(demos):
 @pytest.mark.parametrize("view", ["state", "cloud"])
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(demos, tmp_path, view):
     settings = settings_of(view)
-    assert goes_on_to_the_same_bits(partial(VIEWS[view], [demos], settings=settings), tmp_path).epoch == 2
+    task = partial(VIEWS[view], [demos], settings)
+    assert goes_on_to_the_same_bits(GradientTraining, task, tmp_path).epoch == 2
     with refused("other settings"):
-        VIEWS[view]([demos], tmp_path / "parts", settings_of(view, seed=1)).run()
+        GradientTraining(VIEWS[view]([demos], settings_of(view, seed=1)), tmp_path / "parts").run()
     agent = make_agent(str(tmp_path / "whole"))
     assert agent.env_settings["obs_mode"] == {"state": "state", "cloud": "pointcloud"}[view]
     evaluation = EvaluationSettings.of([str(tmp_path / "whole")], ["sugar_box"], trials=1)
@@ -137,20 +139,20 @@ def trained(net, folder):
 
 
 def test_numpy_predicts_what_torch_does(demos, tmp_path):
-    StateCloning([demos], tmp_path / "out", settings_of("state")).run()
-    clone, rows = Clone(*read_policy(tmp_path / "out")), read_rows([demos])
+    GradientTraining(StateBcTask([demos], settings_of("state")), tmp_path / "out").run()
+    clone, rows = BcPolicy(*read_policy(tmp_path / "out")), read_rows([demos])
     batch = rows.batch(np.array([0]), np.array([[5, 50]]), 8)
-    net = trained(CloneNet(SMALL, *rows.looks[:2]), tmp_path / "out")
+    net = trained(BcNet(SMALL, *rows.looks[:2], np.ones(8 * 23, np.float32)), tmp_path / "out")
     theirs = net(torch.from_numpy(batch.looks)).detach().numpy()[0]
     assert_allclose(clone.predict(batch.looks[0]).reshape(2, -1) / clone._unit, theirs, atol=1e-4)
 
 
 def test_numpy_weighs_grips_as_torch_does(demos, tmp_path):
-    VIEWS["cloud"]([demos], tmp_path / "out", settings_of("cloud")).run()
+    GradientTraining(VIEWS["cloud"]([demos], settings_of("cloud")), tmp_path / "out").run()
     grips, azimuths = read_grips([demos]), np.array([0.0, 1.0, 4.0])
-    points, numbers = along(grips.looks[0], azimuths)
+    points, numbers = grip_features(grips.looks[0], azimuths)
     net = trained(GraspNet(NARROW, numbers, grips.rows), tmp_path / "out")
-    ours = Grasper(*read_policy(tmp_path / "out")).weigh(grips.looks[0], azimuths)
+    ours = CloudGraspPolicy(*read_policy(tmp_path / "out")).weigh(grips.looks[0], azimuths)
     for one, other in zip(ours, net(*map(torch.from_numpy, (points, numbers))), strict=True):
         assert_allclose(one, other.detach().numpy(), atol=1e-4)
 
@@ -159,16 +161,18 @@ def test_a_cloud_turned_with_its_grip_looks_the_same(demos):
     first = next(read_episodes(demos)).once
     angle = 0.7
     other = first | {key: first[key] @ about_z(angle).T for key in ("cloud", "cloud_normals")}
-    one, turned = (along(look_at(look), np.array([a])) for look, a in ((first, 0.2), (other, 0.2 + angle)))
+    one, turned = (
+        grip_features(observed_cloud(look), np.array([a])) for look, a in ((first, 0.2), (other, 0.2 + angle))
+    )
     for a, b in zip(one, turned, strict=True):
         assert_allclose(a, b, atol=1e-4)
-    lines = along(look_at(first), np.array([0.2, 1.2]))[0]
+    lines = grip_features(observed_cloud(first), np.array([0.2, 1.2]))[0]
     assert np.abs(lines[0] - lines[1]).max() > 0.1
 
 
 def test_the_grasp_of_a_demonstration_is_read_and_written(demos):
     episode, tree = next(read_episodes(demos)), robot_tree(CELL)
-    grasp, look = taken(episode, 0.0, CELL), look_at(episode.once)
+    grasp, look = demonstrated_grasp(episode, 0.0, CELL), observed_cloud(episode.once)
     thumb, *fingers = grasp.tips
     assert all(0.02 < np.linalg.norm(tip - thumb) < 0.2 for tip in fingers)
     assert np.linalg.norm(grasp.tips.mean(axis=0) - look.middle) < 0.05
@@ -176,7 +180,7 @@ def test_the_grasp_of_a_demonstration_is_read_and_written(demos):
     line = np.array([np.cos(grasp.azimuth), np.sin(grasp.azimuth), 0.0])
     assert grasp.forces[0] @ line > 1.0
     assert all(force @ line < -0.5 for force in grasp.forces[1:])
-    again = of_row(as_row(grasp, look.middle), look.middle, grasp.azimuth, tree)
+    again = grasp_from_row(grasp_to_row(grasp, look.middle), look.middle, grasp.azimuth, tree)
     for a, b in zip(grasp, again, strict=True):
         assert_allclose(a, b, atol=1e-9)
 
@@ -186,16 +190,16 @@ def test_demonstrations_without_a_wait_teach_no_grasp(demos):
     targets = episode.observations["joint_targets"].copy()
     targets[:, 0] += 1e-3 * np.arange(len(targets))
     episode.observations["joint_targets"] = targets
-    assert taken(episode, 0.0, CELL) is None
+    assert demonstrated_grasp(episode, 0.0, CELL) is None
 
 
 def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, monkeypatch):
-    StateCloning([demos], tmp_path / "out", settings_of("state", execute=3)).run()
-    clone, looks = Clone(*read_policy(tmp_path / "out")), []
+    GradientTraining(StateBcTask([demos], settings_of("state", execute=3)), tmp_path / "out").run()
+    clone, looks = BcPolicy(*read_policy(tmp_path / "out")), []
     predict = clone.predict
     monkeypatch.setattr(clone, "predict", lambda *a: looks.append(1) or predict(*a))
     seen = {key: array[0] for key, array in next(read_episodes(demos)).observations.items()}
-    run = CloneRun(clone, seen, CELL)
+    run = BcRun(clone, seen, CELL)
     for _ in range(7):
         assert np.abs(run.action(seen)).max() <= 1.0
     assert len(looks) == 3
@@ -203,14 +207,16 @@ def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, mo
 
 def test_policies_are_tried_while_they_learn(demos, tmp_path):
     trials = Trials(("sugar_box",), every=2)
-    state = StateCloning([demos], tmp_path / "out", settings_of("state"), Course(tester=trials)).run()
+    state = GradientTraining(
+        StateBcTask([demos], settings_of("state")), tmp_path / "out", RunOptions(tester=trials)
+    ).run()
     assert "success" not in state.curve[0]
     assert state.curve[1]["trials"] == 1
 
 
 def test_damaged_policies_are_refused(demos, tmp_path):
     out = tmp_path / "out"
-    StateCloning([demos], out, settings_of("state")).run()
+    GradientTraining(StateBcTask([demos], settings_of("state")), out).run()
     about = json.loads((out / "policy.json").read_text())
     changes = (
         ("chunk", 7, "do not fit"),

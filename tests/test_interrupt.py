@@ -150,9 +150,9 @@ def test_evaluate_in_the_middle_keeps_every_trial(tmp_path):
     [
         ("dataset generate --objects pear", "dexgrasp.data.dataset.generate.generate"),
         ("demos generate --objects pear", "dexgrasp.data.demonstrations.generate.generate"),
-        ("train cvae --data data", "dexgrasp.learning.cvae.cvae_training.CvaeTraining"),
-        ("train bc --data data --view state", "dexgrasp.learning.imitation.cloning.Cloning.__init__"),
-        ("train ppo --objects pear", "dexgrasp.learning.reinforcement.policy_training.PolicyTraining"),
+        ("train cvae --data data", "dexgrasp.learning.cvae.cvae_task.CvaeTask"),
+        ("train bc --data data --view state", "dexgrasp.learning.imitation.bc_tasks.StateBcTask.__init__"),
+        ("train ppo --objects pear", "dexgrasp.learning.reinforcement.rl_tasks.PolicyTask"),
     ],
 )
 def test_long_commands_say_what_is_kept(words, work, tmp_path, monkeypatch, capsys):

@@ -1,7 +1,6 @@
 """Reinforcement: resuming to the same bits, corrections that begin at the clone, agents by their path."""
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,22 +16,31 @@ from dexgrasp_env.valid import read
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 import gymnasium as gym
+import torch
 
 import dexgrasp_env  # noqa: F401
-from dexgrasp.learning.reinforcement import policy_training
+from dexgrasp.learning.reinforcement import rl_tasks
 from dexgrasp.learning.reinforcement.grasp_space import GraspSpace
-from dexgrasp.learning.reinforcement.policy_training import PolicyTraining
+from dexgrasp.learning.reinforcement.rl_tasks import PolicyTask
+from dexgrasp.learning.reinforcement.rollout_training import RolloutTraining
 from dexgrasp.learning.reinforcement.settings import RlSettings
 
 
 @pytest.fixture(autouse=True)
 def short_rounds(monkeypatch):
     monkeypatch.setattr(RlSettings, "limit", property(lambda settings: settings.episode_steps or 12))
-    monkeypatch.setattr(policy_training, "_MEASURED", 4)
+    monkeypatch.setattr(rl_tasks, "_MEASURED", 4)
 
 
 def settings_of(algorithm, **more):
-    short = {"steps": 60, "num_envs": 2, "hidden": (16, 12), "rollout": 6, "buffer": 500, "warm_up": 10}
+    short = {
+        "steps": 60,
+        "num_envs": 2,
+        "net_arch": (16, 12),
+        "n_steps": 6,
+        "buffer_size": 500,
+        "learning_starts": 10,
+    }
     return RlSettings(("sugar_box",), algorithm, **short, **more)
 
 
@@ -40,20 +48,20 @@ def settings_of(algorithm, **more):
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_path, clone):
     settings = settings_of(algorithm)
     base = clone if algorithm == "ppo" else None
-    make = partial(PolicyTraining, settings=settings, clone=base)
-    assert goes_on_to_the_same_bits(make, tmp_path).epoch == 3
+    task = partial(PolicyTask, settings, base)
+    assert goes_on_to_the_same_bits(RolloutTraining, task, tmp_path).epoch == 3
     assert not [path for path in tmp_path.rglob("*") if path.suffix in (".zip", ".pkl", ".pth")]
     begun(tmp_path / "whole", 1)
     with refused("other settings"):
-        PolicyTraining(tmp_path / "parts", settings_of(algorithm, seed=1), base).run()
+        RolloutTraining(PolicyTask(settings_of(algorithm, seed=1), base), tmp_path / "parts").run()
 
 
 def test_episodes_along_demonstrations_go_on_to_the_same_bits(tmp_path):
     pytest.importorskip("minari")
     generate(DemoSettings.of(["sugar_box"], agent="hardcoded", episodes=1), tmp_path / "demos")
-    more = {"control_mode": "ee_delta", "share": 0.5, "randomise": (("mass", 1.0, 1.05),)}
+    more = {"control_mode": "ee_delta", "residual_scale": 0.5, "randomise": (("mass", 1.0, 1.05),)}
     settings = settings_of("ppo", resets=str(tmp_path / "demos"), **more)
-    whole = goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
+    whole = goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
     assert [row["front"] for row in whole.curve] == [0.9] * 3
     assert make_agent(str(tmp_path / "whole")).env_settings["control_mode"] == "ee_delta"
 
@@ -61,7 +69,11 @@ def test_episodes_along_demonstrations_go_on_to_the_same_bits(tmp_path):
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_a_round_is_as_long_as_an_episode(algorithm, monkeypatch):
     monkeypatch.undo()
-    for more in ({"hold": 7}, {"env_id": "DexGrasp/LiftPushed-v2"}, {"episode_steps": 84, "hold": 5}):
+    for more in (
+        {"action_repeat": 7},
+        {"env_id": "DexGrasp/LiftPushed-v2"},
+        {"episode_steps": 84, "action_repeat": 5},
+    ):
         settings = RlSettings(("sugar_box",), algorithm, **more)
         limit = more.get("episode_steps") or gym.spec(settings.env_id).max_episode_steps
         assert 0 <= settings.length * settings.span - limit < settings.span
@@ -71,12 +83,12 @@ def test_a_round_is_as_long_as_an_episode(algorithm, monkeypatch):
     ("more", "rollouts"),
     [
         ({}, (3, 100)),
-        ({"hold": 2}, (2, 75)),
-        ({"rollout": 32}, (10, 30)),
-        ({"rollout": 1000}, (1, 300)),
-        ({"episode_steps": 13, "rollout": 6}, (3, 5)),
+        ({"action_repeat": 2}, (2, 75)),
+        ({"n_steps": 32}, (10, 30)),
+        ({"n_steps": 1000}, (1, 300)),
+        ({"episode_steps": 13, "n_steps": 6}, (3, 5)),
         ({"episode_steps": 1, "num_envs": 1}, (1, 2)),
-        ({"episode_steps": 4, "num_envs": 1, "rollout": 1}, (2, 2)),
+        ({"episode_steps": 4, "num_envs": 1, "n_steps": 1}, (2, 2)),
     ],
 )
 def test_rollouts_are_a_round(more, rollouts, monkeypatch):
@@ -87,8 +99,8 @@ def test_rollouts_are_a_round(more, rollouts, monkeypatch):
 
 
 def test_as_many_steps_are_done_as_rounds_come_to(tmp_path):
-    settings = settings_of("ppo", hold=2, episode_steps=20)  # ten looks, in rollouts of six at most
-    state = PolicyTraining(tmp_path, settings).run()
+    settings = settings_of("ppo", action_repeat=2, episode_steps=20)  # ten looks, in rollouts of six at most
+    state = RolloutTraining(PolicyTask(settings), tmp_path).run()
     assert [row["steps"] for row in state.curve] == [40, 80]
 
 
@@ -99,8 +111,8 @@ def test_as_many_steps_are_done_as_rounds_come_to(tmp_path):
         ({"randomise": [["colour", 0.0, 1.0]]}, "valid are mass, friction, size"),
         ({"randomise": [["mass", 2.0, 1.0]]}, "low <= high"),
         ({"randomise": ["mass"]}, "randomise"),
-        ({"hidden": [64, 0]}, r"hidden is \[64, 0\]: .* each a whole number >= 1"),
-        ({"hidden": 64}, "hidden is 64: valid is a list"),
+        ({"net_arch": [64, 0]}, r"net_arch is \[64, 0\]: .* each a whole number >= 1"),
+        ({"net_arch": 64}, "net_arch is 64: valid is a list"),
     ],
 )
 def test_wrong_settings_are_refused(wrong, says):
@@ -113,21 +125,23 @@ def test_wrong_settings_are_refused(wrong, says):
     [
         ("ppo", {}),
         ("sac", {}),
-        ("ppo", {"control_mode": "grasp", "hold": 3}),
-        ("ppo", {"hold": 2, "chunk": 3}),
+        ("ppo", {"control_mode": "grasp", "action_repeat": 3}),
+        ("ppo", {"action_repeat": 2, "action_chunk": 3}),
     ],
 )
 def test_the_agent_does_what_the_learner_means(algorithm, more, tmp_path):
     settings = settings_of(algorithm, **more)
-    PolicyTraining(tmp_path / "out", settings).run()
-    work = PolicyTraining(tmp_path / "out", settings)
+    RolloutTraining(PolicyTask(settings), tmp_path / "out").run()
+    work = RolloutTraining(PolicyTask(settings), tmp_path / "out")
     work.begin()
     work.envs.seed(5)
     looks = work.envs.reset()
     agent, observation = begun(tmp_path / "out", 5)
     meant, _ = work.model.predict(looks[:1], deterministic=True)
     acted = [agent.act(observation) for _ in range(settings.span)]
-    np.testing.assert_allclose(acted, np.repeat(acted[:: settings.hold], settings.hold, axis=0))
+    np.testing.assert_allclose(
+        acted, np.repeat(acted[:: settings.action_repeat], settings.action_repeat, axis=0)
+    )
     if not more:
         np.testing.assert_allclose(acted[0], meant[0], atol=1e-4)
     played = []
@@ -135,14 +149,14 @@ def test_the_agent_does_what_the_learner_means(algorithm, more, tmp_path):
     work.envs.step(np.repeat(meant, 2, axis=0))
     assert len(played) == settings.span
     np.testing.assert_allclose(played[0][0], acted[0], atol=1e-4)
-    if not work._acting.grasps:  # in which what is carried out follows from what is seen as well
+    if not work.task.spec.grasps:  # in which what is carried out follows from what is seen as well
         np.testing.assert_allclose([actions[0] for actions in played], acted, atol=1e-4)
     work.envs.close()
 
 
 def test_training_of_grasps_goes_on_to_the_same_bits(tmp_path):
-    settings = settings_of("ppo", control_mode="grasp", hold=3, episode_steps=12, noise="rollout")
-    whole = goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
+    settings = settings_of("ppo", control_mode="grasp", action_repeat=3, episode_steps=12, noise="rollout")
+    whole = goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
     assert [row["steps"] for row in whole.curve] == [24, 48, 72]
 
 
@@ -156,10 +170,10 @@ def test_every_height_of_the_grasp_space_is_above_the_table(name):
         space = GraspSpace(env.unwrapped.settings.cell.robot, observations)
         action = np.array([[0.2, -0.56, height, 0.0, 0.5, -1.0, -1.0]])
         for _ in range(40):
-            observation, *_ = env.step(space.carried_out(action, observations)[0])
+            observation, *_ = env.step(space.env_actions(action, observations)[0])
             observations = {key: value[None] for key, value in observation.items()}
         heights.append(observations["palm_pose"][0, 2])
-        np.testing.assert_allclose(space.look(observations), action, atol=0.2)
+        np.testing.assert_allclose(space.state(observations), action, atol=0.2)
     assert 0.11 < heights[0] < heights[1] - 0.01
 
 
@@ -168,22 +182,22 @@ def test_what_lies_beyond_an_action_is_folded_back():
     observations = {key: value[None] for key, value in env.reset(seed=1)[0].items()}
     space = GraspSpace(env.unwrapped.settings.cell.robot, observations)
     for beyond, within in ((1.5, 0.5), (-1.25, -0.75), (3.0, -1.0), (2.0, 0.0), (-4.5, -0.5), (0.9, 0.9)):
-        told = [space.carried_out(np.full((1, 7), value), observations) for value in (beyond, within)]
+        told = [space.env_actions(np.full((1, 7), value), observations) for value in (beyond, within)]
         np.testing.assert_allclose(*told, atol=1e-6)
-    settings = settings_of("ppo", control_mode="grasp", hold=3)
-    envs = PolicyTraining(Path("unused"), settings).environments()
+    settings = settings_of("ppo", control_mode="grasp", action_repeat=3)
+    envs = PolicyTask(settings).environments(torch.device("cpu"))
     assert envs.action_space.high[0] == 3.0  # what PPO draws is not cut off before it is folded
     envs.close()
 
 
 def test_one_answer_is_an_episode_and_its_last_action_stands(tmp_path):
-    settings = settings_of("ppo", control_mode="grasp", hold=28, chunk=3, episode_steps=84)
+    settings = settings_of("ppo", control_mode="grasp", action_repeat=28, action_chunk=3, episode_steps=84)
     assert settings.length == 1
-    goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
+    goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
     place, opened, closed = [0.2, -0.56, -0.86, 0.0, 0.5], [-1.0, -1.0], [1.0, 1.0]
     lifted = [0.2, -0.56, 1.0, 0.0, 0.5]
     answer = np.array([*place, *opened, *place, *closed, *lifted, *closed])
-    work = PolicyTraining(tmp_path / "whole", settings)
+    work = RolloutTraining(PolicyTask(settings), tmp_path / "whole")
     work.begin()
     work.envs.seed(1)
     work.envs.reset()
@@ -206,9 +220,9 @@ def test_one_answer_is_an_episode_and_its_last_action_stands(tmp_path):
 
 def test_a_rate_that_follows_the_divergence_goes_on_to_the_same_bits(tmp_path):
     def rates(divergence):
-        settings = settings_of("ppo", adaptive=True, divergence=divergence)
+        settings = settings_of("ppo", adaptive=True, target_kl=divergence)
         whole = goes_on_to_the_same_bits(
-            partial(PolicyTraining, settings=settings), tmp_path / str(divergence)
+            RolloutTraining, partial(PolicyTask, settings), tmp_path / str(divergence)
         )
         return [row["rate"] for row in whole.curve]
 
@@ -218,9 +232,9 @@ def test_a_rate_that_follows_the_divergence_goes_on_to_the_same_bits(tmp_path):
 
 
 def test_exploring_gets_less_as_told_and_goes_on_to_the_same_bits(tmp_path):
-    settings = settings_of("ppo", settle=-3.0)
-    goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
-    work = PolicyTraining(tmp_path / "more", settings)
+    settings = settings_of("ppo", log_std_final=-3.0)
+    goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
+    work = RolloutTraining(PolicyTask(settings), tmp_path / "more")
     work.run()
     assert work.model.policy.log_std.mean().item() == pytest.approx(
         -2.6, abs=0.05
@@ -237,16 +251,16 @@ def test_a_grasp_is_a_few_points_of_the_grasp_space():
     phases = [(above + opened, 32), (at + opened, 24), (at + closed, 28), (lifted + closed, 90)]
     for action, steps in phases:
         for _ in range(steps):
-            observation, *_, info = env.step(space.carried_out(np.array([action]), observations)[0])
+            observation, *_, info = env.step(space.env_actions(np.array([action]), observations)[0])
             observations = {key: value[None] for key, value in observation.items()}
         if action[5:] == opened:
-            np.testing.assert_allclose(space.look(observations)[0], action, atol=0.2)
+            np.testing.assert_allclose(space.state(observations)[0], action, atol=0.2)
     assert info["is_success"]
 
 
 def test_a_correction_begins_at_the_clone(tmp_path, clone):
     settings = settings_of("ppo")
-    work = PolicyTraining(tmp_path, settings, clone)
+    work = RolloutTraining(PolicyTask(settings, clone), tmp_path)
     work.begin()
     work.state.curve.append({})
     work.write()
@@ -268,4 +282,4 @@ def test_clones_of_clouds_are_refused(tmp_path, clone):
     write_policy(clone, about | {"env": {"obs_mode": "state", "control_mode": "joint_position"}}, arrays)
     assert make_agent(str(clone))
     with refused("clone another"):
-        PolicyTraining(tmp_path / "out", settings_of("ppo"), clone).run()
+        PolicyTask(settings_of("ppo"), clone)

@@ -144,7 +144,11 @@ _ARM = yaml.safe_load(asset_path("robot", "panda.yaml").read_text())
         ({"shaken": [0, 9]}, {}, "two numbers of joints"),
         ({"reach": 0}, {}, "reach"),
         ({"home": [0.0] * 7}, {}, "valid ranges hold home"),
-        ({"frame": {"position": [0.0, 0.0, 0.1], "quat_wxyz": [0.5**0.5, 0.5**0.5, 0.0, 0.0]}}, {}, "axis of the last joint"),
+        (
+            {"frame": {"position": [0.0, 0.0, 0.1], "quat_wxyz": [0.5**0.5, 0.5**0.5, 0.0, 0.0]}},
+            {},
+            "axis of the last joint",
+        ),
         ({"mjcf": "."}, {}, "does not exist: name a file"),
         ({"velocity": "fast"}, {}, "velocity"),
         ({}, {"mount": "sideways"}, "unknown mount 'sideways'"),

@@ -7,7 +7,7 @@ from robots import HOME
 
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.agents.hardcoded import HardcodedAgent
-from dexgrasp.learning.imitation.cloud_look import look_at
+from dexgrasp.learning.imitation.cloud_features import look_at
 
 RNG = np.random.default_rng(0)
 BLOB = RNG.uniform([0.45, -0.03, 0.02], [0.51, 0.03, 0.08], (256, 3))

@@ -6,11 +6,11 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.registry import make_agent
 
 
-def goes_on_to_the_same_bits(make, folder):
+def goes_on_to_the_same_bits(loop, task, folder):
     """Train in one go in `whole`, and stopped after an epoch in `parts`; return the first's state."""
-    state = make(out=folder / "whole").run()
-    make(out=folder / "parts").run(stop_after=1)
-    again = make(out=folder / "parts").run()
+    state = loop(task(), folder / "whole").run()
+    loop(task(), folder / "parts").run(stop_after=1)
+    again = loop(task(), folder / "parts").run()
     assert again.epoch == again.epochs == state.epoch
     first, second = ((folder / name / "policy.safetensors").read_bytes() for name in ("whole", "parts"))
     assert first == second

@@ -28,13 +28,13 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.valid import Count, Natural, Positive, one_of
 
 if TYPE_CHECKING:
-    from dexgrasp.learning.training.training import Progress, Training
+    from dexgrasp.learning.training.loop import Progress, Training
 
 _CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")
 _BC = ("epochs", "threads", "hidden", "chunk", "execute")
-_GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "rate", "threads")
-_OF_PPO = ("spread", "settle", "noise", "rollout", "passes", "divergence", "adaptive")
-_OF_SAC = ("buffer", "warm_up", "updates")
+_GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "learning_rate", "threads")
+_OF_PPO = ("log_std_init", "log_std_final", "noise", "n_steps", "n_epochs", "target_kl", "adaptive")
+_OF_SAC = ("buffer_size", "learning_starts", "gradient_steps")
 Device = Annotated[str, one_of(("auto", "cpu", "cuda"))]
 Minutes = Annotated[Positive | None, "M", {"instead_of": "settings.epochs"}]
 
@@ -52,24 +52,26 @@ class TrainingCommand(Command):
 
     def train(
         self,
-        make: "Callable[..., Training]",
+        loop: "type[Training]",
+        task: Callable[[], Any],
         unit: str,
         *,
         of: str = "",
         out: Path | None = None,
-        **course: Any,
+        **options: Any,
     ) -> "Training":
         """Train behind a bar that shows the figures of the last epoch; draw the curves.
 
         Args:
-            make: given a folder and a course, makes the training.
+            loop: that trains.
+            task: makes what is trained.
             unit: of the bar.
             of: what the bar says besides the command's name.
             out: folder, where it is not that of the command.
-            **course: what the course has beside the device.
+            **options: more of `RunOptions`.
         """
         from dexgrasp.learning.training.curves import draw_curves
-        from dexgrasp.learning.training.training import Course
+        from dexgrasp.learning.training.loop import RunOptions
 
         folder, name = out or self.out, type(self).__name__.lower()
         with resumable(f"the last checkpoint is kept in {folder}"), progress_bar(unit, name + of) as bar:
@@ -82,7 +84,7 @@ class TrainingCommand(Command):
                     **{key: shown(value) for key, value in self.figures(state.curve[-1]).items()},
                 )
 
-            training = make(out=folder, course=Course(self.device, **course))
+            training: Any = loop(task(), folder, RunOptions(self.device, **options))  # type: ignore[arg-type,call-arg]
             training.run(show)
         draw_curves(training.state.curve, folder / "curves.png", training.best)
         return training
@@ -115,14 +117,17 @@ class PolicyCommand(TrainingCommand, Tried):
 
     seeds: Annotated[tuple[Natural, ...], "--seed", "S"] = (0,)
 
-    def train_each(self, make: "Callable[..., Training]", unit: str, settings: Any, **course: Any) -> Answer:
+    def train_each(
+        self, loop: "type[Training]", task: Callable[..., Any], unit: str, settings: Any, **options: Any
+    ) -> Answer:
         """Train a policy for each seed, return the figures of its last epoch.
 
         Args:
-            make: given a folder, settings and a course, makes the training.
+            loop: that trains.
+            task: given settings, makes what is trained.
             unit: of the bar.
             settings: of the training, the seed apart.
-            **course: what the course has beside device and trials.
+            **options: more of `RunOptions`.
         """
         tester = None
         if self.try_on:
@@ -133,8 +138,10 @@ class PolicyCommand(TrainingCommand, Tried):
         policies, seeds = list[Fields](), dict.fromkeys(self.seeds)
         for seed in seeds:
             out = self.out if len(seeds) == 1 else self.out / f"seed-{seed}"
-            seeded = partial(make, settings=replace(settings, seed=seed))
-            state = self.train(seeded, unit, of=f", seed {seed}", out=out, tester=tester, **course).state
+            seeded = partial(task, settings=replace(settings, seed=seed))
+            state = self.train(
+                loop, seeded, unit, of=f", seed {seed}", out=out, tester=tester, **options
+            ).state
             policies.append({"policy": out, **state.curve[-1], "seconds": state.seconds})
         lines = [
             "; ".join(f"{key.replace('_', ' ')} {shown(value)}" for key, value in row.items())
@@ -167,10 +174,11 @@ class Cvae(TrainingCommand):
 
     def run(self) -> Answer:
         """Train, return the losses."""
-        from dexgrasp.learning.cvae.cvae_training import WEIGHTS, CvaeTraining
+        from dexgrasp.learning.cvae.cvae_task import WEIGHTS, CvaeTask
+        from dexgrasp.learning.training.gradient_training import GradientTraining
 
-        make = partial(CvaeTraining, self.data, settings=self.settings)
-        training = self.train(make, "epoch", minutes=self.minutes)
+        task = partial(CvaeTask, self.data, self.settings)
+        training = self.train(GradientTraining, task, "epoch", minutes=self.minutes)
         state, losses = training.state, training.state.curve[training.best - 1]
         figures = {
             "epochs": state.epochs, "best_epoch": training.best, "seconds": state.seconds, "losses": losses,
@@ -220,12 +228,14 @@ class Bc(PolicyCommand):
     def run(self) -> Answer:
         """Train a policy for each seed, return losses and successes."""
         from dexgrasp.data.demonstrations.generate import read_about
-        from dexgrasp.learning.imitation.cloning import VIEWS
-        from dexgrasp.learning.imitation.features import view_of
+        from dexgrasp.learning.imitation.bc_tasks import VIEWS
+        from dexgrasp.learning.imitation.state_features import view_of
+        from dexgrasp.learning.training.gradient_training import GradientTraining
 
         view = self.view or view_of(str(read_about(self.data[0])["settings"].get("obs_mode")))
         settings = replace(self.settings, view=view)
-        return self.train_each(partial(VIEWS[view], self.data), "epoch", settings, minutes=self.minutes)
+        task = partial(VIEWS[view], self.data)
+        return self.train_each(GradientTraining, task, "epoch", settings, minutes=self.minutes)
 
 
 class Grip(PolicyCommand):
@@ -252,9 +262,11 @@ class Grip(PolicyCommand):
 
     def run(self) -> Answer:
         """Train a policy for each seed, return returns and successes."""
-        from dexgrasp.learning.reinforcement.policy_training import GripTraining
+        from dexgrasp.learning.reinforcement.rl_tasks import GripTask
+        from dexgrasp.learning.reinforcement.rollout_training import RolloutTraining
 
-        return self.train_each(partial(GripTraining, clone=self.clone), "round", self.settings)
+        task = partial(GripTask, clone=self.clone)
+        return self.train_each(RolloutTraining, task, "round", self.settings)
 
 
 class _Rl(PolicyCommand):
@@ -270,10 +282,12 @@ class _Rl(PolicyCommand):
 
     def run(self) -> Answer:
         """Train a policy for each seed, return returns and successes."""
-        from dexgrasp.learning.reinforcement.policy_training import PolicyTraining
+        from dexgrasp.learning.reinforcement.rl_tasks import PolicyTask
+        from dexgrasp.learning.reinforcement.rollout_training import RolloutTraining
 
         settings = replace(self.settings, algorithm=type(self).__name__.lower())
-        return self.train_each(partial(PolicyTraining, clone=self.clone), "round", settings)
+        task = partial(PolicyTask, clone=self.clone)
+        return self.train_each(RolloutTraining, task, "round", settings)
 
 
 class Ppo(_Rl):
@@ -301,7 +315,7 @@ class Sac(_Rl):
     """Train a policy with SAC.
 
     examples:
-      dexgrasp train sac --objects seen --from runs/bc --share 0.1 --out runs/sac_bc --seed 0 1 2
+      dexgrasp train sac --objects seen --from runs/bc --residual-scale 0.1 --out runs/sac_bc --seed 0 1 2
 
     All else is as of `dexgrasp train ppo`, whose help says more.
     """

@@ -188,7 +188,7 @@ def _compile(root: Element, path: Path, changed: bool, notes: list[str]) -> mujo
     message = ""
     for _ in range(_MENDS):
         try:
-            return with_decimal_points(lambda: _spec(root, path, changed).compile())
+            return with_decimal_points(_compiled, root, path, changed)
         except (ValueError, OSError, MemoryError) as error:
             message = " ".join(str(error).split())
         mend = next((said for step in _AFTER for said in step(root, message)), None)
@@ -197,6 +197,10 @@ def _compile(root: Element, path: Path, changed: bool, notes: list[str]) -> mujo
         notes.append(mend)
         changed = True
     raise InputError(f"MuJoCo cannot read {path}: {message[:200]}")
+
+
+def _compiled(root: Element, path: Path, changed: bool) -> mujoco.MjModel:
+    return _spec(root, path, changed).compile()
 
 
 def _spec(root: Element, path: Path, changed: bool) -> mujoco.MjSpec:

@@ -16,7 +16,7 @@ class TrainingSettings:
         seed: of weights, batches and splits.
         clouds: a step.
         grasps: on each cloud.
-        rate: of Adam at first; constant for the first half, then down to 2 % in a straight line.
+        learning_rate: of Adam at first; constant for the first half, then down to 2 % in a straight line.
         kl_weight: of the KL term; reached after `warm_up` of the steps.
         warm_up: share of the steps.
         held_out_object: an object that is tested on and not trained on.
@@ -29,7 +29,7 @@ class TrainingSettings:
     seed: Natural = 0
     clouds: Count = 8
     grasps: Count = 128
-    rate: Positive = 1e-3
+    learning_rate: Positive = 1e-3
     kl_weight: Annotated[Positive, "W"] = 0.05
     warm_up: Share = 0.2
     held_out_object: Annotated[str | None, "NAME"] = None

@@ -8,7 +8,7 @@ from dexgrasp_env.valid import Count, Natural, Positive, Share, one_of
 
 
 @dataclass(frozen=True)
-class CloneNetwork:
+class BcNetSizes:
     """Sizes of the network of a policy from the state.
 
     Attributes:
@@ -23,7 +23,7 @@ class CloneNetwork:
 
 
 @dataclass(frozen=True)
-class GraspNetwork:
+class GraspNetSizes:
     """Sizes of the network of a policy from clouds.
 
     Attributes:
@@ -52,7 +52,7 @@ class BcSettings:
         episodes: a batch is drawn from.
         rows: control steps drawn of each of them (`state`).
         grips: all around an object, among which the one that was taken is to be told (`cloud`).
-        rate: of Adam at first; it goes down by a cosine.
+        learning_rate: of Adam at first; it goes down by a cosine.
         execute: control steps of a chunk that are carried out before the policy looks again (`state`).
         held_out: share of the demonstrations that the loss is tested on.
         threads: of torch on the CPU; results differ in the last bits with it.
@@ -66,12 +66,12 @@ class BcSettings:
     episodes: Count = 64
     rows: Count = 16
     grips: Count = 8
-    rate: Positive = 1e-3
+    learning_rate: Positive = 1e-3
     execute: Count = 4
     held_out: Share = 0.05
     threads: Count = 1
-    network: CloneNetwork = field(default_factory=CloneNetwork)
-    grasps: GraspNetwork = field(default_factory=GraspNetwork)
+    network: BcNetSizes = field(default_factory=BcNetSizes)
+    grasps: GraspNetSizes = field(default_factory=GraspNetSizes)
 
     def __post_init__(self) -> None:
         """Check what no field alone can be wrong in.

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.learning.training.training import Progress, Tester
+from dexgrasp.learning.training.loop import Progress, Tester
 from dexgrasp_env.arrays import Fields
 
 

@@ -1,4 +1,4 @@
-"""Environments as the algorithms see them: features of the state, and a clone that acts along."""
+"""Environments of a policy network: features in, outputs as actions, with a cloned policy beside it."""
 
 from typing import Any
 
@@ -8,20 +8,20 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from dexgrasp.learning.imitation.policy import Scaling
-from dexgrasp.learning.reinforcement.actor import Acting, Eyes, one
 from dexgrasp.learning.reinforcement.grasp_space import SIZE
+from dexgrasp.learning.reinforcement.rl_policy import ActionSpec, ObservationEncoder, one
 from dexgrasp_env.arrays import Single
 
 
 class FeatureVecEnv(VecEnvWrapper):
-    """Gives what an `Actor`'s network is given, and carries out what an `Actor` would."""
+    """Environments with an `RlPolicy`'s network inputs as observations and its outputs as actions."""
 
     def __init__(
         self,
         envs: VecEnv,
-        acting: Acting,
+        spec: ActionSpec,
         reward_scale: float = 1.0,
-        discount: float = 1.0,
+        gamma: float = 1.0,
         ends: bool = False,
         farthest: float = 1.0,
     ) -> None:
@@ -29,48 +29,48 @@ class FeatureVecEnv(VecEnvWrapper):
 
         Args:
             envs: of `obs_mode="state"`.
-            acting: how answers become actions.
+            spec: the way from outputs to actions.
             reward_scale: factor on rewards.
-            discount: of a reward an answer later; of those within it, by as much as they are later.
-            ends: the time limit is an end, as of the task, behind which there is nothing to be had.
-            farthest: that a number of an answer may be from 0.
+            gamma: discount of a reward one output later; within an output in proportion.
+            ends: the time limit ends an episode as the task would: no value beyond it.
+            farthest: largest number of an output.
         """
-        width = np.size(acting.scaling.mean) + (acting.clone.joints if acting.clone else 0)
-        size = SIZE if acting.grasps else int(np.prod(envs.action_space.shape or ()))
-        actions = spaces.Box(-farthest, farthest, (acting.chunk * size,), np.float32)
+        width = np.size(spec.scaling.mean) + (spec.clone.joints if spec.clone else 0)
+        size = SIZE if spec.grasps else int(np.prod(envs.action_space.shape or ()))
+        actions = spaces.Box(-farthest, farthest, (spec.action_chunk * size,), np.float32)
         super().__init__(envs, spaces.Box(-np.inf, np.inf, (width,), np.float32), actions)
-        self._acting, self._cell = acting, envs.get_attr("settings")[0].cell
+        self._spec, self._cell = spec, envs.get_attr("settings")[0].cell
         self._ends, self._farthest = ends, farthest
-        self._scales = reward_scale * discount ** (np.arange(acting.span) / acting.span)
-        self._eyes: Eyes | None = None
+        self._scales = reward_scale * gamma ** (np.arange(spec.span) / spec.span)
+        self._encoder: ObservationEncoder | None = None
         self._now: Any = {}
-        self._answers = np.zeros(0)
+        self._outputs = np.zeros(0)
         self._returns = np.zeros(self.num_envs)
         self.finished: list[tuple[float, bool]] = []
 
     def reset(self) -> Single:
         """Start all episodes."""
         self._now = self.venv.reset()
-        self._eyes = Eyes(self._acting, self._now, self._cell)
+        self._encoder = ObservationEncoder(self._spec, self._now, self._cell)
         self._returns[:] = 0.0
         self.finished.clear()
-        return self._eyes.look(self._now)
+        return self._encoder.encode(self._now)
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Note the network's answers."""
-        self._answers = np.clip(actions, -self._farthest, self._farthest)
+        """Keep the network's outputs."""
+        self._outputs = np.clip(actions, -self._farthest, self._farthest)
 
     def step_wait(self) -> Any:
-        """Carry the answers out for as long as they stand; what ended is counted in `finished` as return and success.
+        """Carry the outputs out; add return and success of each episode that ends to `finished`.
 
-        Who begins anew meanwhile goes on with the answer that stood, for which it gets no reward.
+        An environment that begins anew meanwhile goes on with the same output and gets no reward for it.
         """
-        eyes = self._eyes
-        assert eyes
+        encoder = self._encoder
+        assert encoder
         rewards, ended = np.zeros(self.num_envs, np.float32), np.zeros(self.num_envs, bool)
         told: list[Any] = []
-        for step in range(self._acting.span):
-            actions = eyes.carried_out(self._acting.action(self._answers, step), self._now)
+        for step in range(self._spec.span):
+            actions = encoder.env_actions(self._spec.action(self._outputs, step), self._now)
             self._now, gained, dones, infos = self.venv.step(actions)
             told = [
                 before if over else info
@@ -81,17 +81,17 @@ class FeatureVecEnv(VecEnvWrapper):
             for i in np.flatnonzero(dones).tolist():
                 info = infos[i]
                 self.finished.append((float(self._returns[i]), bool(info["is_success"])))
-                info["terminal_observation"] = eyes.last(i, info["terminal_observation"])
+                info["terminal_observation"] = encoder.encode_last(i, info["terminal_observation"])
                 info["TimeLimit.truncated"] &= not self._ends
-                eyes.begin(i, one(self._now, i))
+                encoder.begin(i, one(self._now, i))
                 self._returns[i] = 0.0
             ended |= dones
-        return eyes.look(self._now), rewards, ended, told
+        return encoder.encode(self._now), rewards, ended, told
 
 
-def measure(envs: VecEnv, acting: Acting, steps: int, rng: np.random.Generator) -> Scaling:
+def measure(envs: VecEnv, spec: ActionSpec, steps: int, rng: np.random.Generator) -> Scaling:
     """Return mean and spread (F,) of the features under random actions; spreads are at least 0.1."""
-    seen = FeatureVecEnv(envs, acting._replace(scaling=Scaling(0.0, 1.0)))
+    seen = FeatureVecEnv(envs, spec._replace(scaling=Scaling(0.0, 1.0)))
     looks: list[Any] = [seen.reset()]
     for _ in range(steps - 1):
         looks.append(seen.step(rng.uniform(-1.0, 1.0, (envs.num_envs, *(seen.action_space.shape or ()))))[0])

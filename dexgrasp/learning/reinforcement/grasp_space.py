@@ -1,4 +1,4 @@
-"""Actions as whoever grasps would name them: where the palm is to be about the object, and how far the hand is closed.
+"""An action space of grasping: the palm's place about the object, and the hand's closing.
 
 In an action space of joints, or of steps of the palm, a grasp is a long run of numbers that all have to be right, and
 exploring by noise hardly ever meets it. Here a grasp is nearly one point, and its phases are a few of them: palm above,
@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.agent import Observation
-from dexgrasp.learning.imitation.features import entry
+from dexgrasp.learning.imitation.state_features import entry
 from dexgrasp.mechanics.kinematics.palm_ik import hanging_palm
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.poses import about_z, quat_to_matrix
@@ -55,8 +55,8 @@ _WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narro
 _ABOVE = list(_PALM).index("above")
 
 
-def bends(robot: Robot, table: Mapping[str, Mapping[tuple[str, int], float]]) -> Array:
-    """Return a row (n,) rad for each entry of a table of joints, finger and number, and what they are bent by."""
+def joint_changes(robot: Robot, table: Mapping[str, Mapping[tuple[str, int], float]]) -> Array:
+    """Return the joint angles (n,) rad that each entry of a table, by finger and joint, adds."""
     rows = np.zeros((len(table), robot.dof))
     for row, joints in zip(rows, table.values(), strict=True):
         for (finger, k), size in joints.items():
@@ -65,17 +65,17 @@ def bends(robot: Robot, table: Mapping[str, Mapping[tuple[str, int], float]]) ->
 
 
 class GraspSpace:
-    """What actions mean in N episodes side by side; environments are in `ee_delta`."""
+    """The grasp space of N episodes side by side; environments are in `ee_delta`."""
 
     def __init__(self, robot: Robot, firsts: Observation) -> None:
-        """Look at the first observations, (N, n) by key, of `obs_mode="state"`."""
+        """Take the first observations, (N, n) by key, of `obs_mode="state"`."""
         self._robot = robot
         opened = np.zeros(robot.dof)
         for finger, angles in _OPEN.items():
             opened[robot.columns[finger].start :][: len(angles)] = angles
         # The open hand (m,) and what it is bent by as fingers and thumb close, (2, m), rad.
         self._open = opened[robot.hand_columns]
-        self._closing = bends(robot, _CLOSED)[:, robot.hand_columns]
+        self._closing = joint_changes(robot, _CLOSED)[:, robot.hand_columns]
         count = len(firsts["object_pose"])
         self._origins, self._axes = np.zeros((count, 3)), np.zeros(count)
         self._middles, self._spans = np.tile(np.array(list(_PALM.values())).T[:, None], (1, count, 1))
@@ -103,8 +103,8 @@ class GraspSpace:
         best = np.argmin(np.where(narrow, np.abs(off), np.inf), axis=1)
         self._axes[rows] = _yaw(firsts) + np.take_along_axis(off, best[:, None], 1)[:, 0]
 
-    def look(self, observations: Observation, rows: Any = slice(None)) -> Array:
-        """Return where palm and hand of episodes are, (N, SIZE), as the action that would leave them there."""
+    def state(self, observations: Observation, rows: Any = slice(None)) -> Array:
+        """Return the state of palm and hand, (N, SIZE), as the action that would leave them where they are."""
         palm = entry(observations, "palm_pose")
         offset, axes = palm[:, :3] - self._origins[rows], self._axes[rows]
         c, s = np.cos(axes), np.sin(axes)
@@ -126,8 +126,8 @@ class GraspSpace:
             [(places - self._middles[rows]) / self._spans[rows], 2.0 * closed - 1.0], axis=1
         )
 
-    def carried_out(self, actions: Array, observations: Observation) -> Single:
-        """Return the environments' actions (N, m), which go a control step towards the set-points (N, SIZE)."""
+    def env_actions(self, actions: Array, observations: Observation) -> Single:
+        """Return the environments' actions (N, m): one control step towards the set-points (N, SIZE)."""
         actions = _folded(actions)
         along, across, above, turned, tilted = (self._middles + self._spans * actions[:, : len(_PALM)]).T
         c, s = np.cos(self._axes), np.sin(self._axes)

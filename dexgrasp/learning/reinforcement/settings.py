@@ -16,6 +16,10 @@ from dexgrasp_env.valid import Count, Natural, Positive, number, one_of, pair
 
 _LIFTS = one_of(sorted(name for name in registry if name.startswith("DexGrasp/Lift")))
 Range = Annotated[tuple[float, float], pair(number(gt=0)), "LEAST", "MOST"]
+NEWEST_LIFT = max(
+    (each for each in registry.values() if each.namespace == "DexGrasp" and each.name == "Lift"),
+    key=lambda each: each.version or 0,
+).id
 GRASPS = "grasp"
 """Control mode of those that `GraspSpace` makes of `ee_delta`."""
 
@@ -29,8 +33,8 @@ class RlSettings:
         algorithm: `ppo` or `sac`, of Stable-Baselines3.
         env_id: what is learned.
         control_mode: of the environments; grasp: set-points of the palm about the object and of the hand's closing.
-        hold: control steps that an action of the network stands for.
-        chunk: actions, one after the other, that it gives at a look.
+        action_repeat: control steps that an action of the network stands for.
+        action_chunk: actions, one after the other, that it gives at a look.
         episode_steps: control steps after which an episode is over, what would come then unvalued (default: those of
             the environment, which cut it short).
         backend: their physics: mujoco; warp: mujoco_warp on the device (extra gpu). Trials are MuJoCo's.
@@ -39,31 +43,31 @@ class RlSettings:
         steps: control steps, of all environments together.
         num_envs: environments side by side.
         seed: of everything.
-        share: of the network's action that is carried out (default: 0.2 on a clone's action, 1 alone).
-        hidden: widths of the layers of every network.
-        rate: of Adam; of its first updates with `adaptive`.
-        discount: of a reward a look later, of those between two looks in proportion.
+        residual_scale: of the network's action that is carried out (default: 0.2 on a clone's action, 1 alone).
+        net_arch: widths of the layers of every network.
+        learning_rate: of Adam; of its first updates with `adaptive`.
+        gamma: of a reward a look later, of those between two looks in proportion.
         reward_scale: factor on rewards, which the learner's values grow with.
-        spread: logarithm of the standard deviation that exploration begins with (`ppo`).
-        settle: what that logarithm is brought to by the last step (`ppo`; default: it is learned).
+        log_std_init: logarithm of the standard deviation that exploration begins with (`ppo`).
+        log_std_final: what that logarithm is brought to by the last step (`ppo`; default: it is learned).
         noise: of exploration (`ppo`): of every step, or, a function of what is seen, of a whole rollout.
-        rollout: looks of every environment between two updates, at most: a round is cut into equal parts (`ppo`).
-        passes: over a rollout in an update (`ppo`).
-        divergence: KL at which an update stops (`ppo`; default: never).
+        n_steps: looks of every environment between two updates, at most: a round is cut into equal parts (`ppo`).
+        n_epochs: over a rollout in an update (`ppo`).
+        target_kl: KL at which an update stops (`ppo`; default: never).
         adaptive: the rate follows the divergence (default: 0.01), in place of a stop: up after an update below half of
             it, down after one past twice (`ppo`).
-        buffer: actions that `sac` remembers.
-        warm_up: random actions, of all environments together, before `sac` learns.
-        updates: of `sac` after an action of every environment.
+        buffer_size: actions that `sac` remembers.
+        learning_starts: random actions, of all environments together, before `sac` learns.
+        gradient_steps: of `sac` after an action of every environment.
         threads: of torch on the CPU; results differ in the last bits with it.
     """
 
     objects: Annotated[Objects, "OBJECT"]
     algorithm: Annotated[str, one_of(("ppo", "sac"))] = "ppo"
-    env_id: Annotated[str, _LIFTS] = "DexGrasp/Lift-v2"
+    env_id: Annotated[str, _LIFTS] = NEWEST_LIFT
     control_mode: Annotated[str, one_of((*CONTROL_MODES, GRASPS))] = "joint_delta"
-    hold: Count = 1
-    chunk: Count = 1
+    action_repeat: Count = 1
+    action_chunk: Count = 1
     episode_steps: Count | None = None
     backend: Annotated[str, one_of(BACKENDS)] = "mujoco"
     randomise: Draws = ()
@@ -71,27 +75,27 @@ class RlSettings:
     steps: Count = 1_000_000
     num_envs: Count = 16
     seed: Natural = 0
-    share: Annotated[float | None, number(gt=0, le=1)] = None
-    hidden: tuple[Count, ...] = (256, 256)
-    rate: Positive = 3e-4
-    discount: float = 0.99
+    residual_scale: Annotated[float | None, number(gt=0, le=1)] = None
+    net_arch: tuple[Count, ...] = (256, 256)
+    learning_rate: Positive = 3e-4
+    gamma: float = 0.99
     reward_scale: Positive = 1.0
-    spread: Annotated[float, number(ge=-5, le=2)] = -1.0
-    settle: Annotated[float | None, number(ge=-5, le=2)] = None
+    log_std_init: Annotated[float, number(ge=-5, le=2)] = -1.0
+    log_std_final: Annotated[float | None, number(ge=-5, le=2)] = None
     noise: Annotated[str, one_of(("step", "rollout"))] = "step"
-    rollout: Count = 100
-    passes: Count = 5
-    divergence: Positive | None = None
+    n_steps: Count = 100
+    n_epochs: Count = 5
+    target_kl: Positive | None = None
     adaptive: bool = False
-    buffer: Count = 200_000
-    warm_up: Count = 5_000
-    updates: Count = 1
+    buffer_size: Count = 200_000
+    learning_starts: Count = 5_000
+    gradient_steps: Count = 1
     threads: Count = 1
 
     @property
     def span(self) -> int:
         """Control steps between two looks of the network."""
-        return self.hold * self.chunk
+        return self.action_repeat * self.action_chunk
 
     @property
     def limit(self) -> int:
@@ -107,7 +111,7 @@ class RlSettings:
     def rollouts(self) -> tuple[int, int]:
         """How many rollouts are a round of `ppo`, and how many looks of every environment each is."""
         least = -(-2 // self.num_envs)  # two answers are the least that an update can tell good from bad by
-        number = -(-self.length // max(self.rollout, least))
+        number = -(-self.length // max(self.n_steps, least))
         return number, max(-(-self.length // number), least)
 
     @property
@@ -134,31 +138,31 @@ class GripSettings:
         episodes: of all environments together.
         num_envs: environments side by side.
         round_episodes: of every environment between two updates.
-        alike: environments that begin alike; a return counts by how far it is above theirs.
+        group_size: environments that begin alike; a return counts by how far it is above theirs.
         seed: of everything.
-        hidden: width of the two layers of actor and critic.
-        rate: of Adam.
-        spread: logarithm of the standard deviation that exploration begins with.
-        passes: over a round's episodes in an update.
-        divergence: KL at which an update stops.
+        net_arch: widths of the layers of actor and critic.
+        learning_rate: of Adam.
+        log_std_init: logarithm of the standard deviation that exploration begins with.
+        n_epochs: over a round's episodes in an update.
+        target_kl: KL at which an update stops.
         threads: of torch on the CPU; results differ in the last bits with it.
     """
 
     objects: Annotated[Objects, "OBJECT"]
     friction: Range = (0.3, 0.5)
     mass: Range = (1.0, 1.5)
-    env_id: str = "DexGrasp/Lift-v2"
+    env_id: str = NEWEST_LIFT
     episode_steps: Count = 110
     episodes: Count = 3000
     num_envs: Count = 16
     round_episodes: Count = 6
-    alike: Count = 4
+    group_size: Count = 4
     seed: Natural = 0
-    hidden: Count = 32
-    rate: Positive = 2e-3
-    spread: float = -1.0
-    passes: Count = 10
-    divergence: Positive = 0.08
+    net_arch: tuple[Count, ...] = (32, 32)
+    learning_rate: Positive = 2e-3
+    log_std_init: float = -1.0
+    n_epochs: Count = 10
+    target_kl: Positive = 0.08
     threads: Count = 1
 
     def __post_init__(self) -> None:
@@ -167,10 +171,12 @@ class GripSettings:
         Raises:
             InputError: if environments do not come out in groups, or in groups of one, none of which is above its own.
         """
-        if self.alike < 2:
-            raise InputError(f"alike is {self.alike}: valid is 2 or more, as a reward is a difference")
-        if self.num_envs % self.alike:
-            raise InputError(f"num_envs is {self.num_envs}: valid are multiples of {self.alike}")
+        if self.group_size < 2:
+            raise InputError(
+                f"group_size is {self.group_size}: valid is 2 or more, as a reward is a difference"
+            )
+        if self.num_envs % self.group_size:
+            raise InputError(f"num_envs is {self.num_envs}: valid are multiples of {self.group_size}")
 
     @property
     def round_steps(self) -> int:

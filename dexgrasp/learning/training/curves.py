@@ -58,7 +58,7 @@ def draw_curves(curve: Sequence[Fields], path: Path, best: int) -> None:
     figure.savefig(path, dpi=100)
 
 
-class Board:
+class TensorBoardWriter:
     """Writes numbers for TensorBoard, from the first row on; without tensorboard it writes nothing."""
 
     def __init__(self, folder: Path) -> None:

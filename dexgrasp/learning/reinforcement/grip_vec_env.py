@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from dexgrasp.learning.imitation.clone import Clone
-from dexgrasp.learning.reinforcement.actor import GRIP_SIZE, GripRun, look, one
+from dexgrasp.learning.imitation.bc_policy import BcPolicy
+from dexgrasp.learning.reinforcement.grip_policy import GRIP_SIZE, GripRun, first_features
+from dexgrasp.learning.reinforcement.rl_policy import one
 from dexgrasp.learning.reinforcement.sb3_vec_env import SB3VecEnv
 from dexgrasp_env.arrays import Array, Mask, Single
 
@@ -22,14 +23,14 @@ class GripVecEnv(SB3VecEnv):
     group's: what scene, friction and mass make of it falls out, what the correction makes of it stays.
     """
 
-    def __init__(self, env_id: str, num_envs: int, clone: Clone, alike: int, **kwargs: Any) -> None:
+    def __init__(self, env_id: str, num_envs: int, clone: BcPolicy, group_size: int, **kwargs: Any) -> None:
         """Make the environments.
 
         Args:
             env_id: of one that has a native vector environment.
-            num_envs: how many, a multiple of `alike`.
+            num_envs: how many, a multiple of `group_size`.
             clone: that acts.
-            alike: how many begin alike.
+            group_size: environments that begin alike.
             **kwargs: more arguments of `gym.make_vec`; `max_episode_steps` is the episodes' length.
         """
         super().__init__(env_id, num_envs, autoreset_mode="Disabled", **kwargs)
@@ -37,7 +38,7 @@ class GripVecEnv(SB3VecEnv):
         self.action_space = spaces.Box(-1.0, 1.0, (GRIP_SIZE,), np.float32)
         self._clone = clone
         self._cell = self.get_attr("settings")[0].cell
-        self._length, self._alike = int(kwargs["max_episode_steps"]), alike
+        self._length, self._group_size = int(kwargs["max_episode_steps"]), group_size
         self._rng = np.random.default_rng()
         self._now: Any = {}
         self.finished: list[tuple[float, bool]] = []
@@ -52,15 +53,15 @@ class GripVecEnv(SB3VecEnv):
         return self._looks()
 
     def _begin(self) -> None:
-        seeds = self._rng.integers(2**31, size=self.num_envs // self._alike)
-        self._now, _ = self.envs.reset(seed=np.repeat(seeds, self._alike).tolist())
+        seeds = self._rng.integers(2**31, size=self.num_envs // self._group_size)
+        self._now, _ = self.envs.reset(seed=np.repeat(seeds, self._group_size).tolist())
 
     def step_wait(self) -> Any:
         """Play the episodes to their end and begin the next."""
         infos = [{"terminal_observation": last} for last in self._looks()]
         returns, held = self._play()
         self.finished += zip(returns.tolist(), held.tolist(), strict=True)
-        groups = returns.reshape(-1, self._alike)
+        groups = returns.reshape(-1, self._group_size)
         rewards = (groups - groups.mean(axis=1, keepdims=True)).ravel()
         self._begin()
         return self._looks(), rewards.astype(np.float32), np.ones(self.num_envs, bool), infos
@@ -84,4 +85,4 @@ class GripVecEnv(SB3VecEnv):
         return returns / self._length, held
 
     def _looks(self) -> Single:
-        return np.stack([look(self._clone, one(self._now, i)) for i in range(self.num_envs)])
+        return np.stack([first_features(self._clone, one(self._now, i)) for i in range(self.num_envs)])

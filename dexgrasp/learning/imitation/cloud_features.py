@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dexgrasp.agent import Observation
-from dexgrasp.learning.imitation.features import METRES, entry
+from dexgrasp.learning.imitation.state_features import METRES, entry
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import about_z
@@ -25,7 +25,7 @@ NUMBERS = 7 + len(_LEVEL)
 """Numbers of a scene beside its points."""
 
 
-class CloudLook(NamedTuple):
+class ObjectCloud(NamedTuple):
     """One look at an object.
 
     Attributes:
@@ -39,7 +39,7 @@ class CloudLook(NamedTuple):
     seen: Single
 
 
-def look_at(first: Observation) -> CloudLook:
+def observed_cloud(first: Observation) -> ObjectCloud:
     """Return the look of an episode's first observation.
 
     Raises:
@@ -56,10 +56,12 @@ def look_at(first: Observation) -> CloudLook:
     points, normals = points[there], normals[there]
     middle, chosen = points.mean(axis=0), np.linspace(0, len(points) - 1, _KEPT).round().astype(int)
     seen = np.concatenate([METRES * (points - middle), normals], axis=1)[chosen]
-    return CloudLook(points, middle, seen.astype(np.float32))
+    return ObjectCloud(points, middle, seen.astype(np.float32))
 
 
-def along(look: CloudLook, azimuths: Array, rng: np.random.Generator | None = None) -> tuple[Any, Any]:
+def grip_features(
+    look: ObjectCloud, azimuths: Array, rng: np.random.Generator | None = None
+) -> tuple[Any, Any]:
     """Return points (m, POINTS, 6) and numbers (m, NUMBERS) of a look, along grips of azimuths (m,) rad.
 
     With a generator the points are drawn, otherwise chosen evenly.

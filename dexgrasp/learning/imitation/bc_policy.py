@@ -4,8 +4,8 @@ import numpy as np
 
 from dexgrasp.agent import Observation
 from dexgrasp.data.demonstrations.convert import to_action
-from dexgrasp.learning.imitation.features import entry, features, first_look
 from dexgrasp.learning.imitation.policy import Mlp, Policy, Scaling
+from dexgrasp.learning.imitation.state_features import entry, features, initial_scene
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.runs.arrays import relu
 from dexgrasp.runs.policy_folder import Weights
@@ -16,7 +16,7 @@ from dexgrasp_env.robot.cell import Cell
 CONTROL_MODES = ("joint_delta", "joint_position")
 
 
-class Clone(Policy):
+class BcPolicy(Policy):
     """The network: arrays and how to use them."""
 
     kind = "clone"
@@ -35,9 +35,9 @@ class Clone(Policy):
             and self._trunk.outputs == self.joints * self.chunk == self._unit.size
         )
 
-    def begin(self, first: Observation, cell: Cell) -> "CloneRun":
+    def begin(self, first: Observation, cell: Cell) -> "BcRun":
         """Start an episode in a cell."""
-        return CloneRun(self, first, cell)
+        return BcRun(self, first, cell)
 
     def predict(self, looks: Array) -> Array:
         """Return the set-points of the next steps relative to now, (n, chunk, joints) rad, for features (n, F)."""
@@ -45,10 +45,10 @@ class Clone(Policy):
         return out.reshape(len(looks), self.chunk, self.joints).astype(float)
 
 
-class CloneRun:
+class BcRun:
     """A clone in one episode."""
 
-    def __init__(self, clone: Clone, first: Observation, cell: Cell) -> None:
+    def __init__(self, clone: BcPolicy, first: Observation, cell: Cell) -> None:
         """Look at the first observation.
 
         Raises:
@@ -58,7 +58,7 @@ class CloneRun:
         if robot.dof != clone.joints:
             raise InputError(f"the policy moves {clone.joints} joints: {robot.name} has {robot.dof}")
         self._tree = robot_tree(cell)
-        self._scene = first_look(first)
+        self._scene = initial_scene(first)
         self._step, self._wanted = 0, np.zeros((0, clone.joints))
 
     def set_points(self, observation: Observation) -> Array:

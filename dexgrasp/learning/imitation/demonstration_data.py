@@ -11,10 +11,10 @@ from dexgrasp.data.demonstrations.generate import read_about
 from dexgrasp.data.demonstrations.minari_format import read_episodes
 from dexgrasp.data.demonstrations.rollout import Episode, intended
 from dexgrasp.data.demonstrations.settings import MODES
-from dexgrasp.learning.imitation.cloud_look import CloudLook, along, look_at
-from dexgrasp.learning.imitation.features import entry, features, first_look
+from dexgrasp.learning.imitation.cloud_features import ObjectCloud, grip_features, observed_cloud
+from dexgrasp.learning.imitation.demonstrated_grasp import demonstrated_grasp, grasp_to_row
 from dexgrasp.learning.imitation.settings import BcSettings
-from dexgrasp.learning.imitation.taken import as_row, taken
+from dexgrasp.learning.imitation.state_features import entry, features, initial_scene
 from dexgrasp_env.arrays import Array, Arrays, Index, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
@@ -95,7 +95,7 @@ def read_rows(folders: Sequence[Path]) -> Rows:
 def _parts(episode: Episode, folder: Path, noise: float) -> tuple[Single, ...]:
     seen = episode.observations
     _check(seen, "object_pose", folder)
-    scene = first_look({key: array[0] for key, array in seen.items()})
+    scene = initial_scene({key: array[0] for key, array in seen.items()})
     looks = features(scene, {key: array[:-1] for key, array in seen.items()}, np.arange(len(episode)))
     ways = entry(seen, "joint_targets")[:-1], intended(episode, noise, default_cell().robot)[1:]
     return tuple(part.astype(np.float32) for part in (looks, *ways))
@@ -122,11 +122,11 @@ class Grips:
     Attributes:
         looks: E of them.
         azimuths: (E,) rad, of the grips.
-        rows: (E, R) numbers of the grasps, see `taken`.
+        rows: (E, R) numbers of the grasps, see `grasp_to_row`.
         key: hash of all that.
     """
 
-    looks: tuple[CloudLook, ...]
+    looks: tuple[ObjectCloud, ...]
     azimuths: Array
     rows: Single
     key: str
@@ -146,7 +146,7 @@ class Grips:
     def _batch(self, rng: np.random.Generator, episodes: Index, grips: int) -> GripBatch:
         others = (np.arange(1, grips) + rng.uniform(-0.4, 0.4, (len(episodes), 1))) * (2 * np.pi / grips)
         azimuths = self.azimuths[episodes][:, None] + np.pad(others, ((0, 0), (1, 0)))
-        seen = [along(self.looks[i], turns, rng) for i, turns in zip(episodes, azimuths, strict=True)]
+        seen = [grip_features(self.looks[i], turns, rng) for i, turns in zip(episodes, azimuths, strict=True)]
         points, numbers = zip(*seen, strict=True)
         return GripBatch(np.stack(points), np.stack(numbers), self.rows[episodes])
 
@@ -163,13 +163,13 @@ def read_grips(folders: Sequence[Path]) -> Grips:
     looks, grasps = [], []
     for episode, folder, noise in _shown(folders):
         _check(episode.once, "cloud", folder)
-        if grasp := taken(episode, noise, default_cell()):
-            looks.append(look_at(episode.once))
+        if grasp := demonstrated_grasp(episode, noise, default_cell()):
+            looks.append(observed_cloud(episode.once))
             grasps.append(grasp)
     if not grasps:
         raise InputError("in no demonstration the arm waits once for the hand to close: clone from the state")
     pairs = zip(grasps, looks, strict=True)
-    rows = np.stack([as_row(grasp, look.middle) for grasp, look in pairs]).astype(np.float32)
+    rows = np.stack([grasp_to_row(grasp, look.middle) for grasp, look in pairs]).astype(np.float32)
     azimuths = np.array([grasp.azimuth for grasp in grasps])
     return Grips(tuple(looks), azimuths, rows, content_hash(np.stack([look.seen for look in looks]), rows))
 

@@ -1,12 +1,12 @@
-"""The networks that are trained; `clone` and `grasper` run them in numpy."""
+"""Networks of cloned policies in torch, for training; `bc_policy` and `cloud_grasp_policy` run them in numpy."""
 
 from collections.abc import Iterable
 
 import numpy as np
 
 from dexgrasp.learning.imitation.policy import FARTHEST
-from dexgrasp.learning.imitation.settings import CloneNetwork, GraspNetwork
-from dexgrasp.learning.training.step_training import perceptron
+from dexgrasp.learning.imitation.settings import BcNetSizes, GraspNetSizes
+from dexgrasp.learning.training.gradient_training import perceptron
 from dexgrasp_env.arrays import Single
 from dexgrasp_env.extras import from_extra
 
@@ -16,7 +16,7 @@ with from_extra():
 
 
 class PolicyNet(nn.Module):
-    """A network that keeps how features are scaled."""
+    """A network with the scaling of its features as buffers."""
 
     mean: Tensor
     scale: Tensor
@@ -39,22 +39,25 @@ class PolicyNet(nn.Module):
         return out
 
 
-class CloneNet(PolicyNet):
+class BcNet(PolicyNet):
     """Features to the set-points of the next steps, in units of their spread."""
 
-    def __init__(self, sizes: CloneNetwork, mean: Single, scale: Single) -> None:
+    unit: Tensor
+
+    def __init__(self, sizes: BcNetSizes, mean: Single, scale: Single, unit: Single) -> None:
         """Prepare.
 
         Args:
             sizes: of the layers.
             mean: (F,) of the features.
             scale: (F,) of the features.
+            unit: (chunk * joints,) rad, spread of the predictions.
         """
-        super().__init__(mean=mean, scale=scale)
-        self.trunk = perceptron([len(mean), *[sizes.hidden] * sizes.layers, 23 * sizes.chunk])
+        super().__init__(mean=mean, scale=scale, unit=unit)
+        self.trunk = perceptron([len(mean), *[sizes.hidden] * sizes.layers, len(unit)])
 
     def forward(self, looks: Tensor) -> Tensor:
-        """Return (E, R, chunk * 23) for features (E, R, F) of E episodes."""
+        """Return (E, R, chunk * joints) for features (E, R, F) of E episodes."""
         return self.trunk(self.scaled(looks))
 
 
@@ -64,7 +67,7 @@ class GraspNet(PolicyNet):
     row_mean: Tensor
     row_scale: Tensor
 
-    def __init__(self, sizes: GraspNetwork, numbers: Single, rows: Single) -> None:
+    def __init__(self, sizes: GraspNetSizes, numbers: Single, rows: Single) -> None:
         """Prepare.
 
         Args:

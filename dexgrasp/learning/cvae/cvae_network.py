@@ -12,7 +12,7 @@ with from_extra():
     import torch
     from torch import Tensor, nn
 
-from dexgrasp.learning.training.step_training import perceptron
+from dexgrasp.learning.training.gradient_training import perceptron
 from dexgrasp.planning.decoder import GRASP, SCALE, NetworkSettings
 
 

@@ -1,4 +1,4 @@
-"""Training in a folder, an epoch at a time; stopped, it goes on to the same bits on a CPU."""
+"""Training in a folder, epoch by epoch; an interrupted one goes on to the same bits on a CPU."""
 
 import json
 import time
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.learning.training.checkpoint import Parts, damaged, read_state, write_state
-from dexgrasp.learning.training.curves import Board
+from dexgrasp.learning.training.curves import TensorBoardWriter
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.interrupt import held
 from dexgrasp.runs.versions import package_versions
@@ -29,7 +29,7 @@ _DEVICES = one_of(("auto", "cpu", "cuda"))
 
 @dataclass
 class Progress:
-    """Where a training stands; `curve` has a row an epoch."""
+    """State of a training; `curve` has a row an epoch."""
 
     epoch: int = 0
     epochs: int = 0
@@ -39,7 +39,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class Tester(ABC):
-    """Tries what is learned while it learns."""
+    """Evaluation of a policy during its training."""
 
     @abstractmethod
     def after(self, folder: Path, state: Progress) -> Fields:
@@ -47,13 +47,13 @@ class Tester(ABC):
 
 
 @dataclass(frozen=True)
-class Course:
-    """Where a training runs, and what it is not told by its settings.
+class RunOptions:
+    """Options of a training beside its settings.
 
     Attributes:
         device: cpu, cuda or auto.
         minutes: as many epochs as fit into these, by the first steps' speed; None for those of the settings.
-        tester: what tries it while it learns; None for nothing.
+        tester: evaluates the policy during training; None for nothing.
     """
 
     device: str = "cpu"
@@ -61,41 +61,48 @@ class Course:
     tester: Tester | None = None
 
 
-class Training(ABC):
-    """A training: who inherits says what is trained on what, and does an epoch of it.
+class Task(ABC):
+    """A learner and its data; an epoch depends on what is learned so far and on the epoch's number alone.
 
-    An epoch depends on what learns and on the epoch's number alone.
+    Attributes:
+        about: name of the file that identifies the training.
+        settings: a dataclass; a folder of others is refused. Has `threads`, of torch on the CPU: results differ in the
+            last bits with it.
     """
 
     about = "training.json"
-    """File that says what is trained on what."""
-
-    def __init__(self, out: Path, settings: Any, epochs: int, course: Course) -> None:
-        """Prepare.
-
-        Args:
-            out: folder of the training.
-            settings: a dataclass; a folder of others is refused. Has `threads`, of torch on the CPU: results differ in
-                the last bits with it.
-            epochs: how many.
-            course: where it runs.
-
-        Raises:
-            InputError: for a device that is not there.
-        """
-        self.out, self.settings, self.course = out, settings, course
-        there = torch.cuda.is_available()
-        if check("device", course.device, _DEVICES) == "cuda" and not there:
-            raise InputError("device 'cuda': there is none that torch can use; valid are auto, cpu")
-        self.place = torch.device("cuda" if course.device != "cpu" and there else "cpu")
-        """Where torch computes."""
-        self.state = Progress(epochs=epochs)
-        self.open = ExitStack()
-        """Closes what is open when the training ends."""
+    settings: Any
 
     @abstractmethod
     def identity(self) -> Fields:
         """Return what it is trained on; the settings are added."""
+
+    def best(self, state: Progress) -> int:
+        """Return the epoch that is kept where it is not the last, else 0."""
+        return 0
+
+    def fault(self, out: Path, state: Progress) -> str | None:
+        """Return why a training cannot go on in a folder, None where it can."""
+        return None
+
+
+class Training(ABC):
+    """A loop of epochs over a task: restore, learn, write, checkpoint, log."""
+
+    def __init__(self, task: Any, out: Path, epochs: int, options: RunOptions) -> None:
+        """Prepare.
+
+        Raises:
+            InputError: for a device that is not there.
+        """
+        self.task, self.out, self.settings, self.options = task, out, task.settings, options
+        there = torch.cuda.is_available()
+        if check("device", options.device, _DEVICES) == "cuda" and not there:
+            raise InputError("device 'cuda': there is none that torch can use; valid are auto, cpu")
+        self.place = torch.device("cuda" if options.device != "cpu" and there else "cpu")
+        self.state = Progress(epochs=epochs)
+        self.open = ExitStack()
+        """Closes what is open when the training ends."""
 
     @abstractmethod
     def build(self) -> None:
@@ -111,24 +118,24 @@ class Training(ABC):
 
     @abstractmethod
     def write(self) -> None:
-        """Write what is worth keeping of the epoch that ended, the last of `state.curve`."""
-
-    @property
-    def best(self) -> int:
-        """The epoch that is kept where it is not the last, else 0."""
-        return 0
+        """Write the result of the epoch that ended, the last of `state.curve`."""
 
     def note(self) -> Fields:
         """Return what a checkpoint holds beside the parts."""
         return {}
 
-    def origin(self, *packages: str, **own: Any) -> Fields:
-        """Return what a policy says of its training: `own`, the last row of the curve, and versions.
+    def restore(self, note: Fields) -> None:
+        """Take up what `note` returned.
 
-        Those of `packages` stand behind ours, numpy's and torch's.
+        Raises:
+            LookupError, TypeError: if it is damaged.
         """
-        packages = ("dexgrasp", "numpy", "torch", *packages)
-        return own | self.state.curve[-1] | {"versions": package_versions(packages)}
+        del note  # there is nothing but the parts
+
+    @property
+    def best(self) -> int:
+        """The epoch that is kept where it is not the last, else 0."""
+        return int(self.task.best(self.state))
 
     def run(
         self, progress: Callable[[Progress], object] | None = None, stop_after: int | None = None
@@ -143,14 +150,12 @@ class Training(ABC):
             InputError: other settings or another process in the folder, a damaged checkpoint.
         """
         torch.set_num_threads(self.settings.threads)
+        options = self.options
         run = {
-            "schema": 1,
-            **self.identity(),
-            "settings": asdict(self.settings),
-            "minutes": self.course.minutes,
-            "trials": self.course.tester and asdict(self.course.tester),
-        }
-        with RunFolder(self.out, self.about, "training").claim(run), self.open:
+            "schema": 1, **self.task.identity(), "settings": asdict(self.settings), "minutes": options.minutes,
+            "trials": options.tester and asdict(options.tester),
+        }  # fmt: skip
+        with RunFolder(self.out, self.task.about, "training").claim(run), self.open:
             self.begin()
             self._go_on(progress, stop_after)
         return self.state
@@ -171,29 +176,37 @@ class Training(ABC):
             whole = [row["epoch"] for row in state.curve] == list(range(1, state.epoch + 1))
             if not (whole and state.epoch <= state.epochs and state.seconds >= 0.0):
                 raise ValueError
+            self.restore(note)
         except (LookupError, TypeError, ValueError):
             raise damaged(path) from None
+        if fault := self.task.fault(self.out, state):
+            raise InputError(fault)
         return note
 
     def _go_on(self, progress: Callable[[Progress], object] | None, stop_after: int | None) -> None:
-        board, calls, state = Board(self.out / "tensorboard"), 0, self.state
+        writer, calls, state = TensorBoardWriter(self.out / "tensorboard"), 0, self.state
         while state.epoch < state.epochs and calls != stop_after:
             began = time.perf_counter()
             row = {"epoch": state.epoch + 1} | self.learn()
             state.seconds += time.perf_counter() - began
             state.epoch, calls = state.epoch + 1, calls + 1
             state.curve.append(row)
-            # What is kept is there before the checkpoint: a kill in between repeats an epoch, to the same bits.
+            # The result is there before the checkpoint: a kill in between repeats an epoch, to the same bits.
             with held():
                 self.write()
-            if self.course.tester:
-                row |= self.course.tester.after(self.out, state)
+            if self.options.tester:
+                row |= self.options.tester.after(self.out, state)
             with held():
                 write_state(self.out / CHECKPOINT, self.parts(), {"progress": asdict(state), **self.note()})
                 write_atomically(
                     self.out / CURVE, "".join(json.dumps(row) + "\n" for row in state.curve).encode()
                 )
-            board.add(row, row.get("steps", state.epoch))
+            writer.add(row, row.get("steps", state.epoch))
             if progress:
                 progress(state)
-        board.close()
+        writer.close()
+
+
+def origin(state: Progress, *packages: str, **own: Any) -> Fields:
+    """Return a policy's record of its training: `own`, the last row of the curve, and versions."""
+    return own | state.curve[-1] | {"versions": package_versions(("dexgrasp", "numpy", "torch", *packages))}

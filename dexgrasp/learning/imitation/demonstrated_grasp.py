@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.data.demonstrations.rollout import Episode, intended
-from dexgrasp.learning.imitation.features import METRES, entry
+from dexgrasp.learning.imitation.state_features import METRES, entry
 from dexgrasp.mechanics.kinematics.forward import fingertips, hand_contact_jacobian
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
@@ -21,7 +21,7 @@ _NEWTONS = 10.0  # N, a unit of the network
 _ROUNDS = 3  # of forces at points that depend on them by a millimetre
 
 
-class Taken(NamedTuple):
+class DemonstratedGrasp(NamedTuple):
     """A grasp with g contacts by a hand of h joints; world frame.
 
     Attributes:
@@ -47,7 +47,7 @@ class Taken(NamedTuple):
         return float(np.arctan2(y, x))
 
 
-def taken(episode: Episode, noise: float, cell: Cell) -> Taken | None:
+def demonstrated_grasp(episode: Episode, noise: float, cell: Cell) -> DemonstratedGrasp | None:
     """Return the grasp of a demonstration in which the arm waited once for the hand to close; None for others."""
     tree, meant = robot_tree(cell), intended(episode, noise, cell.robot)
     waits = _waits(meant[: episode.about["solved"], : tree.arm])
@@ -58,7 +58,7 @@ def taken(episode: Episode, noise: float, cell: Cell) -> Taken | None:
     palm_turn, palm = palm_frame(q, tree)
     hand = slice(tree.arm, None)
     torques = (meant[closed] - q)[hand] * tree.stiffness
-    return Taken(
+    return DemonstratedGrasp(
         fingertips(q, tree), palm, palm_turn, q[hand], meant[opened, hand], _forces(q, torques, tree)
     )
 
@@ -76,17 +76,17 @@ def _forces(q: Array, torques: Array, tree: RobotTree) -> Array:
     for _ in range(_ROUNDS):
         J = hand_contact_jacobian(q, points, normals, tree)[:, :3]
         forces = np.stack([np.linalg.lstsq(rows.T, torques, rcond=None)[0] for rows in J])
-        normals = out_of(forces)
+        normals = outward_normals(forces)
         points = tips - TIP_DEPTH * tree.tip_radius * normals
     return forces
 
 
-def out_of(forces: Array) -> Array:
+def outward_normals(forces: Array) -> Array:
     """Return the directions (g, 3) out of an object that forces (g, 3) press on."""
     return -forces / np.maximum(np.linalg.norm(forces, axis=1, keepdims=True), 1e-6)
 
 
-def as_row(grasp: Taken, middle: Array) -> Array:
+def grasp_to_row(grasp: DemonstratedGrasp, middle: Array) -> Array:
     """Return a grasp of an object whose cloud has this middle (3,) m as numbers (F,) in the frame of its grip."""
     turn = about_z(-grasp.azimuth)
     parts = [
@@ -102,7 +102,7 @@ def sizes(tree: RobotTree) -> tuple[int, ...]:
     return contacts, 3, 6, joints, joints, contacts
 
 
-def of_row(row: Array, middle: Array, azimuth: float, tree: RobotTree) -> Taken:
+def grasp_from_row(row: Array, middle: Array, azimuth: float, tree: RobotTree) -> DemonstratedGrasp:
     """Return the grasp that a row stands for, along a grip of an azimuth, rad."""
     tips, palm, axes, closed, opened, forces = np.split(row, np.cumsum(sizes(tree))[:-1])
     back = about_z(-azimuth).T
@@ -110,7 +110,7 @@ def of_row(row: Array, middle: Array, azimuth: float, tree: RobotTree) -> Taken:
     x = x / np.linalg.norm(x)
     y = y - (x @ y) * x
     y = y / np.linalg.norm(y)
-    return Taken(
+    return DemonstratedGrasp(
         middle + tips.reshape(-1, 3) @ back.T / METRES,
         middle + back @ palm / METRES,
         back @ np.stack([x, y, np.cross(x, y)], axis=1),

@@ -13,9 +13,14 @@ from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.grasp.script import ActionScript
-from dexgrasp.learning.imitation.cloud_look import NUMBERS, CloudLook, along, look_at
+from dexgrasp.learning.imitation.cloud_features import NUMBERS, ObjectCloud, grip_features, observed_cloud
+from dexgrasp.learning.imitation.demonstrated_grasp import (
+    DemonstratedGrasp,
+    grasp_from_row,
+    outward_normals,
+    sizes,
+)
 from dexgrasp.learning.imitation.policy import Mlp, Policy, Scaling
-from dexgrasp.learning.imitation.taken import Taken, of_row, out_of, sizes
 from dexgrasp.mechanics.kinematics.palm_ik import palm_postures
 from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
@@ -34,7 +39,7 @@ _TRIED = 24  # grasps, the likeliest first
 _MISS = 0.006  # m that tips may be off
 
 
-class Grasper(Policy):
+class CloudGraspPolicy(Policy):
     """The network: arrays and how to use them."""
 
     kind = "grasper"
@@ -52,42 +57,42 @@ class Grasper(Policy):
             and self._trunk.outputs == self._modes * (1 + self.row)
         )
 
-    def begin(self, first: Observation, cell: Cell) -> "GrasperRun":
+    def begin(self, first: Observation, cell: Cell) -> "CloudGraspRun":
         """Choose a grasp and start an episode in a cell.
 
         Raises:
             InputError: where there is nothing to look at, the robot is another, or it can carry out no grasp.
         """
-        return GrasperRun(self, first, cell)
+        return CloudGraspRun(self, first, cell)
 
-    def weigh(self, look: CloudLook, azimuths: Array) -> tuple[Array, Array]:
+    def weigh(self, look: ObjectCloud, azimuths: Array) -> tuple[Array, Array]:
         """Return merits (m, modes), and grasps (m, modes, F) as rows, of grips of azimuths (m,) rad."""
-        points, numbers = along(look, azimuths)
+        points, numbers = grip_features(look, azimuths)
         seen = np.concatenate([relu(self._encoder(points)).max(axis=1), self._scaling(numbers)], axis=1)
         out = self._trunk(seen).reshape(len(azimuths), self._modes, 1 + self.row).astype(float)
         return out[..., 0], self._rows.mean + self._rows.scale * out[..., 1:]
 
-    def grasps(self, look: CloudLook, tree: RobotTree) -> Iterator[Taken]:
+    def grasps(self, look: ObjectCloud, tree: RobotTree) -> Iterator[DemonstratedGrasp]:
         """Yield grasps of an object, the likeliest first."""
         merits, rows = self.weigh(look, _AZIMUTHS)
         for flat in np.argsort(-merits, axis=None):
             k, mode = divmod(int(flat), self._modes)
-            yield of_row(rows[k, mode], look.middle, float(_AZIMUTHS[k]), tree)
+            yield grasp_from_row(rows[k, mode], look.middle, float(_AZIMUTHS[k]), tree)
 
 
-class GrasperRun:
+class CloudGraspRun:
     """A policy from clouds in one episode."""
 
-    def __init__(self, grasper: Grasper, first: Observation, cell: Cell) -> None:
+    def __init__(self, grasper: CloudGraspPolicy, first: Observation, cell: Cell) -> None:
         """Look at the first observation, and choose.
 
         Raises:
-            InputError: as `Grasper.begin`.
+            InputError: as `CloudGraspPolicy.begin`.
         """
         tree = robot_tree(cell)
         if sum(sizes(tree)) != grasper.row:
             raise InputError(f"the policy was not cloned with a hand like that of {cell.robot.name}")
-        look, start = look_at(first), np.array(first["joint_targets"], dtype=float)
+        look, start = observed_cloud(first), np.array(first["joint_targets"], dtype=float)
         self._motion = PickUp(*_first(grasper.grasps(look, tree), look, start, cell))
 
     def action(self, observation: Observation) -> Single:
@@ -95,15 +100,17 @@ class GrasperRun:
         return self._motion.action(observation["joint_positions"])
 
 
-def _first(grasps: Iterator[Taken], look: CloudLook, start: Array, cell: Cell) -> tuple[ActionScript, Grasp]:
+def _first(
+    grasps: Iterator[DemonstratedGrasp], look: ObjectCloud, start: Array, cell: Cell
+) -> tuple[ActionScript, Grasp]:
     """Return the first of some grasps that the arm can carry out, and how.
 
     Raises:
         InputError: with why it can carry out none of them.
     """
     obstacle, reason = standing_hull(look.points), "out_of_reach"
-    for _, taken in zip(range(_TRIED), grasps, strict=False):
-        grasp = _posed(taken, start, cell)
+    for _, wanted in zip(range(_TRIED), grasps, strict=False):
+        grasp = _posed(wanted, start, cell)
         if grasp is None:
             continue
         try:
@@ -113,19 +120,19 @@ def _first(grasps: Iterator[Taken], look: CloudLook, start: Array, cell: Cell) -
     raise InputError(reason)
 
 
-def _posed(taken: Taken, start: Array, cell: Cell) -> Grasp | None:
+def _posed(wanted: DemonstratedGrasp, start: Array, cell: Cell) -> Grasp | None:
     """Return a grasp in the robot's joints; None where it does not reach."""
     tree = robot_tree(cell)
     lower, upper, hand = tree.lower, tree.upper, slice(tree.arm, None)
     q = start.copy()
-    q[hand] = np.clip(taken.closed, lower[hand], upper[hand])
-    if next(palm_postures(q, taken.turn, taken.palm, tree), None) is None:
+    q[hand] = np.clip(wanted.closed, lower[hand], upper[hand])
+    if next(palm_postures(q, wanted.turn, wanted.palm, tree), None) is None:
         return None
-    if solve_tips(q, taken.tips, tree, 60, 5e-4) > _MISS:
+    if solve_tips(q, wanted.tips, tree, 60, 5e-4) > _MISS:
         return None
-    pregrasp = np.concatenate([q[: tree.arm], np.clip(taken.opened, lower[hand], upper[hand])])
-    normals = out_of(taken.forces)
-    squeeze = np.clip(q + lag_of(pressing_torques(q, normals, taken.forces, tree), tree), lower, upper)
-    contacts = taken.tips - TIP_DEPTH * tree.tip_radius * normals
+    pregrasp = np.concatenate([q[: tree.arm], np.clip(wanted.opened, lower[hand], upper[hand])])
+    normals = outward_normals(wanted.forces)
+    squeeze = np.clip(q + lag_of(pressing_torques(q, normals, wanted.forces, tree), tree), lower, upper)
+    contacts = wanted.tips - TIP_DEPTH * tree.tip_radius * normals
     certificate = Certificate.unclaimed(len(contacts))
-    return Grasp(q, contacts, normals, taken.forces, certificate, GraspMotion(pregrasp, q, squeeze), cell)
+    return Grasp(q, contacts, normals, wanted.forces, certificate, GraspMotion(pregrasp, q, squeeze), cell)

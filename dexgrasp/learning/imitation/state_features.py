@@ -25,7 +25,7 @@ _STEPS = 100.0  # control steps that a unit of time lasts
 _LONGEST = 250  # control steps after which the clock stands still
 
 
-class Scene(NamedTuple):
+class InitialScene(NamedTuple):
     """What is remembered of the first observation.
 
     Attributes:
@@ -45,7 +45,7 @@ def entry(observation: Observation, key: str) -> Array:
 
 
 def view_of(obs_mode: str) -> str:
-    """Return which of `cloning.VIEWS` an observation mode gives.
+    """Return which of `bc_training.VIEWS` an observation mode gives.
 
     Raises:
         InputError: for one that gives none.
@@ -58,7 +58,7 @@ def view_of(obs_mode: str) -> str:
     return views[obs_mode]
 
 
-def first_look(first: Observation) -> Scene:
+def initial_scene(first: Observation) -> InitialScene:
     """Return what is remembered of an episode's first observation; the object is a box about its centre of mass."""
     pose = entry(first, "object_pose")
     size = entry(first, "object_size")
@@ -70,13 +70,13 @@ def first_look(first: Observation) -> Scene:
         azimuth, np.hypot(*pose[:2]), *METRES * reach, METRES * pose[2], METRES * top, *R.ravel(),
         *METRES * size, *entry(first, "object_mass"),
     ]  # fmt: skip
-    return Scene(azimuth, pose[:3], np.array(numbers))
+    return InitialScene(azimuth, pose[:3], np.array(numbers))
 
 
-def features(scene: Scene, observation: Observation, step: Index | int) -> Array:
+def features(scene: InitialScene, observation: Observation, step: Index | int) -> Array:
     """Return features (..., F) of observations (..., n) of one episode at control steps (...).
 
-    A scene of N episodes, `side_by_side`, has observations (N, n) of each at one control step.
+    A scene of N episodes, `stack_scenes`, has observations (N, n) of each at one control step.
     """
     turned = about_z(-scene.azimuth)
     back = turned.swapaxes(-1, -2)
@@ -102,9 +102,9 @@ def features(scene: Scene, observation: Observation, step: Index | int) -> Array
     return np.concatenate(parts, axis=-1)
 
 
-def side_by_side(scenes: Sequence[Scene]) -> Scene:
+def stack_scenes(scenes: Sequence[InitialScene]) -> InitialScene:
     """Return N scenes as one whose entries have an axis (N,) in front."""
-    return Scene(*map(np.array, zip(*scenes, strict=True)))
+    return InitialScene(*map(np.array, zip(*scenes, strict=True)))
 
 
 def _turn(vectors: Array, turned: Array) -> Array:
