@@ -35,8 +35,8 @@ def clone(out: Path, objects: list[str], episodes: int, epochs: int, test: list[
 
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "runs/clone")
-    if "--quick" in sys.argv:
-        clone(folder, ["sugar_box"], episodes=2, epochs=1, test=["sugar_box"], trials=1)
-    else:
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "runs/clone_tried")
+    if "--whole" in sys.argv:
         clone(folder, ["varied-0..19"], episodes=20, epochs=10, test=["seen"], trials=3)
+    else:
+        clone(folder, ["sugar_box"], episodes=2, epochs=1, test=["sugar_box"], trials=1)

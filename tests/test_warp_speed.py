@@ -1,4 +1,4 @@
-"""Random actions on the device: nothing goes wrong, and how fast it is; DEXGRASP_WARP_SIZE environments (-s shows it)."""
+"""Random actions on the device: nothing goes wrong, and how fast it is; of DEXGRASP_WARP_SIZE; -s shows it."""
 
 import os
 import time
