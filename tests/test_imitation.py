@@ -3,17 +3,14 @@
 import json
 from functools import partial
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from project_scripts import load_script
 from refusals import refused
 from robots import CELL
 from trainings import goes_on_to_the_same_bits
 
-from dexgrasp.cli.commands import run_script
 from dexgrasp.data.demonstrations.generate import generate
 from dexgrasp.data.demonstrations.minari_format import read_episodes
 from dexgrasp.data.demonstrations.settings import DemoSettings
@@ -232,23 +229,6 @@ def test_damaged_policies_are_refused(demos, tmp_path):
     (out / "policy.safetensors").write_bytes(b"\0" * 20)
     with refused("damaged"):
         make_agent(str(out))
-
-
-def test_the_script_records_clones_and_scores(tmp_path, capsys):
-    script = load_script("clone_the_planner")
-    assert len(Path(script.__file__).read_text().splitlines()) < 75
-    words = (
-        "--objects sugar_box --episodes 2 --epochs 1 --test sugar_box --trials 1 --beside hardcoded bilevel"
-    )
-    words = [*words.split(), "--agent", "hardcoded", "--out", str(tmp_path / "out")]
-    assert run_script(script.Clone, words) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert "demonstrations" in lines[0]
-    assert [line.partition(": ")[0] for line in lines[-3:]] == [
-        str(tmp_path / "out" / "policy"),
-        "hardcoded",
-        "bilevel",
-    ]
 
 
 @pytest.mark.parametrize("name", ["bc", "bc_cloud", "rl"])

@@ -1,8 +1,6 @@
 """What looks like lifting and is none: no success, and less reward than an honest grasp."""
 
-import sys
-from pathlib import Path
-
+import cheats
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -14,9 +12,6 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import DISTURB_SHIFT, GRASP_STEPS, HOLD_STEPS
 from dexgrasp_env.tasks.settings import WEIGHTS
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
-import cheats
 
 THRESHOLD = 75.0
 

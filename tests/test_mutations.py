@@ -1,4 +1,4 @@
-"""No field of a grasp file can be changed unseen: a short run of `scripts/mutate_grasps.py`."""
+"""No field of a grasp file can be changed unseen: a short run of `scripts/judge.py`."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from dexgrasp.planning.scene_setup import look_at
 
 @pytest.fixture(scope="module")
 def script():
-    return load_script("mutate_grasps")
+    return load_script("judge")
 
 
 @pytest.fixture(scope="module")

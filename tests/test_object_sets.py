@@ -188,7 +188,7 @@ def archive(content: bytes, name: str = "004_sugar_box") -> bytes:
 
 @pytest.fixture(scope="module")
 def fetch_ycb():
-    return partial(run_script, load_script("fetch_ycb").Fetch)
+    return partial(run_script, load_script("object_sets").Ycb)
 
 
 def test_ycb_meshes_are_fetched_on_the_users_word_and_once(folder, publisher, fetch_ycb, capsys):
@@ -213,6 +213,6 @@ def test_ycb_meshes_are_fetched_on_the_users_word_and_once(folder, publisher, fe
 def test_what_cannot_be_fetched_is_said_in_one_line(folder, publisher, fetch_ycb, name, message, capsys):
     arguments = [str(folder / "ycb.json"), "--objects", name, "--publisher", publisher, "--yes"]
     assert fetch_ycb(arguments) == 2
-    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("fetch_ycb")]
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("object_sets")]
     assert message in line
     assert not (folder / "ycb.json").exists()

@@ -3,27 +3,22 @@
 import hashlib
 import io
 import json
-import sys
-from pathlib import Path
 
 import pytest
 import trimesh
+from project_scripts import load_script
 
 from dexgrasp.cli.commands import run_script
 from dexgrasp_env.objects.sets import read_set
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
-import folder_set
-import kitchen
-import outside
-
-HASHES = json.loads(outside.HASHES.read_text())
+object_sets = load_script("object_sets")
+HASHES = json.loads(object_sets.HASHES.read_text())
 
 
 @pytest.mark.parametrize("number", [0, 1, 2, 3, 4, 5, 502, 507, 999])
 def test_a_shape_is_the_frozen_one_and_a_closed_solid(number):
-    solid, kind, mass = outside.shape(number)
-    content = outside.solid_obj(solid)
+    solid, kind, mass = object_sets.shape(number)
+    content = object_sets.solid_obj(solid)
     assert hashlib.sha256(content).hexdigest()[:16] == HASHES[f"outside-{number:04d}"], kind
     mesh = trimesh.load(io.BytesIO(content), file_type="obj", process=False)
     assert mesh.is_watertight
@@ -33,22 +28,22 @@ def test_a_shape_is_the_frozen_one_and_a_closed_solid(number):
 
 
 def test_the_split_leaves_300_for_figures_of_record():
-    develop, final = outside.split()
+    develop, final = object_sets.split()
     assert (len(develop), len(final)) == (700, 300)
     assert sorted(develop + final) == list(range(1000))
     assert len(HASHES) == len(set(HASHES.values())) == 1000
 
 
 def test_what_lies_in_a_kitchen_is_frozen(tmp_path):
-    assert run_script(kitchen.Kitchen, [str(tmp_path)]) == 0
-    flat, handled, wide = (read_set(str(tmp_path / f"{kind}.json")) for kind in kitchen.DIGESTS)
+    assert run_script(object_sets.Kitchen, [str(tmp_path)]) == 0
+    flat, handled, wide = (read_set(str(tmp_path / f"{kind}.json")) for kind in object_sets.KITCHEN)
     assert (len(flat), len(handled), len(wide)) == (19, 8, 10)
     for member in (*flat.values(), *handled.values(), *wide.values()):
         assert trimesh.load(member.mesh, process=False).is_watertight, member.name
 
 
 def run(*arguments):
-    return run_script(folder_set.FolderSet, list(map(str, arguments)))
+    return run_script(object_sets.FolderSet, list(map(str, arguments)))
 
 
 def test_a_folder_of_meshes_becomes_a_set_file(tmp_path, capsys):

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from project_scripts import load_script
 
-from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.prediction import auc, predictions
 from dexgrasp.evaluation.report.figures import reliability
 
 record_results = load_script("record_results")
-load_predicts = load_script("load_predicts")
 
 
 def test_every_page_shows_what_the_json_holds():
@@ -45,40 +43,6 @@ def test_commands_that_differ_in_their_seed_are_shown_once():
         "evaluate --trials 3 --seed S --out runs/robust_S",
     ]
     assert record_results._together(commands[:1]) == commands[:1]
-
-
-def test_pushes_of_a_grasp_are_not_independent():
-    """Of ten grasps, one that fails at every push is wider than as many failures spread over all of them."""
-
-    def rows(failed):
-        pushed = [
-            {"target": "pear", "seed": k, "planned": True, "load": 2.0, "pushes": [
-                {"share": 1.0, "ramp": 2, "failed": failed(k, n)} for n in range(10)
-            ]} for k in range(10)
-        ]  # fmt: skip
-        return load_predicts.summary(pushed)["at_1.0"]
-
-    clustered, spread = rows(lambda k, n: k == 0), rows(lambda k, n: k == n)
-    assert clustered["pushes"] == spread["pushes"] == 100
-    assert clustered["failed"] == spread["failed"] == 10
-    assert np.ptp(clustered["ci95"]) > 2.0 * np.ptp(spread["ci95"])
-
-
-def test_pushes_go_where_object_seed_and_number_say():
-    first = load_predicts.directions("pear", 40, 3)
-    assert np.array_equal(load_predicts.directions("pear", 40, 6)[:3], first)
-    assert len({tuple(row) for row in first}) == 3
-    for other in (load_predicts.directions("soda", 40, 3), load_predicts.directions("pear", 41, 3)):
-        assert not np.isclose(other, first).any()
-
-
-def test_grasps_with_other_pushes_are_not_taken_for_done(tmp_path, monkeypatch):
-    monkeypatch.setattr(load_predicts, "run_pool", lambda work, jobs, backend: [])
-    monkeypatch.setattr(load_predicts, "summary", lambda rows: {})
-    words = ["--objects", "pear", "--out", str(tmp_path / "out")]
-    assert run_script(load_predicts.Load, [*words, "--pushes", "2"]) == 0
-    assert run_script(load_predicts.Load, [*words, "--pushes", "2"]) == 0
-    assert run_script(load_predicts.Load, [*words, "--pushes", "3"]) == 2
 
 
 def row(load, success):

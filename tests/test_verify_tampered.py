@@ -341,7 +341,7 @@ def test_small_shifts_of_every_joint_that_bears_a_grasping_tip_are_seen(contents
     ],
 )
 def test_a_grasp_is_not_taken_for_one_of_another_object_in_its_place(true, other, expected, contents):
-    script, record = load_script("relabel_grasps"), record_of(contents[true])
+    script, record = load_script("judge"), record_of(contents[true])
     broken = failing(script.relabelled(record, other, "standing"))
     assert expected in broken, broken
     assert {"object content_hash", "object name", "hull_offset as stated"} & broken == set()
@@ -349,5 +349,5 @@ def test_a_grasp_is_not_taken_for_one_of_another_object_in_its_place(true, other
 
 def test_a_grasp_named_again_as_what_it_is_passes(contents):
     record, model = record_of(contents["pear"]), load_object("pear")
-    again = load_script("relabel_grasps").named(record, model, "pear", record.T_world_object)
+    again = load_script("judge").named(record, model, "pear", record.T_world_object)
     assert [check.name for check in verify(again) if not check.holds] == []

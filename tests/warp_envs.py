@@ -11,7 +11,7 @@ from dexgrasp_env.tasks.simulation import Simulation
 
 ID = "DexGrasp/Lift-v2"
 N = 40  # of every environment here: a kernel is compiled for each number of worlds
-DEVICE = os.environ.get("DEXGRASP_WARP_DEVICE", "cpu")  # `scripts/gpu_acceptance.py --tests` names another
+DEVICE = os.environ.get("DEXGRASP_WARP_DEVICE", "cpu")  # DEXGRASP_WARP_DEVICE=cuda:0 on a GPU
 
 
 def make(backend, objects="all20", env_id=ID, **kwargs):

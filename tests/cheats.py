@@ -1,6 +1,6 @@
 """What looks like lifting and is none, against honest grasps: the table of docs/environments/lift.md.
 
-python scripts/cheats.py --seed 5 --trials 5 [--objects all20] [--presets Lift LiftPushed]
+python tests/cheats.py --seed 5 --trials 5 [--objects all20] [--presets Lift LiftPushed]
 """
 
 import sys

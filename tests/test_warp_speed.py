@@ -1,0 +1,33 @@
+"""Random actions on the device: nothing goes wrong, and how fast it is; of DEXGRASP_WARP_SIZE; -s shows it."""
+
+import os
+import time
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from project_scripts import load_script
+from warp_envs import DEVICE, ID, N
+
+from dexgrasp_env.objects.load import resolve_targets
+
+pytestmark = pytest.mark.warp
+
+SIZE = int(os.environ.get("DEXGRASP_WARP_SIZE", N))
+STEPS = 10 if SIZE == N else 40
+OBJECTS = [name for name in resolve_targets(["all20"]) if name != "massage_ball"]  # of 33 parts
+
+
+def test_random_actions_go_right_and_this_fast():
+    soak, rng = load_script("soak").Soak(), np.random.default_rng(2)
+    envs = gym.make_vec(ID, num_envs=SIZE, objects=OBJECTS, backend="warp", device=DEVICE)
+    envs.reset(seed=2)
+    envs.unwrapped._episodes.records["elapsed"] = rng.integers(0, 300, SIZE)  # they end at different times
+    load_script("soak").act(envs, 1, rng, soak)  # compiles the kernels
+    start = time.perf_counter()
+    load_script("soak").act(envs, STEPS, rng, soak)
+    print(
+        f"{SIZE} environments on {DEVICE}: {SIZE * STEPS / (time.perf_counter() - start):,.0f} steps a second"
+    )
+    envs.close()
+    assert (soak.steps, soak.not_finite) == (SIZE * (STEPS + 1), 0)
