@@ -1,6 +1,7 @@
-"""What the code says of itself, in place of `{{ docstring module:Class }}`, `{{ module name }}`, `{{ commands }}`."""
+"""Pages filled in from the code: `{{ docstring module:Class }}`, `{{ settings module:Class }}`, `{{ module name }}`."""
 
 import argparse
+import dataclasses
 import importlib
 import inspect
 import re
@@ -8,6 +9,8 @@ from collections.abc import Iterator
 from typing import Any
 
 _DOCSTRING = re.compile(r"^\{\{ docstring ([\w.]+):(\w+) \}\}$", re.MULTILINE)
+SETTINGS = re.compile(r"^\{\{ settings ([\w.]+):(\w+) \}\}$", re.MULTILINE)
+_ATTRIBUTE = re.compile(r"^ {4}(\w+): (.*(?:\n {8,}.*)*)", re.MULTILINE)
 _MODULE = re.compile(r"^\{\{ module ([\w.]+) \}\}$", re.MULTILINE)
 _SECTION = "## \\1\n\n```{eval-rst}\n.. automodule:: \\1\n```\n"
 _CODE_OR_BAR = re.compile(r"(`+[^`]*`+)|\|")
@@ -23,7 +26,8 @@ def setup(app: Any) -> dict[str, Any]:
 
 
 def _fill_in(app: Any, name: str, source: list[str]) -> None:
-    source[0] = _MODULE.sub(_SECTION, _DOCSTRING.sub(_docstring, source[0]))
+    text = SETTINGS.sub(lambda found: settings_table(*found.groups()), source[0])
+    source[0] = _MODULE.sub(_SECTION, _DOCSTRING.sub(_docstring, text))
     for mark, text in {"{{ commands }}": _commands, "{{ protocols }}": _protocols}.items():
         if mark in source[0]:
             source[0] = source[0].replace(mark, text())
@@ -43,6 +47,39 @@ def _shorten(
 
 def _docstring(match: "re.Match[str]") -> str:
     return str(inspect.getdoc(getattr(importlib.import_module(match[1]), match[2])))
+
+
+def settings_of(module: str, name: str) -> dict[str, tuple[str, str]]:
+    """Return default and meaning of each field of a settings class, inherited ones included."""
+    kind = getattr(importlib.import_module(module), name)
+    meanings: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        meanings |= {
+            field: " ".join(text.split())
+            for field, text in _ATTRIBUTE.findall(inspect.cleandoc(base.__doc__ or ""))
+        }
+    return {field.name: (_default(field), meanings.get(field.name, "")) for field in dataclasses.fields(kind)}
+
+
+def settings_table(module: str, name: str) -> str:
+    """Return a settings class as a table: setting, default, meaning with unit and source."""
+    rows = [
+        f"| `{field}` | {default} | {_in_cell(meaning)} |"
+        for field, (default, meaning) in settings_of(module, name).items()
+    ]
+    return "\n".join(["| setting | default | meaning, unit, source |", "| --- | --- | --- |", *rows])
+
+
+def _default(field: "dataclasses.Field[Any]") -> str:
+    if field.default is dataclasses.MISSING:
+        return (
+            "" if field.default_factory is dataclasses.MISSING else _in_cell(f"`{field.default_factory()}`")
+        )
+    return _in_cell(f"`{field.default}`")
+
+
+def _in_cell(text: str) -> str:
+    return text.replace("|", "\\|")
 
 
 def _commands() -> str:
