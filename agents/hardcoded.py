@@ -58,6 +58,8 @@ class HardcodedAgent(Agent):
     env_settings = BY_CLOUD
 
     def __init__(self) -> None:
+        self._script: ActionScript | None = None
+        self._rest: Single | None = None
         ensure_compiled()
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
@@ -69,7 +71,7 @@ class HardcodedAgent(Agent):
         began = time.perf_counter()
         self._cell = cell_of(info, default_cell())
         start = start_of(observation, self._cell.robot)
-        self._script: ActionScript | None = None
+        self._script = None
         self._step, self._rest = 0, self._action(start)
         self.report = Report()
         points = self._points(Scene.of_observation(observation, info))
@@ -84,7 +86,13 @@ class HardcodedAgent(Agent):
         self.report.planning_seconds = time.perf_counter() - began
 
     def act(self, observation: Observation) -> Single:
-        """Return the next action of the script."""
+        """Return the next action of the script.
+
+        Raises:
+            InputError: before the first reset.
+        """
+        if self._rest is None:
+            raise InputError("this agent has seen nothing yet: call reset(observation, info) before act()")
         if self._script is None:
             return self._rest
         action = self._action(self._script.at(self._step))

@@ -1,4 +1,4 @@
-"""What an agent is: anything with these members can be evaluated beside the planners."""
+"""The contract of agents: an object with these members can be evaluated beside the planners."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 Env = gym.Env[Any, Any]
 Observation = Mapping[str, NDArray[Any]]
@@ -24,7 +23,7 @@ BY_CLOUD: Fields = {"obs_mode": "pointcloud", "control_mode": "joint_position", 
 
 @dataclass
 class Report:
-    """What an agent says of its plan; evaluation writes it beside the outcome.
+    """An agent's account of its plan; evaluation writes it beside the outcome.
 
     Attributes:
         failure: why it has no plan, in a few words that can be counted, or None.
@@ -63,7 +62,8 @@ class Agent(ABC):
 
         Args:
             observation: the first observation.
-            info: the public info: action_space, control_period (s), mount, modes, when cameras look (observe).
+            info: of the environment's reset, or its public part (`public_info`): action_space, control_period (s),
+                mount, cell, modes, when cameras look (observe), what perception says.
         """
 
     @abstractmethod
@@ -78,17 +78,8 @@ def cell_of(info: Mapping[str, Any], default: Cell) -> Cell:
 
 
 def public_info(env: Env, info: Mapping[str, Any]) -> Fields:
-    """Return what an agent may know at reset: nothing of the object but what perception says."""
-    settings = env.unwrapped.settings  # type: ignore[attr-defined]
-    known = {
-        "action_space": env.action_space,
-        "control_period": CONTROL_PERIOD,
-        "mount": settings.mount,
-        "cell": settings.cell,
-        "obs_mode": settings.obs_mode,
-        "control_mode": settings.control_mode,
-        "observe": settings.observe,
-    }
+    """Return the part of a reset's info that an agent may know: nothing of the object but what perception says."""
+    known: Fields = env.unwrapped.agent_info | {"action_space": env.action_space}  # type: ignore[attr-defined]
     return known | {key: value for key, value in info.items() if key.startswith("perception")}
 
 

@@ -19,6 +19,7 @@ from robots import HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp import Agent, make_agent
+from dexgrasp.agent import public_info
 from dexgrasp.agents.hardcoded import HardcodedAgent, short_axis
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.poses import quat_to_matrix
@@ -115,6 +116,22 @@ def test_hardcoded_says_that_a_cloud_is_flat():
 def test_hardcoded_without_cloud_is_a_users_mistake():
     with refused("pointcloud"):
         HardcodedAgent().reset({"joint_targets": HOME}, {})
+
+
+def test_hardcoded_before_the_first_reset_is_a_users_mistake():
+    with refused("call reset"):
+        HardcodedAgent().act({"joint_targets": HOME})
+
+
+def test_the_info_of_a_reset_has_all_that_agents_are_told():
+    env = gym.make("DexGrasp/Lift-v2", objects="lego", observe="clear", obs_mode="pointcloud")
+    _, info = env.reset(seed=0)
+    told = public_info(env, info)
+    assert told.keys() <= info.keys()
+    assert info["cell"] is told["cell"] is env.unwrapped.settings.cell
+    assert info["observe"] == "clear"
+    assert "cell" not in env.step(env.action_space.sample())[4]
+    env.close()
 
 
 def test_random_is_seeded_and_fills_the_space():

@@ -14,6 +14,7 @@ from robots import CELL, LOWER, ROBOT, UPPER, denormalise
 from dexgrasp import make_agent
 from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.agents.stages import LiftAndHold
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.geometry.completion import target_of
@@ -127,7 +128,8 @@ def test_looks_again_where_there_is_no_grasp(blind, reason, steps, monkeypatch):
             plans[-1].found, plans[-1].shortfall = [], "closure_margin"
         return plans[-1]
 
-    monkeypatch.setattr("dexgrasp.agents.bilevel.plan_scene", blinded)
+    for module in ("bilevel", "stages"):
+        monkeypatch.setattr(f"dexgrasp.agents.{module}.plan_scene", blinded)
     agent = BilevelAgent()
     env = gym.make("DexGrasp/Lift-v2", objects="gelatin_box", **agent.env_settings)
     outcome, grasp = run_trial(env, agent, TrialSeeds(1, 1))
@@ -142,27 +144,27 @@ def test_looks_again_where_there_is_no_grasp(blind, reason, steps, monkeypatch):
 def test_does_not_grasp_again_where_the_cameras_looked_but_once(attempt):
     agent = BilevelAgent()
     agent.reset(attempt.observation, {"observe": "reset"})
-    carrying = GuardedCarry(agent._state.motion)
+    carrying = GuardedCarry(agent._stage.motion)
     carrying._lost_steps = 99
     assert carrying.lost
-    agent._state = agent._state._replace(motion=carrying)
+    stage = agent._stage = LiftAndHold(agent._stage.state, carrying)
     agent.act(attempt.observation)
     assert "regrasps" not in agent.report.details
-    assert agent._state.motion is carrying
+    assert agent._stage is stage
 
 
 @pytest.mark.parametrize(("lifting", "looks"), [(True, 2), (False, 0)])
 def test_waits_for_room_to_open_only_while_it_lifts(attempt, lifting, looks, monkeypatch):
     agent = BilevelAgent()
     agent.reset(attempt.observation, {"observe": "clear"})
-    carrying = GuardedCarry(agent._state.motion)
+    carrying = GuardedCarry(agent._stage.motion)
     carrying._lost_steps = 99
     carrying._step = carrying._hold_start + (0 if lifting else 1)
-    agent._state = agent._state._replace(motion=carrying)
-    monkeypatch.setattr(agent, "_way_home", lambda *_: None)
-    agent.act(attempt.observation)
-    assert agent._state.motion is carrying
-    assert agent._state.looks == looks
+    stage = LiftAndHold(agent._stage.state, carrying)
+    monkeypatch.setattr("dexgrasp.agents.stages.way_home", lambda *_: None)
+    after = stage.next(attempt.observation)
+    assert after.motion is carrying
+    assert after.state.looks == looks
 
 
 def failures():

@@ -9,7 +9,7 @@ import pytest
 from robots import CELL, HOME
 
 from dexgrasp.agent import public_info
-from dexgrasp.agents import bilevel
+from dexgrasp.agents import bilevel, stages
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.geometry.around import SEEN, UNSEEN, columns, neighbours_of
 from dexgrasp.geometry.completion import target_of
@@ -261,7 +261,8 @@ def test_an_agent_without_a_grasp_makes_way_or_pushes_and_lifts_after_all(monkey
         **agent.env_settings,
     )
     observation, info = env.reset(seed=0)
-    monkeypatch.setattr(bilevel, "plan_scene", nothing)
+    for module in (bilevel, stages):
+        monkeypatch.setattr(module, "plan_scene", nothing)
     agent.reset(observation, public_info(env, info))
     if moves:
         monkeypatch.undo()

@@ -115,7 +115,7 @@ def test_the_agent_lifts_a_phone(tmp_path):
     agent = BilevelAgent()
     agent.seed(0)
     agent.reset(observation, public_info(env, info))
-    assert isinstance(agent._state.motion, Slide)
+    assert isinstance(agent._stage.motion, Slide)
     assert agent.report.again
     over = False
     while not over:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import islice, product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,6 +36,36 @@ def _holds(hold: Hold) -> bool:
 
 def _robust(hold: Hold) -> bool:
     return hold.merit >= 1.0
+
+
+class Round(NamedTuple):
+    """One round of a search: it ends with a firm grasp, or adds to the pool."""
+
+    breadth: float  # times as many samples as in the first
+    enough: (
+        Callable[[Hold], bool] | None
+    )  # a grasp of the rounds before that will do instead; None: none will
+    whole: bool  # all postures are looked at, though a batch of them had no firm grasp
+    late: bool  # it follows only where the rounds before gave a grasp
+
+
+def rounds_of(settings: PlannerSettings, crowded: bool) -> Iterator[Round]:
+    """Yield the rounds of a search.
+
+    The best grasp of a round that is looked at whole will do if it bears the weight on slippery surfaces too; in the
+    end, and among neighbours, where a firm grasp is rare, soon: if it bears the weight at all.
+
+    Args:
+        settings: how broad rounds are, and how many follow them.
+        crowded: neighbours stand around the object.
+    """
+    usual = len(settings.breadths)
+    count = usual + (min(settings.patience, _AMONG) if crowded else settings.patience)
+    for k in range(count):
+        late = k >= usual
+        enough = _robust if (k <= 1 if crowded else k < count - 1) else _holds
+        whole = late or crowded
+        yield Round(settings.breadths[min(k, usual - 1)], enough if whole else None, whole, late)
 
 
 class Planner:
@@ -154,25 +185,18 @@ class Search:
 
     def run(self) -> PlanResult:
         """Return the first firm grasp of ever broader rounds; failing that the best of all that is feasible."""
-        target, settings, result = self._problem.target, self.planner.settings, self.result
-        breadths, crowded = settings.breadths, target.around is not None
+        target, result = self._problem.target, self.result
         # What does not get past its neighbours straight up is lifted by no grasp.
         if self._start is not None and raised_into(target, RAISED) > 0.0:
             self.log.block(LIFT_BLOCKED)
             result.shortfall = LIFT_BLOCKED
             return result
-        patience = min(settings.patience, _AMONG) if crowded else settings.patience
-        last = len(breadths) + patience - 1
-        for k, breadth in enumerate((*breadths, *breadths[-1:] * patience)):
-            late = k >= len(breadths)
-            # The best of a round that is looked at whole will do if it bears the weight on slippery surfaces too; in
-            # the end, and among neighbours, where a firm grasp is rare, soon: if it bears the weight at all.
-            enough = _robust if (k == 1 if crowded else k < last) else _holds
-            if (late or crowded) and self.take(enough):
+        for step in rounds_of(self.planner.settings, crowded=target.around is not None):
+            if step.enough is not None and self.take(step.enough):
                 break
-            if (late and not self.pool) or self.planner.out_of_time(self.log):
+            if (step.late and not self.pool) or self.planner.out_of_time(self.log):
                 break
-            if self._firm(settings.broadened(breadth), late or crowded):
+            if self._firm(self.planner.settings.broadened(step.breadth), step.whole):
                 break
         if not result.found:
             self.pool = [one._replace(hold=lightened(one.hold, one.start.problem)) for one in self.pool]

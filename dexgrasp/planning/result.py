@@ -3,7 +3,6 @@
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
@@ -108,13 +107,6 @@ class PlanResult:
     log: SearchLog = field(default_factory=SearchLog)
     planning_seconds: float = 0.0
     cpu_seconds: float = 0.0
-
-    @contextmanager
-    def going_on(self) -> Iterator[None]:
-        """Count the time of what is planned within as planning."""
-        began = time.perf_counter()
-        yield
-        self.planning_seconds += time.perf_counter() - began
 
     @property
     def around(self) -> ConvexDistance | None:

@@ -78,6 +78,20 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         return self._episodes.commands[0, 0].copy()
 
     @property
+    def agent_info(self) -> Fields:
+        """Settings that an agent may know; the info of every reset has them."""
+        settings = self.settings
+        return {
+            "action_space": self.action_space,
+            "control_period": CONTROL_PERIOD,
+            "mount": settings.mount,
+            "cell": settings.cell,
+            "obs_mode": settings.obs_mode,
+            "control_mode": settings.control_mode,
+            "observe": settings.observe,
+        }
+
+    @property
     def disturbance_steps(self) -> int:
         """Control steps that the disturbance takes: what a time limit should allow for."""
         return self.settings.disturbance_steps
@@ -100,7 +114,8 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         self._over = True  # options may be refused
         self.simulation, seen = self._episodes.begin(0, self.np_random, options)
         self._over, slot = False, self._episodes.slots[0]
-        return self._look(seen, at_reset=not (slot.resumed and slot.view.seen))
+        observation, info = self._look(seen, at_reset=not (slot.resumed and slot.view.seen))
+        return observation, info | self.agent_info
 
     def observe(self) -> tuple[Arrays, Fields]:
         """Return observation and info of the present: those of the last reset or step, or of the state that was set.
