@@ -19,7 +19,7 @@ from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import Posture, oriented_postures, posture_at
 from dexgrasp.planning.proposals import Proposals
-from dexgrasp.planning.settings import PlannerSettings, Problem
+from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import Solution
 from dexgrasp_env.robot.cell import Cell
 
@@ -65,7 +65,7 @@ class LatentPlanner(Planner):
         )
         super().__init__(plain, CvaeProposals(ranked=False), cell, with_closure=False)
 
-    def starts(self, proposals: Proposals, problem: Problem) -> Iterator[Posture]:
+    def starts(self, proposals: Proposals, problem: GraspProblem) -> Iterator[Posture]:
         """Yield what IK finds for each latent, in the order drawn: from its own palm, then from those above."""
         for k in range(len(proposals.contacts)):
             assert proposals.palms is not None  # latents have them

@@ -92,7 +92,7 @@ class BilevelAgent(Agent):
         plan = self.result = self.plan(observation, info)
         self.report = plan.report()
         # Among neighbours each try shifts something, and another grasp may then be there.
-        crowded = plan.around is not None and self._regrasps > 0
+        crowded = plan.neighbours is not None and self._regrasps > 0
         looks = max(self._regrasps, self._moves) if crowded else self._regrasps
         episode = Episode(
             self._planner, self._seed, self._scene, self.turns, self._regrasps, looks, self._moves

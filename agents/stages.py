@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from dexgrasp.agent import Observation
-from dexgrasp.motion.carried import SettingAside, WayAside
+from dexgrasp.motion.carried import CarryAside, Rearrangement
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.motion import Motion, NoPath
 from dexgrasp.motion.move_until_contact import GuardedGrasp
@@ -17,9 +17,9 @@ from dexgrasp.planning.carry import plan_turn
 from dexgrasp.planning.overhang import plan_slid, plan_slide
 from dexgrasp.planning.plan_scene import plan_scene, start_of
 from dexgrasp.planning.planner import LIFT_BLOCKED, Planner
-from dexgrasp.planning.rearrange import plan_aside
+from dexgrasp.planning.rearrange import plan_rearrangement
 from dexgrasp.planning.result import PlanResult
-from dexgrasp.planning.settings import Problem
+from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.perception.scene import Scene
 
@@ -111,17 +111,17 @@ class TakeHold(Stage):
     """Approach, close, and press: of the object, or of a neighbour that is set aside then."""
 
     motion: GuardedGrasp
-    aside: WayAside | None = None
+    aside: Rearrangement | None = None
 
     def next(self, observation: Observation) -> Stage:
         """Return the stage that carries what the hand has."""
         if not self.motion.done:
             return self
         if self.aside is not None:
-            return PutAside(self.state, SettingAside(self.motion, self.aside))
+            return PutAside(self.state, CarryAside(self.motion, self.aside))
         (episode, plan, *_), grasp, turn = self.state, self.motion.grasp, None
         if episode.turns and plan.target is not None:
-            turn = plan_turn(grasp, self.motion.script, Problem(plan.target, grasp.cell, plan.settings))
+            turn = plan_turn(grasp, self.motion.script, GraspProblem(plan.target, grasp.cell, plan.settings))
         return LiftAndHold(self.state, GuardedCarry(self.motion, turn))
 
 
@@ -134,7 +134,7 @@ class LiftAndHold(Stage):
     def next(self, observation: Observation) -> Stage:
         """Return the way home where the object was lost and may be looked for again."""
         # Where the hold is long over, the hand has something else: neighbours feel like the object.
-        lost = self.motion.lost or (self.motion.overdue and self.state.plan.around is not None)
+        lost = self.motion.lost or (self.motion.overdue and self.state.plan.neighbours is not None)
         if not (lost and self.state.looks):
             return self
         if home := way_home(self.state, observation):
@@ -147,7 +147,7 @@ class LiftAndHold(Stage):
 class PutAside(Stage):
     """A neighbour is carried to its place and let go of."""
 
-    motion: SettingAside
+    motion: CarryAside
 
     def next(self, observation: Observation) -> Stage:
         """Return the way home; the look at its end counts as none."""
@@ -265,7 +265,7 @@ def take_hold(plan: PlanResult, **how: float) -> GuardedGrasp:
 def way_home(state: State, observation: Observation) -> Retreat | None:
     """Return the way home, where the cameras look again; None where there is none."""
     try:
-        return Retreat(state.episode.start(observation), state.episode.planner.cell, state.plan.around)
+        return Retreat(state.episode.start(observation), state.episode.planner.cell, state.plan.neighbours)
     except NoPath:
         return None
 
@@ -275,7 +275,7 @@ def make_way(state: State, scene: Scene, start: Array) -> TakeHold | None:
     episode, plan, looks, moves = state
     if not (moves and scene.neighbours and plan.target is not None):
         return None
-    found = plan_aside(episode.planner, scene, plan.target, episode.seed + moves, start)
+    found = plan_rearrangement(episode.planner, scene, plan.target, episode.seed + moves, start)
     if found is None:
         return None
     return TakeHold(State(episode, found.plan, looks, moves - 1), take_hold(found.plan), found.way)
@@ -287,5 +287,5 @@ def plan_pushing(
     """Return a plan that may push neighbours by `give` m, and that; where it has no grasp, `plan`, and 0."""
     if plan.found or plan.target is None or not scene.neighbours:
         return plan, 0.0
-    pushing = plan_scene(episode.planner, scene, episode.seed, start, give=give)
+    pushing = plan_scene(episode.planner, scene, episode.seed, start, neighbour_margin=give)
     return (pushing, give) if pushing.found else (plan, 0.0)

@@ -72,13 +72,13 @@ def placing_agent(name: str) -> Agent:
     return _load("dexgrasp.agents.placing:PlacingAgent")(agent)
 
 
-def agent_for(name: str, friction: float | None, at_least: float | None = None) -> Agent:
+def agent_for(name: str, friction: float | None, min_success_probability: float | None = None) -> Agent:
     """Make an agent for surfaces of some friction: one that plans grasps counts on its usual share of it.
 
     Args:
         name: see `make_agent`.
         friction: coefficient; None leaves the agent with what it counts on by default.
-        at_least: probability of being held that one that plans grasps must see in a grasp; None for any.
+        min_success_probability: probability of being held that one that plans grasps must see in a grasp; None for any.
 
     Raises:
         InputError: as `make_agent`.
@@ -87,9 +87,9 @@ def agent_for(name: str, friction: float | None, at_least: float | None = None) 
     from dexgrasp.planning.settings import PlannerSettings
 
     agent = make_agent(name)
-    if (friction is None and at_least is None) or not isinstance(agent, PlansGrasps):
+    if (friction is None and min_success_probability is None) or not isinstance(agent, PlansGrasps):
         return agent
-    return make_agent(name, settings=PlannerSettings.of(friction, at_least))
+    return make_agent(name, settings=PlannerSettings.of(friction, min_success_probability))
 
 
 def check_name(name: str) -> str:

@@ -16,9 +16,9 @@ from dexgrasp.motion.carried import turn_arm
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.move_until_contact import GuardedGrasp
 from dexgrasp.planning.carry import ENOUGH, plan_turn
-from dexgrasp.planning.claims import contacts_of
+from dexgrasp.planning.certificate_builder import contacts_of
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.settings import PlannerSettings, Problem
+from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 
 TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
 
@@ -33,7 +33,7 @@ def planned(mass):
 @pytest.fixture(scope="module")
 def heavy():
     plan, target = planned(0.6)
-    return plan, target, plan_turn(plan.grasp, plan.script, Problem(target, CELL, SETTINGS))
+    return plan, target, plan_turn(plan.grasp, plan.script, GraspProblem(target, CELL, SETTINGS))
 
 
 def at_the_end_of(turn, plan):
@@ -61,7 +61,7 @@ def test_what_it_presses_with_balances_gravity_as_the_object_then_lies(heavy):
     plan, target, turn = heavy
     start, end = at_the_end_of(turn, plan)
     R = palm_frame(end, TREE)[0] @ palm_frame(start, TREE)[0].T
-    before, _ = contacts_of(plan.grasp.q, Problem(target, CELL, SETTINGS), SETTINGS.friction_hold)
+    before, _ = contacts_of(plan.grasp.q, GraspProblem(target, CELL, SETTINGS), SETTINGS.friction_hold)
     turned = before._replace(
         points=before.points @ R.T, normals=before.normals @ R.T, centre=R @ before.centre,
         jacobians=R @ before.jacobians,
@@ -76,7 +76,7 @@ def test_what_it_presses_with_balances_gravity_as_the_object_then_lies(heavy):
 def test_what_is_held_firmly_is_carried_as_it_was_lifted():
     plan, target = planned(0.08)
     assert plan.grasp.certificate.capacity >= ENOUGH
-    assert plan_turn(plan.grasp, plan.script, Problem(target, CELL, SETTINGS)) is None
+    assert plan_turn(plan.grasp, plan.script, GraspProblem(target, CELL, SETTINGS)) is None
 
 
 def test_an_arm_that_cannot_turn_is_told(heavy):
@@ -146,4 +146,4 @@ def test_one_free_finger_of_what_hangs_is_no_loss(heavy, free, turned, lost):
 def test_without_a_certificate_of_weakness_nothing_is_planned(heavy):
     plan, target, _ = heavy
     strong = replace(plan.grasp, certificate=replace(plan.grasp.certificate, capacity=ENOUGH))
-    assert plan_turn(strong, plan.script, Problem(target, CELL, SETTINGS)) is None
+    assert plan_turn(strong, plan.script, GraspProblem(target, CELL, SETTINGS)) is None

@@ -26,7 +26,7 @@ from dexgrasp.mechanics.margin import margins
 from dexgrasp.planning.placement import assignments, place_on_atlas
 from dexgrasp.planning.postures import loads_on
 from dexgrasp.planning.proposals import closure_sweep
-from dexgrasp.planning.settings import Problem
+from dexgrasp.planning.settings import GraspProblem
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.shards import text_of, write_shard
 from dexgrasp_env.assets import asset_path
@@ -85,7 +85,7 @@ def test_no_hand_bears_the_object_at_triples_that_are_left_out():
     scene = rest_scene("mustard_bottle", 0, DatasetSettings.of(["mustard_bottle"]))
     triples, planner = scene.triples[:: len(scene.triples) // 300], SETTINGS.planner
     kept = {tuple(t) for t in bearable(scene, triples, SETTINGS)}
-    problem = Problem(scene.grasp_target, CELL, planner)
+    problem = GraspProblem(scene.grasp_target, CELL, planner)
     at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, assignments(3))
     loads = loads_on(at, problem)
     margin = margins(scene.points[triples], scene.normals[triples], planner.friction)

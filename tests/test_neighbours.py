@@ -26,14 +26,14 @@ from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.collision import carried_into, raised_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
+from dexgrasp.planning.certificate_builder import overlap, too_near
 from dexgrasp.planning.certifier import _in_the_way
-from dexgrasp.planning.claims import overlap, too_near
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import _has_room, atlas_postures
 from dexgrasp.planning.proposals import SurfaceProposals
-from dexgrasp.planning.rearrange import plan_aside
+from dexgrasp.planning.rearrange import plan_rearrangement
 from dexgrasp.planning.result import PlanResult
-from dexgrasp.planning.settings import PlannerSettings, Problem
+from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 TREE = robot_tree(CELL)
@@ -90,7 +90,7 @@ def test_tips_may_touch_the_object_and_no_neighbour(plans):
     assert set(tips) <= set(rows.labels[:count, 1][rows.labels[:count, 0] == NEIGHBOUR])
     far = replace(ALONE, neighbours=SIDES)
     pregrasp = plans[1].found[0].grasp.motion.pregrasp
-    assert not len(too_near(pregrasp, Problem(far, CELL, PlannerSettings()), 0.004))
+    assert not len(too_near(pregrasp, GraspProblem(far, CELL, PlannerSettings()), 0.004))
 
 
 def test_tips_are_proposed_where_they_fit_and_idle_fingers_fold():
@@ -103,7 +103,7 @@ def test_tips_are_proposed_where_they_fit_and_idle_fingers_fold():
     open_hand, beside = HOME.copy(), np.setdiff1d(np.arange(23), TREE.moved)
     tip = body_frames(open_hand, TREE).p[CELL.robot.bodies.index("ring_distal")]
     in_the_way = replace(ALONE, neighbours=((box(*tip[:2], (0.02, 0.02, 0.06), tip[2] - 0.05),),))
-    problem = Problem(in_the_way, CELL, settings)
+    problem = GraspProblem(in_the_way, CELL, settings)
     assert overlap(open_hand, problem) > 0.005
     assert _has_room(open_hand, problem)
     assert overlap(open_hand, problem) < 0.005
@@ -137,7 +137,7 @@ def test_a_hand_that_meets_a_neighbour_while_it_closes_is_refused(plans):
     ]  # so far that a post has room between finger and object
     between, index = fingertips(0.5 * (wide + grasp.q), TREE)[1], TREE.tip_body[1]
     post = replace(ALONE, neighbours=((box(*between[:2], (0.002, 0.002, 0.004), between[2]),),))
-    problem = Problem(post, CELL, PlannerSettings())
+    problem = GraspProblem(post, CELL, PlannerSettings())
     assert not (too_near(wide, problem, 0.001)[:, 0] == NEIGHBOUR).any()
     assert overlap(grasp.q, problem) <= 0.0
     assert index in _in_the_way(wide, grasp.q, problem)[:, 1]
@@ -151,7 +151,9 @@ def test_a_hand_that_meets_a_neighbour_while_it_closes_is_refused(plans):
 def test_placements_with_room_come_first():
     found = SurfaceProposals().propose(ALONE, PlannerSettings(), np.random.default_rng(0))
     wall = (box(0.5, 0.075, (0.3, 0.04, 0.25)),)
-    alone, beside = (Problem(t, CELL, PlannerSettings()) for t in (ALONE, replace(ALONE, neighbours=(wall,))))
+    alone, beside = (
+        GraspProblem(t, CELL, PlannerSettings()) for t in (ALONE, replace(ALONE, neighbours=(wall,)))
+    )
     first = [[start.q for start in islice(atlas_postures(found, problem), 10)] for problem in (alone, beside)]
     deep = [np.mean([max(overlap(q, beside), 0.0) for q in found]) for found in first]
     assert deep[1] < 0.5 * deep[0]
@@ -231,7 +233,7 @@ def test_what_stands_in_the_way_is_set_aside_where_there_is_room():
     scene = Scene(shell(0.5, 0.0, size * [1, 1, 0.5]), neighbours=(far, *around))
     target = replace(target_of(scene), neighbours=neighbours_of(scene))
     planner = Planner()
-    aside = plan_aside(planner, scene, target, SEED, HOME)
+    aside = plan_rearrangement(planner, scene, target, SEED, HOME)
     taken = aside.plan.target.centre
     assert np.linalg.norm(taken - far.points.mean(0)) > 0.1  # not in the way, and no higher
     assert len(aside.plan.target.neighbours) == 4  # the others, and the object
@@ -241,15 +243,17 @@ def test_what_stands_in_the_way_is_set_aside_where_there_is_room():
     assert np.linalg.norm(put - target.centre[:2]) > 0.15
     assert aside.plan.target.around.distance(np.array([[*put, 0.06]]))[0] > 0.08
     assert palm_frame(aside.way.away[-1], TREE)[1][2] > at[2] + 0.1
-    assert plan_aside(planner, replace(scene, neighbours=()), target, SEED, HOME) is None
+    assert plan_rearrangement(planner, replace(scene, neighbours=()), target, SEED, HOME) is None
 
 
 @pytest.mark.parametrize("moves", [1, 0])
 def test_an_agent_without_a_grasp_makes_way_or_pushes_and_lifts_after_all(monkeypatch, moves):
     agent, real = BilevelAgent(moves=moves, regrasps=1), bilevel.plan_scene
 
-    def nothing(planner, scene, seed, start, give=0.0, **_):
-        return real(planner, scene, seed, start, give=give) if give else PlanResult(target_of(scene))
+    def nothing(planner, scene, seed, start, neighbour_margin=0.0, **_):
+        if not neighbour_margin:
+            return PlanResult(target_of(scene))
+        return real(planner, scene, seed, start, neighbour_margin=neighbour_margin)
 
     env = gym.make(
         "DexGrasp/ClutterHeap-v1",

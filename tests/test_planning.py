@@ -29,7 +29,7 @@ from dexgrasp.planning.constraints import evaluate, fixed_rows
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
 from dexgrasp.planning.proposals import SurfaceProposals, robustness
-from dexgrasp.planning.settings import PlannerSettings, Problem
+from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import bounds_of
 from dexgrasp_env.robot.model import robot_spec
 
@@ -179,7 +179,7 @@ def test_no_proposals_with_the_reason(name, settings, reason):
     found = propose(grasp_target, settings)
     assert found.failure == reason
     assert found.contacts.shape == (0, 3, 3)
-    assert list(atlas_postures(found, Problem(grasp_target, CELL, settings))) == []
+    assert list(atlas_postures(found, GraspProblem(grasp_target, CELL, settings))) == []
 
 
 def test_uniform_proposals_are_not_judged():
@@ -232,7 +232,7 @@ def test_atlas_postures_are_what_mujoco_says():
 def test_starting_postures_are_near_their_contacts(name, proposals):
     found, grasp_target = proposals[name], subject(name)
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
-    postures = list(atlas_postures(found, Problem(grasp_target, CELL, SETTINGS)))
+    postures = list(atlas_postures(found, GraspProblem(grasp_target, CELL, SETTINGS)))
     assert 10 < len(postures) <= SETTINGS.postures
     assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
     for posture in postures:
@@ -251,7 +251,7 @@ def test_oriented_postures_say_how_far_they_miss(proposals):
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
     total = 0
     for k in range(6):
-        postures = oriented_postures(k, found, Problem(grasp_target, CELL, SETTINGS))
+        postures = oriented_postures(k, found, GraspProblem(grasp_target, CELL, SETTINGS))
         assert len(postures) <= SETTINGS.initial_orientations
         assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
         targets = found.contacts[k] + reach * found.normals[k]
@@ -300,7 +300,7 @@ def test_tip_ik_with_fingers_only_keeps_the_arm_and_reports_the_miss():
 def near_contact(name, proposals, count, seed=0):
     rng = np.random.default_rng(seed)
     for posture in itertools.islice(
-        atlas_postures(proposals[name], Problem(subject(name), CELL, SETTINGS)), count
+        atlas_postures(proposals[name], GraspProblem(subject(name), CELL, SETTINGS)), count
     ):
         q = posture.q.copy()
         q[TREE.moved] += rng.normal(0, 0.02, len(TREE.moved))
@@ -308,7 +308,7 @@ def near_contact(name, proposals, count, seed=0):
 
 
 def rows_at(q, grasp_target, settings=SETTINGS):
-    bounds = bounds_of(Problem(grasp_target, CELL, settings), 0.5)
+    bounds = bounds_of(GraspProblem(grasp_target, CELL, settings), 0.5)
     at = evaluate(q, TREE, (grasp_target.distance.obstacle, NOTHING), bounds, shape_of(3), True)
     keys = [tuple(label) for label in at.labels.tolist()]
     least = {}
@@ -349,7 +349,7 @@ def test_gradient_of_every_row_is_its_difference(name, proposals):
 
 @pytest.mark.parametrize("name", ["box", "stone"])
 def test_values_of_the_fixed_rows_by_another_way(name, proposals):
-    bounds = bounds_of(Problem(subject(name), CELL, SETTINGS), 0.5)
+    bounds = bounds_of(GraspProblem(subject(name), CELL, SETTINGS), 0.5)
     for q in near_contact(name, proposals, 10, seed=1):
         at, _ = rows_at(q, subject(name))
         tips = tips_by_mujoco(q)

@@ -16,13 +16,13 @@ from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.mechanics.strength import load_of
 from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp.planning.certificate_builder import contacts_of
 from dexgrasp.planning.certifier import grasp_motion, opened
-from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.constraints import evaluate
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
 from dexgrasp.planning.proposals import SurfaceProposals
-from dexgrasp.planning.settings import PlannerSettings, Problem
+from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import TOLERANCE, bounds_of, solve
 
 TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
@@ -30,7 +30,7 @@ TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
 
 BOX = lying((0.05, 0.08, 0.12))
 HUGE = lying((0.5, 0.5, 0.5), at=(0.6, 0.0))
-PROBLEM = Problem(BOX, CELL, SETTINGS)
+PROBLEM = GraspProblem(BOX, CELL, SETTINGS)
 FAR = lying((0.05, 0.08, 0.12), at=(1.4, 0.0))
 PLATE = lying((0.3, 0.2, 0.002))
 
@@ -48,7 +48,7 @@ def plan():
 
 def constraints(q, settings=SETTINGS):
     distance = BOX.distance
-    bounds = bounds_of(Problem(BOX, CELL, settings), settings.closure_margin)
+    bounds = bounds_of(GraspProblem(BOX, CELL, settings), settings.closure_margin)
     return evaluate(q, TREE, (distance.obstacle, NOTHING), bounds, shape_of(3), True)
 
 
@@ -99,7 +99,7 @@ def test_failures_name_the_constraint_and_by_how_much(solutions):
 def test_a_feasible_start_is_left_alone_and_a_shaken_one_recovers(solutions):
     rng, recovered, tried = np.random.default_rng(0), 0, 0
     for s in [s for s in solutions if s.feasible][:10]:
-        again = solve(s.q, Problem(BOX, CELL, replace(SETTINGS, closure_aim=SETTINGS.closure_margin)))
+        again = solve(s.q, GraspProblem(BOX, CELL, replace(SETTINGS, closure_aim=SETTINGS.closure_margin)))
         assert again.feasible
         assert np.abs(again.q - s.q).max() < 0.02
         shaken = s.q.copy()
@@ -113,11 +113,14 @@ def test_a_feasible_start_is_left_alone_and_a_shaken_one_recovers(solutions):
 def test_no_iterations_no_motion(solutions):
     start = np.clip(HOME, LOWER + 0.02, UPPER - 0.02)
     for budget in (0, 3):
-        solution = solve(start, Problem(HUGE, CELL, replace(SETTINGS, iterations=budget)))
+        solution = solve(start, GraspProblem(HUGE, CELL, replace(SETTINGS, iterations=budget)))
         assert not solution.feasible
         assert solution.iterations <= budget
         assert solution.violation > 1e-3
-    assert np.abs(solve(start, Problem(HUGE, CELL, replace(SETTINGS, iterations=0))).q - start).max() < 1e-12
+    assert (
+        np.abs(solve(start, GraspProblem(HUGE, CELL, replace(SETTINGS, iterations=0))).q - start).max()
+        < 1e-12
+    )
 
 
 def test_same_start_same_solution_bit_for_bit(solutions):
@@ -168,7 +171,7 @@ def test_what_nothing_bears_is_pressed_for_a_lighter_object():
     grasp = Planner(PlannerSettings(patience=0)).plan(target, 0, HOME).grasp
     assert grasp is not None
     assert 0.0 < grasp.certificate.load < grasp.certificate.capacity < 1.0
-    contacts, _ = contacts_of(grasp.q, Problem(target, CELL, SETTINGS), SETTINGS.friction_hold)
+    contacts, _ = contacts_of(grasp.q, GraspProblem(target, CELL, SETTINGS), SETTINGS.friction_hold)
     lighter = contacts._replace(gravity=grasp.certificate.load * contacts.gravity)
     assert load_of(lighter, grasp.forces) > 1.2
 

@@ -15,7 +15,7 @@ from dexgrasp.grasp.features import Draws, _borne, features_of
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.probability import OUTCOMES, probability_of, read_model, shipped_model
 from dexgrasp.grasp.record import as_json
-from dexgrasp.planning.diverse import UNSURE, chances_of, sure_of
+from dexgrasp.planning.diverse import UNSURE, chances_of, with_success_probability
 from dexgrasp.planning.planner import Planner, small_box
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import PlannerSettings
@@ -95,9 +95,9 @@ def test_a_damaged_model_is_refused(tmp_path):
     assert asset_path("weights/probability.json").stat().st_size < 1e6
 
 
-def asked(at_least):
-    planner = Planner(PlannerSettings(at_least=at_least), cell=CELL)
-    return planner, sure_of(planner.plan(small_box(), 0, HOME), planner, HOME)
+def asked(min_success_probability):
+    planner = Planner(PlannerSettings(min_success_probability=min_success_probability), cell=CELL)
+    return planner, with_success_probability(planner.plan(small_box(), 0, HOME), planner, HOME)
 
 
 def test_a_grasp_is_as_sure_as_asked_or_there_is_none(found):
@@ -109,7 +109,7 @@ def test_a_grasp_is_as_sure_as_asked_or_there_is_none(found):
     assert none.reason == f"no_grasp:{UNSURE}"
     assert 0.0 < none.log.blocked[UNSURE][1] < 1.0
     nothing = PlanResult(small_box(), planner.settings, shortfall="no_closure_triple")
-    assert sure_of(nothing, planner, HOME).reason == "no_grasp:no_closure_triple"
+    assert with_success_probability(nothing, planner, HOME).reason == "no_grasp:no_closure_triple"
 
 
 def test_others_are_looked_at_where_the_first_is_not_sure(found):
@@ -120,11 +120,11 @@ def test_others_are_looked_at_where_the_first_is_not_sure(found):
 
 
 def test_of_a_set_those_remain_that_are_sure(found, monkeypatch):
-    planner = Planner(PlannerSettings(at_least=0.9), cell=CELL)
+    planner = Planner(PlannerSettings(min_success_probability=0.9), cell=CELL)
     result = PlanResult(small_box(), planner.settings, asked=3, found=[*found.found] * 3)
     chances = (SimpleNamespace(lifted=SimpleNamespace(value=value)) for value in (0.95, 0.2, 0.92))
     monkeypatch.setattr("dexgrasp.planning.diverse.chances_of", lambda one, result: next(chances))
-    left = sure_of(copy.copy(result), planner, HOME)
+    left = with_success_probability(copy.copy(result), planner, HOME)
     assert (len(left.found), left.success, left.reason) == (2, False, UNSURE)
 
 

@@ -107,17 +107,17 @@ def let_go(held: Array, opened: Array) -> Array:
     return np.concatenate([np.repeat(held[None], _SETTLE, axis=0), ramp(held, opened, _OPEN)])
 
 
-class WayAside(NamedTuple):
+class Rearrangement(NamedTuple):
     """What follows the lift of what is set aside."""
 
     there: Array  # (m, n) rad, set-points with the object in the hand, one a control step
     away: Array  # (k, n) rad, the same of the open hand
 
 
-class SettingAside(Played):
+class CarryAside(Played):
     """Carries what was taken hold of to its place; nothing is felt. It is done when the hand has left the object."""
 
-    def __init__(self, held: GuardedGrasp, way: WayAside) -> None:
+    def __init__(self, held: GuardedGrasp, way: Rearrangement) -> None:
         """Prepare.
 
         Args:

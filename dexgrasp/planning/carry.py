@@ -16,9 +16,9 @@ from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.strength import capacity_of
 from dexgrasp.motion.carried import Turn, turn_arm
-from dexgrasp.planning.claims import contacts_of
+from dexgrasp.planning.certificate_builder import contacts_of
 from dexgrasp.planning.holding import DOWN, robust_squeeze
-from dexgrasp.planning.settings import Problem
+from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, cube_directions
 
 ENOUGH = 4.0
@@ -29,7 +29,7 @@ _GAIN = 0.1  # weights that a turn must win
 _COST = 0.06  # weights a radian: of two turns that win as much the shorter
 
 
-def plan_turn(grasp: Grasp, script: ActionScript, problem: Problem) -> Turn | None:
+def plan_turn(grasp: Grasp, script: ActionScript, problem: GraspProblem) -> Turn | None:
     """Return the turn after the lift that wins most, None where none wins enough or can be made.
 
     Args:

@@ -21,11 +21,11 @@ from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
 from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp.mechanics.strength import capacity_of
 from dexgrasp.motion.timing import ramp
-from dexgrasp.planning.claims import certificate_of, too_near
-from dexgrasp.planning.holding import UNBALANCED, Hold
+from dexgrasp.planning.certificate_builder import certificate_of, too_near
+from dexgrasp.planning.holding import UNBALANCED, GraspForces
 from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.proposals import LEAST_OPENING
-from dexgrasp.planning.settings import Problem
+from dexgrasp.planning.settings import GraspProblem
 from dexgrasp.planning.sqp import Solution
 from dexgrasp_env.arrays import Array, Index, unit
 
@@ -44,7 +44,7 @@ class Candidate(NamedTuple):
 
     start: Posture
     solution: Solution
-    hold: Hold
+    hold: GraspForces
 
 
 class NoGrasp(Exception):  # noqa: N818  (it is an outcome, not a defect)
@@ -72,7 +72,7 @@ def certified(candidate: Candidate, with_closure: bool) -> Grasp:
         if hold.share == 0.0:
             raise NoGrasp(f"holding_forces: {UNBALANCED}", 1.0)
     # Firm grasps are many. One that is not is worth another way to open.
-    rises = settings.rises[:1] if hold.merit >= settings.firm_load else settings.rises
+    rises = settings.rises[:1] if hold.robust_load >= settings.firm_load else settings.rises
     if not shapes_apart(q, problem.cell):
         raise NoGrasp("clearance_self")
     if problem.target.neighbours:
@@ -104,7 +104,7 @@ def _mendable(missed: Array, q: Array, tree: RobotTree) -> Array:
     return (J @ np.linalg.pinv(J) @ missed.ravel()).reshape(missed.shape)
 
 
-def _is_open(pregrasp: Array, q: Array, problem: Problem) -> bool:
+def _is_open(pregrasp: Array, q: Array, problem: GraspProblem) -> bool:
     """Whether a hand is clear where it is open, and of neighbours until it has closed to `q` (n,) rad."""
     return (
         not len(too_near(pregrasp, problem, OPEN_CLEARANCE))
@@ -113,7 +113,7 @@ def _is_open(pregrasp: Array, q: Array, problem: Problem) -> bool:
     )
 
 
-def _in_the_way(pregrasp: Array, q: Array, problem: Problem) -> Index:
+def _in_the_way(pregrasp: Array, q: Array, problem: GraspProblem) -> Index:
     """Return the labels (K, 3) of the bodies that neighbours are nearer to than they may be while the hand closes."""
     between = ramp(pregrasp, q, _CLOSING)[:-1]
     near = np.concatenate([too_near(way, problem, problem.settings.clearance) for way in between])
@@ -127,14 +127,14 @@ def pressed(candidate: Candidate, forces: Array, motion: GraspMotion) -> Grasp:
     return Grasp(q, at.contacts, at.normals, forces, certificate, motion, problem.cell)
 
 
-def completed(grasp: Grasp, hold: Hold) -> Grasp:
+def completed(grasp: Grasp, hold: GraspForces) -> Grasp:
     """Return a grasp that was chosen with its capacity, 26 programmes, which its load does not exceed."""
     capacity = capacity_of(hold.contacts)
     load = min(grasp.certificate.load, capacity)
     return replace(grasp, certificate=replace(grasp.certificate, capacity=capacity, load=load))
 
 
-def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: float = 0.0) -> Array:
+def opened(q: Array, normals: Array, problem: GraspProblem, opening: float, rise: float = 0.0) -> Array:
     """Return the configuration (n,) rad that a grasp closes from.
 
     Args:
@@ -156,7 +156,7 @@ def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: flo
     return robot.freed(pregrasp)
 
 
-def _opened_each(q: Array, normals: Array, problem: Problem, rise: float) -> Array:
+def _opened_each(q: Array, normals: Array, problem: GraspProblem, rise: float) -> Array:
     """Return a configuration (n,) rad in which each finger is open as wide as it can go without meeting a neighbour.
 
     Those that have no room at all stay where they grasp.
@@ -177,7 +177,9 @@ def _opened_each(q: Array, normals: Array, problem: Problem, rise: float) -> Arr
     return robot.freed(pregrasp)
 
 
-def grasp_motion(q: Array, normals: Array, forces: Array, problem: Problem, pregrasp: Array) -> GraspMotion:
+def grasp_motion(
+    q: Array, normals: Array, forces: Array, problem: GraspProblem, pregrasp: Array
+) -> GraspMotion:
     """Return the set-points of a grasp that closes from `pregrasp` (n,) rad.
 
     The squeeze is exact for position servos: at rest on the surface a servo whose set-point is J^T f / kp further in
@@ -201,7 +203,7 @@ def grasp_motion(q: Array, normals: Array, forces: Array, problem: Problem, preg
     return GraspMotion(pregrasp, touching, squeeze)
 
 
-def _touching(q: Array, normals: Array, problem: Problem) -> tuple[Array, Array]:
+def _touching(q: Array, normals: Array, problem: GraspProblem) -> tuple[Array, Array]:
     """Return the contacts (N, 3) m, and where the tips' centres are (N, 3) m when they touch there."""
     tips = fingertips(q, problem.tree)
     off = problem.target.distance.distance(tips)[:, None]

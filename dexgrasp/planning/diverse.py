@@ -101,7 +101,7 @@ class _Pool:
     def take(self) -> tuple[int, Candidate]:
         """Take out the farthest from what is chosen; of several such, as at the beginning, the firmest."""
         ties = np.flatnonzero(self._gaps == self._gaps.max())
-        k = int(max(ties, key=lambda i: self._all[i].hold.merit))
+        k = int(max(ties, key=lambda i: self._all[i].hold.robust_load))
         self._gaps[k] = -1.0
         return k, self._all[k]
 
@@ -158,7 +158,7 @@ class _Search(Search):
             del sources[0]
 
 
-def sure_of(
+def with_success_probability(
     result: PlanResult, planner: Planner, start: Array | None, progress: Progress | None = None
 ) -> PlanResult:
     """Return a plan without the grasps that are less likely to be lifted and held than the planner's settings ask.
@@ -186,7 +186,7 @@ def sure_of(
 
 def _likely(result: PlanResult, found: list[Planned]) -> list[Planned]:
     """Return those that are likely enough, the likeliest first where one was asked for; note what the others lack."""
-    least = result.settings.at_least
+    least = result.settings.min_success_probability
     chances = np.array([chances_of(one, result).lifted.value for one in found])
     for chance in chances[chances < least]:
         result.log.block(UNSURE, float(least - chance))

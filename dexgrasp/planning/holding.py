@@ -8,8 +8,8 @@ from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.mechanics.cones import tangent_basis
 from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.internal_force import Squeeze, firmest_squeeze
-from dexgrasp.planning.claims import contacts_of
-from dexgrasp.planning.settings import PlannerSettings, Problem
+from dexgrasp.planning.certificate_builder import contacts_of
+from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp_env.arrays import Array
 
 ENOUGH = 6.0
@@ -21,14 +21,16 @@ _LEVER = 0.03  # m over which a surface that was guessed turns by its error in p
 _LEAST_ANGLE = 0.02  # rad, of a cone that has been narrowed to nothing
 
 
-class Hold(NamedTuple):
+class GraspForces(NamedTuple):
     """A squeeze and how much it is worth."""
 
     contacts: Contacts
     distances: Array  # (N,) m, of the tips' centres from the surface
     forces: Array  # (N, c) N on the object
     share: float  # of the weight that the forces balance
-    merit: float  # load that would be left with less friction and the surface out of place: grasps are ranked by it
+    robust_load: (
+        float  # that is left with less friction and the surface out of place: grasps are ranked by it
+    )
 
     @property
     def holds(self) -> bool:
@@ -58,7 +60,7 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
     return np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, _LEAST_ANGLE))
 
 
-def firmest_hold(q: Array, problem: Problem) -> Hold:
+def firmest_forces(q: Array, problem: GraspProblem) -> GraspForces:
     """Return the forces that bear the largest push within narrowed cones; failing that, within those of the judge.
 
     Where nothing balances any of the weight, they press straight in.
@@ -73,11 +75,11 @@ def firmest_hold(q: Array, problem: Problem) -> Hold:
     if most.share == 0.0:
         forces = np.zeros(contacts.jacobians.shape[:2])
         forces[:, :3] = -settings.least_press * contacts.normals
-        return Hold(contacts, distance, forces, 0.0, 0.0)
-    return Hold(contacts, distance, most.forces, most.share, min(firm.load, most.load))
+        return GraspForces(contacts, distance, forces, 0.0, 0.0)
+    return GraspForces(contacts, distance, most.forces, most.share, min(firm.load, most.load))
 
 
-def lightened(hold: Hold, problem: Problem) -> Hold:
+def lightened(hold: GraspForces, problem: GraspProblem) -> GraspForces:
     """Return a hold of part of the weight made that of a lighter object: the mass is assumed, and mostly too high.
 
     Forces that balance all they can are at the edge of a cone or of a torque limit, and bear no push. These bear the
@@ -91,10 +93,12 @@ def lightened(hold: Hold, problem: Problem) -> Hold:
         return hold
     part = _LIGHTER * hold.share
     firm, most = _squeezes(hold.contacts, hold.distances, problem, part * DOWN)
-    return hold._replace(forces=most.forces, merit=part * firm.load)
+    return hold._replace(forces=most.forces, robust_load=part * firm.load)
 
 
-def _squeezes(contacts: Contacts, distance: Array, problem: Problem, down: Array) -> tuple[Squeeze, Squeeze]:
+def _squeezes(
+    contacts: Contacts, distance: Array, problem: GraspProblem, down: Array
+) -> tuple[Squeeze, Squeeze]:
     """Return the squeeze within narrowed cones; and it again, or if it bears too little that within the judge's."""
     firm = robust_squeeze(contacts, distance, problem, down)
     if firm.share >= 1.0:
@@ -103,7 +107,7 @@ def _squeezes(contacts: Contacts, distance: Array, problem: Problem, down: Array
     return firm, _squeeze(contacts, judged, problem.settings, down)
 
 
-def robust_squeeze(contacts: Contacts, distance: Array, problem: Problem, down: Array) -> Squeeze:
+def robust_squeeze(contacts: Contacts, distance: Array, problem: GraspProblem, down: Array) -> Squeeze:
     """Return the forces within narrowed cones and torque limits that bear the largest push.
 
     Args:

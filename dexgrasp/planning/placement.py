@@ -10,7 +10,7 @@ from dexgrasp.geometry.triangle import cross
 from dexgrasp.mechanics.cones import basis_of
 from dexgrasp.mechanics.kinematics.forward import to_world
 from dexgrasp.planning.atlas import Tips, hand_atlas, triangle_sides
-from dexgrasp.planning.settings import Problem
+from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
@@ -185,7 +185,7 @@ def _useful(
 
 
 def place_on_atlas(
-    contacts: Array, normals: Array, problem: Problem, orders: Index, neighbours: int = NEIGHBOURS
+    contacts: Array, normals: Array, problem: GraspProblem, orders: Index, neighbours: int = NEIGHBOURS
 ) -> Placements:
     """Put hand postures on contacts: a neighbour search by triangle, and one rigid alignment each.
 

@@ -12,7 +12,7 @@ from dexgrasp.agent import Observation
 from dexgrasp.geometry.around import neighbours_of
 from dexgrasp.geometry.completion import NoTarget, target_of
 from dexgrasp.planning.cvae_source import make_source
-from dexgrasp.planning.diverse import plan_many, sure_of
+from dexgrasp.planning.diverse import plan_many, with_success_probability
 from dexgrasp.planning.planner import Planner, warm_up
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.settings import GRASPS, PlannerSettings
@@ -34,7 +34,8 @@ _BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and
 
 def plan_scene(
     planner: Planner, scene: Scene, seed: int, start: Array, *,
-    mass: float | None = None, count: int | None = None, progress: Progress | None = None, give: float = 0.0,
+    mass: float | None = None, count: int | None = None, progress: Progress | None = None,
+    neighbour_margin: float = 0.0,
 ) -> PlanResult:  # fmt: skip
     """Plan a grasp of the object in a scene, or several that differ.
 
@@ -46,7 +47,7 @@ def plan_scene(
         mass: kg where it is known; None assumes one from the volume.
         count: grasps asked for; None plans one.
         progress: called with steps done and steps in all, where there is a count.
-        give: see `neighbours_of`.
+        neighbour_margin: m that neighbours may be pushed, see `neighbours_of`.
 
     Raises:
         InputError: for a count out of range.
@@ -56,7 +57,8 @@ def plan_scene(
     began = time.perf_counter()
     try:
         target = replace(
-            target_of(scene, mass, planner.settings.most_parts), neighbours=neighbours_of(scene, give)
+            target_of(scene, mass, planner.settings.most_parts),
+            neighbours=neighbours_of(scene, neighbour_margin),
         )
     except NoTarget as none:
         result = PlanResult(
@@ -68,8 +70,8 @@ def plan_scene(
             result = planner.plan(target, seed, start)
         else:
             result = plan_many(planner, target, count, seed, start, progress)
-        if planner.settings.at_least:
-            result = sure_of(result, planner, start, progress)
+        if planner.settings.min_success_probability:
+            result = with_success_probability(result, planner, start, progress)
         result.log.seconds = {"hull": hull_seconds} | result.log.seconds
     result.planning_seconds = time.perf_counter() - began
     return result

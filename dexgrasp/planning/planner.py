@@ -15,11 +15,11 @@ from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.certifier import OPEN_CLEARANCE, Candidate, NoGrasp, certified, completed
-from dexgrasp.planning.holding import Hold, firmest_hold, lightened
+from dexgrasp.planning.holding import GraspForces, firmest_forces, lightened
 from dexgrasp.planning.postures import Posture, atlas_postures
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
 from dexgrasp.planning.result import Planned, PlanResult, SearchLog
-from dexgrasp.planning.settings import PlannerSettings, Problem
+from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.runs.compiling import ensure_compiled
 from dexgrasp_env.arrays import Array
@@ -30,12 +30,12 @@ NO_POSTURE, BUDGET, LIFT_BLOCKED = "no_reachable_posture", "time_budget", "lift_
 _AMONG = 1  # rounds more at most among neighbours: another look, or one set aside, gives more
 
 
-def _holds(hold: Hold) -> bool:
+def _holds(hold: GraspForces) -> bool:
     return hold.holds
 
 
-def _robust(hold: Hold) -> bool:
-    return hold.merit >= 1.0
+def _robust(hold: GraspForces) -> bool:
+    return hold.robust_load >= 1.0
 
 
 class Round(NamedTuple):
@@ -43,7 +43,7 @@ class Round(NamedTuple):
 
     breadth: float  # times as many samples as in the first
     enough: (
-        Callable[[Hold], bool] | None
+        Callable[[GraspForces], bool] | None
     )  # a grasp of the rounds before that will do instead; None: none will
     whole: bool  # all postures are looked at, though a batch of them had no firm grasp
     late: bool  # it follows only where the rounds before gave a grasp
@@ -141,11 +141,11 @@ class Planner:
             if not solution.feasible:
                 log.block(str(solution.blocking), solution.violation)
                 continue
-            hold = firmest_hold(solution.q, start.problem)
+            hold = firmest_forces(solution.q, start.problem)
             log.lap("certificate")
             yield Candidate(start, solution, hold)
 
-    def starts(self, proposals: Proposals, problem: Problem) -> Iterator[Posture]:
+    def starts(self, proposals: Proposals, problem: GraspProblem) -> Iterator[Posture]:
         """Yield the postures that proposals are refined from, the likeliest first."""
         return atlas_postures(proposals, problem)
 
@@ -178,7 +178,7 @@ class Search:
     def __init__(self, planner: Planner, target: GraspTarget, seed: int, start: Array | None) -> None:
         """Prepare; the arguments are those of `Planner.plan`."""
         self.planner, self._start = planner, start
-        self._problem = Problem(target, planner.cell, planner.settings)
+        self._problem = GraspProblem(target, planner.cell, planner.settings)
         self._rng = np.random.default_rng(seed)
         self.result = PlanResult(target, planner.settings, seed)
         self.log, self.pool = self.result.log, list[Candidate]()
@@ -214,9 +214,9 @@ class Search:
         firm, candidates = settings.firm_load, self.round(self.planner.source, settings)
         for batch in iter(lambda: list(islice(candidates, settings.candidates)), []):
             self.pool += batch
-            if self.take(lambda hold: hold.merit >= firm):
+            if self.take(lambda hold: hold.robust_load >= firm):
                 return True
-            if not patient and max(candidate.hold.merit for candidate in batch) < firm:
+            if not patient and max(candidate.hold.robust_load for candidate in batch) < firm:
                 return False
         return False
 
@@ -226,14 +226,14 @@ class Search:
         self.log.rounds += 1
         self.log.lap("proposals")
         self.result.shortfall = proposals.failure
-        starts = self.planner.starts(proposals, self._problem._replace(settings=settings))
+        starts = self.planner.starts(proposals, replace(self._problem, settings=settings))
         yield from self.planner.candidates(starts, self.log)
 
-    def take(self, enough: Callable[[Hold], bool]) -> bool:
+    def take(self, enough: Callable[[GraspForces], bool]) -> bool:
         """Whether a candidate that is good enough can be carried out; it is found then, and failures leave the pool."""
         # What holds the weight comes before what does not, though its merit with less friction may be lower; of many
         # that have none, those that hold more of it.
-        self.pool.sort(key=lambda one: (not one.hold.holds, -one.hold.merit, -one.hold.share))
+        self.pool.sort(key=lambda one: (not one.hold.holds, -one.hold.robust_load, -one.hold.share))
         while self.pool and enough(self.pool[0].hold):
             if self.carried_out(self.pool.pop(0)):
                 return True

@@ -25,11 +25,11 @@ from dexgrasp.mechanics.kinematics.palm_ik import PALM_DOWN, reach_palm
 from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
 from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp.planning.atlas import hand_atlas
-from dexgrasp.planning.claims import overlap
+from dexgrasp.planning.certificate_builder import overlap
 from dexgrasp.planning.holding import ENOUGH, narrowed_friction
 from dexgrasp.planning.placement import Placements, assignments, place_on_atlas
 from dexgrasp.planning.proposals import Proposals
-from dexgrasp.planning.settings import Problem
+from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import about_z
@@ -54,12 +54,12 @@ class Posture:
     """
 
     q: Array
-    problem: Problem
+    problem: GraspProblem
     proposal: int
     score: float
 
 
-def atlas_postures(proposals: Proposals, problem: Problem) -> Iterator[Posture]:
+def atlas_postures(proposals: Proposals, problem: GraspProblem) -> Iterator[Posture]:
     """Yield postures from the atlas, firmest first, with the arm solved; at most `settings.postures`, one a triple."""
     settings, tree = problem.settings, problem.tree
     orders = assignments(settings.proposed.contacts)[: 1 if proposals.assigned else None]
@@ -81,7 +81,7 @@ def atlas_postures(proposals: Proposals, problem: Problem) -> Iterator[Posture]:
             yield Posture(q, problem, int(placed.triple[k]) // len(orders), float(merit[k]))
 
 
-def _by_room(placed: Placements, merit: Array, problem: Problem) -> Index:
+def _by_room(placed: Placements, merit: Array, problem: GraspProblem) -> Index:
     """Return placements, the likeliest first: by merit (M,), those set back in which neighbours crowd the hand."""
     if problem.target.field is not None:
         robot, tree = problem.cell.robot, problem.tree
@@ -110,7 +110,7 @@ def _rooms(placed: Placements, joints: Array, tree: RobotTree, bodies: Index, fi
     return out
 
 
-def _has_room(q: Array, problem: Problem) -> bool:
+def _has_room(q: Array, problem: GraspProblem) -> bool:
     """Whether neighbours leave a posture room that the optimiser can find.
 
     Idle fingers that lack it are folded: `q` (n,) is changed in place.
@@ -128,7 +128,7 @@ def _has_room(q: Array, problem: Problem) -> bool:
     return deep < _DEEPEST
 
 
-def loads_on(placed: Placements, problem: Problem, friction: Array | None = None) -> Array:
+def loads_on(placed: Placements, problem: GraspProblem, friction: Array | None = None) -> Array:
     """Return what the squeeze of each placement would bear (M,), were its tips to reach their goals exactly.
 
     Args:
@@ -195,7 +195,9 @@ def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burd
     return out
 
 
-def posture_at(R: Array, p: Array, proposal: int, proposals: Proposals, problem: Problem) -> Posture | None:
+def posture_at(
+    R: Array, p: Array, proposal: int, proposals: Proposals, problem: GraspProblem
+) -> Posture | None:
     """Return what IK finds for a proposal from a palm at `p` (3,) m, turned by `R` (3, 3); None out of reach."""
     tree, q = problem.tree, problem.tree.home.copy()
     if not reach_palm(q, R, p, tree):
@@ -204,7 +206,7 @@ def posture_at(R: Array, p: Array, proposal: int, proposals: Proposals, problem:
     return Posture(q, problem, proposal, -solve_tips(q, tips, tree, 60, 1e-3))
 
 
-def oriented_postures(proposal: int, proposals: Proposals, problem: Problem) -> list[Posture]:
+def oriented_postures(proposal: int, proposals: Proposals, problem: GraspProblem) -> list[Posture]:
     """Return IK solutions for one proposal from palms above the object, turned in even steps (section 3.3)."""
     tips = proposals.contacts[proposal] + problem.settings.tip_height * proposals.normals[proposal]
     middle = tips.mean(0)

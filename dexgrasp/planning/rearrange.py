@@ -1,4 +1,4 @@
-"""What stands in the way of an object is taken first and set aside: which neighbour, by which grasp, and where to."""
+"""Choose and plan the removal of a neighbour that blocks an object: which, by which grasp, and where to."""
 
 from dataclasses import replace
 from itertools import product
@@ -11,14 +11,14 @@ from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import RAISED
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
-from dexgrasp.motion.carried import WayAside, carried
+from dexgrasp.motion.carried import Rearrangement, carried
 from dexgrasp.motion.collision import CollisionChecker, carried_into, raised_into
 from dexgrasp.motion.motion import arm_and_hand
-from dexgrasp.planning.claims import overlap
+from dexgrasp.planning.certificate_builder import overlap
 from dexgrasp.planning.plan_scene import plan_scene
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.result import PlanResult
-from dexgrasp.planning.settings import Problem
+from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
@@ -32,15 +32,17 @@ _LEFT, _CLEAR = 0.12, 0.004  # m that the open hand goes up, and above the table
 _STRAY = 0.01  # m that the palm may be off its way
 
 
-class Aside(NamedTuple):
-    """How a neighbour is set aside."""
+class PlannedRearrangement(NamedTuple):
+    """The removal of a neighbour."""
 
     plan: PlanResult  # of its grasp
-    way: WayAside
+    way: Rearrangement
 
 
-def plan_aside(planner: Planner, scene: Scene, target: GraspTarget, seed: int, start: Array) -> Aside | None:
-    """Return how a neighbour that is in the way is set aside, None where none can be grasped and put somewhere.
+def plan_rearrangement(
+    planner: Planner, scene: Scene, target: GraspTarget, seed: int, start: Array
+) -> PlannedRearrangement | None:
+    """Plan the removal of a neighbour that is in the way; None where none can be grasped and put somewhere.
 
     Args:
         planner: that found no grasp of the object.
@@ -56,9 +58,9 @@ def plan_aside(planner: Planner, scene: Scene, target: GraspTarget, seed: int, s
         plan = plan_scene(quick, replace(scene, target=scene.neighbours[k], neighbours=others), seed, start)
         for one in plan.found:
             assert plan.target is not None and one.script is not None  # as there is a start
-            way = _way_aside(one.script, Problem(plan.target, planner.cell, settings), target.centre)
+            way = _way_aside(one.script, GraspProblem(plan.target, planner.cell, settings), target.centre)
             if way is not None:
-                return Aside(plan, way)
+                return PlannedRearrangement(plan, way)
     return None
 
 
@@ -85,12 +87,12 @@ def _most_in_the_way(
 
 def _depth(script: ActionScript, target: GraspTarget, planner: Planner) -> float:
     """Return how deep, m, a neighbour is in the hand that closes, or in the object that is lifted."""
-    problem = Problem(target, planner.cell, planner.settings)
+    problem = GraspProblem(target, planner.cell, planner.settings)
     hand = [overlap(script.phases[phase][-1], problem) for phase in ("approach", "close", "squeeze")]
     return max(*hand, carried_into(target, script.way("lift"), problem.tree))
 
 
-def _way_aside(script: ActionScript, problem: Problem, kept: Array) -> WayAside | None:
+def _way_aside(script: ActionScript, problem: GraspProblem, kept: Array) -> Rearrangement | None:
     """Return the way to the nearest free place, away from `kept` (3,) m, to which arm and object can go."""
     tree, target = problem.tree, problem.target
     lifted, opened = script.phases["lift"][-1], script.phases["approach"][-1]
@@ -111,7 +113,7 @@ def _way_aside(script: ActionScript, problem: Problem, kept: Array) -> WayAside 
         ):
             continue
         free = arm_and_hand(now, opened, tree)
-        return WayAside(rows[1:], carried(free, at, np.array([0.0, 0.0, _LEFT]), tree)[0])
+        return Rearrangement(rows[1:], carried(free, at, np.array([0.0, 0.0, _LEFT]), tree)[0])
     return None
 
 

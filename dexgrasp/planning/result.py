@@ -109,7 +109,7 @@ class PlanResult:
     cpu_seconds: float = 0.0
 
     @property
-    def around(self) -> ConvexDistance | None:
+    def neighbours(self) -> ConvexDistance | None:
         """What stands around the object and must not be touched; None where there is nothing, or no object."""
         return None if self.target is None else self.target.around
 

@@ -1,8 +1,7 @@
-"""What every step of planning is told: settings, with where each number comes from, the object and the robot."""
+"""Settings of the planner, and the problem that every step of planning takes: object, robot and settings."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf
-from typing import NamedTuple
 
 from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle
 from dexgrasp.geometry.parts import MOST_PARTS
@@ -24,7 +23,7 @@ _OF_HAND = ("distance", "least_press")  # what is the hand's unless it is asked 
 
 @dataclass(frozen=True)
 class PlannerSettings(Thresholds):
-    """What every grasp keeps, and how it is looked for; lengths in m, angles in rad.
+    """Limits of every grasp, and budgets of the search; lengths in m, angles in rad.
 
     Attributes:
         closure_aim: margin that the optimiser works towards before it settles for the least.
@@ -49,7 +48,7 @@ class PlannerSettings(Thresholds):
         fingers: of a grasp, as the hand has them.
         torsion: radius of their soft tips, m; 0: points.
         widest: m between contacts that two fingers open beyond.
-        at_least: probability of being lifted and held that a grasp must have; 0 asks for none.
+        min_success_probability: probability of being lifted and held that a grasp must have; 0 asks for none.
         firm_load: load under `friction_squeeze` and `place_error` with which the search ends.
     """
 
@@ -70,17 +69,19 @@ class PlannerSettings(Thresholds):
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
     friction_squeeze: float = 0.42
     place_error: float = 0.003
-    at_least: float = 0.0
+    min_success_probability: float = 0.0
     firm_load: float = 1.2
     fingers: int = 3
     torsion: float = 0.0
     widest: float = 1.0
 
     @classmethod
-    def of(cls, mu: float | None = None, at_least: float | None = None) -> "PlannerSettings":
+    def of(cls, mu: float | None = None, min_success_probability: float | None = None) -> "PlannerSettings":
         """Return settings for surfaces of friction `mu`, with the usual reserve, and a probability, where given."""
         friction, hold = planned_friction(inf if mu is None else mu)
-        return cls(friction=friction, friction_hold=hold, at_least=at_least or 0.0)
+        return cls(
+            friction=friction, friction_hold=hold, min_success_probability=min_success_probability or 0.0
+        )
 
     def for_hand(self, hand: Hand) -> "PlannerSettings":
         """Return settings for the tips of a hand."""
@@ -106,21 +107,29 @@ class PlannerSettings(Thresholds):
         )  # fmt: skip
 
 
-class Problem(NamedTuple):
-    """What is to be grasped, by which robot, within which limits."""
+@dataclass(frozen=True, eq=False)
+class GraspProblem:
+    """An object to be grasped by a robot within limits.
+
+    Attributes:
+        target: the object.
+        cell: of the robot.
+        settings: the limits.
+        tree: kinematics of the robot.
+    """
 
     target: GraspTarget
     cell: Cell
     settings: PlannerSettings
+    tree: RobotTree = field(init=False)
 
-    @property
-    def tree(self) -> RobotTree:
-        """Kinematics of the robot."""
-        return robot_tree(self.cell)
+    def __post_init__(self) -> None:
+        """Look the kinematics up, once a problem."""
+        object.__setattr__(self, "tree", robot_tree(self.cell))
 
     @property
     def shape(self) -> Shape:
-        """Of the contacts that the grasping fingers make."""
+        """Shape of the contacts that the grasping fingers make."""
         return shape_of(len(self.tree.tip_body), self.tree.torsion)
 
     @property

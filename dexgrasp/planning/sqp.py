@@ -15,7 +15,7 @@ import numpy as np
 from dexgrasp.mechanics.kinematics.clearance import KINDS
 from dexgrasp.mechanics.kinematics.forward import follow
 from dexgrasp.planning.constraints import MARGIN_SCALE, Bounds, Evaluation, evaluate, fixed_rows
-from dexgrasp.planning.settings import Problem
+from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.robot.robot import Robot
 
@@ -48,7 +48,7 @@ class Solution:
     iterations: int
 
 
-def bounds_of(problem: Problem, margin: float, slack: float = 0.0) -> Bounds:
+def bounds_of(problem: GraspProblem, margin: float, slack: float = 0.0) -> Bounds:
     """Return the thresholds, tightened by `slack` m so that rounding elsewhere cannot break them."""
     settings = problem.settings
     return Bounds(
@@ -63,7 +63,7 @@ def bounds_of(problem: Problem, margin: float, slack: float = 0.0) -> Bounds:
     )
 
 
-def solve(q: Array, problem: Problem, *, with_margin: bool = True) -> Solution:
+def solve(q: Array, problem: GraspProblem, *, with_margin: bool = True) -> Solution:
     """Make a configuration feasible.
 
     Args:
@@ -75,7 +75,7 @@ def solve(q: Array, problem: Problem, *, with_margin: bool = True) -> Solution:
 
 
 class _Solver:
-    def __init__(self, problem: Problem, with_margin: bool) -> None:
+    def __init__(self, problem: GraspProblem, with_margin: bool) -> None:
         tree, settings = problem.tree, problem.settings
         self._robot, self._moved = problem.cell.robot, tree.moved
         self._block, self._turn = np.ix_(tree.moved, tree.moved), _TURN * np.eye(len(tree.moved))

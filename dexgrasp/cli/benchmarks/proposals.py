@@ -27,7 +27,7 @@ from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import atlas_postures
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals, graspable_points
 from dexgrasp.planning.result import PlanResult
-from dexgrasp.planning.settings import PlannerSettings, Problem
+from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import solve
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
@@ -109,7 +109,7 @@ def _feasible(planner: Planner, source: ProposalSource, target: GraspTarget) -> 
         np.take_along_axis(a, order[:, :, None], axis=1) for a in (found.contacts, found.normals)
     )
     single = Proposals(contacts, normals, assigned=True)
-    problem = Problem(target, planner.cell, settings)
+    problem = GraspProblem(target, planner.cell, settings)
     return sum(solve(p.q, problem).feasible for p in atlas_postures(single, problem)) / len(contacts)
 
 

@@ -8,7 +8,7 @@ gets a random placement of the object before the robot, arm and hand, and the bi
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,14 +21,14 @@ from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, reach_palm
 from dexgrasp.mechanics.margin import margins_to
 from dexgrasp.mechanics.strength import load_of, torque_fraction
 from dexgrasp.planning.atlas import hand_atlas
+from dexgrasp.planning.certificate_builder import FAR
 from dexgrasp.planning.certifier import Candidate
-from dexgrasp.planning.claims import FAR
 from dexgrasp.planning.constraints import fixed_rows
 from dexgrasp.planning.placement import assignments, place_on_atlas
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import Posture, loads_on
 from dexgrasp.planning.result import SearchLog
-from dexgrasp.planning.settings import PlannerSettings, Problem
+from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import about_z, matrix_to_quat
@@ -92,7 +92,7 @@ class _Sampler:
     def __init__(self, scene: RestScene, settings: DatasetSettings, rng: np.random.Generator) -> None:
         self._scene, self._settings, self._rng = scene, settings, rng
         self._planner, self._found = Planner(settings.planner, cell=settings.cell), Found()
-        self._problem = Problem(scene.grasp_target, self._planner.cell, self._planner.settings)
+        self._problem = GraspProblem(scene.grasp_target, self._planner.cell, self._planner.settings)
         self._use = np.zeros(len(scene.points))
 
     def run(self, own: Triples, quota: int) -> Found:
@@ -126,7 +126,7 @@ class _Sampler:
             placement = self._reach(q, at.rotations[k], at.positions[k])
             if placement is not None:
                 counts["reached_by_arm"] += 1
-                there = problem._replace(target=placed(problem.target, placement))
+                there = replace(problem, target=placed(problem.target, placement))
                 goal = int(at.triple[k])
                 yield Placed(q, there, goal, float(loads[k]), ordered[goal], placement)
 

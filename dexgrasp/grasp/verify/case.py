@@ -57,12 +57,12 @@ class Case:
         return np.where(follows, torque, C.T @ torque), np.where(follows, stiffness, (C * C).T @ stiffness)
 
     @cached_property
-    def hold(self) -> "Hold":
+    def hold(self) -> "ForceBalance":
         """What the planned forces do."""
-        return Hold(self)
+        return ForceBalance(self)
 
 
-class Hold:
+class ForceBalance:
     """What the planned forces do about the centre of mass, in weights: balance, friction and torque that they use.
 
     `compliance` (c N, c N) m/N is how contacts give way to forces where set-points stand still.

@@ -6,7 +6,7 @@ Here: cone programmes of clarabel, and rays through the cones for `load`.
 
 import numpy as np
 
-from dexgrasp.grasp.verify.case import Case, Hold
+from dexgrasp.grasp.verify.case import Case, ForceBalance
 from dexgrasp.grasp.verify.check import Check, at_least, at_most, claim
 from dexgrasp.grasp.verify.cones import conic_margin, conic_residual, largest_push, pyramid_forces, wrench_map
 from dexgrasp.grasp.verify.rays import least_way
@@ -90,7 +90,7 @@ def strength_checks(case: Case) -> list[Check]:
     ]
 
 
-def _load(hold: Hold) -> float:
+def _load(hold: ForceBalance) -> float:
     """Return 1 + D, or the share below 1, by following pushes until a force leaves its cone, with either answer."""
     share = float(hold.wrench[2])
     unbalanced = np.linalg.norm(np.delete(hold.wrench, 2)) > BALANCE or share <= 0.0
@@ -101,7 +101,7 @@ def _load(hold: Hold) -> float:
     return 1.0 + min(_way(hold, np.eye(hold.forces.size)), _way(hold, hold.compliance))
 
 
-def _way(hold: Hold, compliance: Array) -> float:
+def _way(hold: ForceBalance, compliance: Array) -> float:
     """Return the least way of a push where contacts give way by `compliance` (c N, c N), by Lagrange multipliers."""
     wanted, n = -hold.weight * np.eye(6, 3), len(compliance)
     system = np.block([[compliance / np.abs(compliance).max(), hold.G.T], [hold.G, np.zeros((6, 6))]])
@@ -111,7 +111,7 @@ def _way(hold: Hold, compliance: Array) -> float:
     return least_way(hold.forces, answer, hold.normals, hold.mu)
 
 
-def _capacity(hold: Hold) -> float:
+def _capacity(hold: ForceBalance) -> float:
     """Return `capacity` (interface: 1 + the least of 26, or the share below 1); 0 where a programme is not solved."""
 
     def most(constant: Array, direction: Array) -> float:

@@ -10,7 +10,7 @@ from dexgrasp.mechanics.margin import margins
 from dexgrasp.mechanics.ratios import wrench_ratios
 from dexgrasp.mechanics.strength import hold_residual, load_of, torque_fraction
 from dexgrasp.mechanics.wrench import solve_wrench_qp
-from dexgrasp.planning.settings import Problem
+from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Index, Mask
 
 BESIDE = 0.002
@@ -18,7 +18,7 @@ BESIDE = 0.002
 FAR = 0.02  # m: clearances beyond are not measured
 
 
-def contacts_of(q: Array, problem: Problem, friction: float) -> tuple[Contacts, Array]:
+def contacts_of(q: Array, problem: GraspProblem, friction: float) -> tuple[Contacts, Array]:
     """Return the contacts of a configuration `q` (n,) rad, and the tips' distances (N,) m from the surface."""
     target, tree = problem.target, problem.tree
     tips = fingertips(q, tree)
@@ -29,7 +29,7 @@ def contacts_of(q: Array, problem: Problem, friction: float) -> tuple[Contacts, 
 
 
 def certificate_of(
-    q: Array, forces: Array, contacts: Contacts, distances: Array, problem: Problem
+    q: Array, forces: Array, contacts: Contacts, distances: Array, problem: GraspProblem
 ) -> Certificate:
     """Return what is true of a grasp, however its configuration and forces were found, but for `capacity`.
 
@@ -63,7 +63,7 @@ def certificate_of(
     )
 
 
-def least_clearance(q: Array, problem: Problem) -> float:
+def least_clearance(q: Array, problem: GraspProblem) -> float:
     """Return the least clearance from object, table and itself, m, at most `FAR`.
 
     It is a lower bound, as spheres cover the robot from outside.
@@ -72,7 +72,7 @@ def least_clearance(q: Array, problem: Problem) -> float:
     return float(min(values[labels[:, 0] != NEIGHBOUR], default=FAR))
 
 
-def too_near(q: Array, problem: Problem, least: float) -> Index:
+def too_near(q: Array, problem: GraspProblem, least: float) -> Index:
     """Return the labels (K, 3), kind and bodies, of clearances below `least` m, the tips' from the object too; of
     neighbours, below `BESIDE`.
 
@@ -88,7 +88,7 @@ def too_near(q: Array, problem: Problem, least: float) -> Index:
     return labels[values < needed]
 
 
-def _close_at_home(labels: Index, problem: Problem, least: float) -> Mask:
+def _close_at_home(labels: Index, problem: GraspProblem, least: float) -> Mask:
     """Return which labels (K, 3) are of parts of the robot that are nearer to each other than `least` m at home."""
     tree = problem.tree
     found = clearances(tree.home, tree, problem.obstacles, least, True)[1]
@@ -96,7 +96,7 @@ def _close_at_home(labels: Index, problem: Problem, least: float) -> Mask:
     return (labels[:, None] == found).all(2).any(1)
 
 
-def overlap(q: Array, problem: Problem) -> float:
+def overlap(q: Array, problem: GraspProblem) -> float:
     """Return how deep, m, the robot lies in neighbours or in itself; 0 or less where it is clear of both."""
     values, labels = clearances(q, problem.tree, problem.obstacles, 0.0, True)
     return float(-min(values[np.isin(labels[:, 0], (NEIGHBOUR, SELF))], default=0.0))
