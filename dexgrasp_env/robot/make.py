@@ -13,7 +13,7 @@ from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
-from dexgrasp_env.robot.postures import always_near, home_posture, open_posture
+from dexgrasp_env.robot.postures import always_near, home_posture, open_posture, overlapping_links
 from dexgrasp_env.robot.rebuilt import FLANGE, about, couplings, described, placed, pose_of
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 
@@ -24,6 +24,7 @@ _NARROW = 0.008  # m: fingers whose tips have less of a radius touch with all of
 _CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
 _FEWEST = 4  # joints of an arm: fewer bring no palm over a table
 _ALONG = 0.8  # cosine between axes that bend a finger alike
+_TRIES = 3  # searches for an open posture, overlapping links excluded in between
 _WRIST = 3  # joints before the palm: more are an arm's
 _PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
 
@@ -257,8 +258,16 @@ def hand_entry(path: Path) -> tuple[Fields, list[str]]:
     entry = maker.entry()
     value = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
     near = always_near(value, with_decimal_points(described(value).compile))
-    value = replace(value, excluded=near)
-    open_at = open_posture(value, with_decimal_points(described(value).compile))
+    for _ in range(_TRIES):
+        value = replace(value, excluded=near)
+        model = with_decimal_points(described(value).compile)
+        open_at = open_posture(value, model)
+        touching = overlapping_links(model, np.array(open_at))
+        if not touching:
+            break
+        pairs = ", ".join(" and ".join(pair) for pair in touching)
+        maker.notes.append(f"hand excluded: {pairs} overlap as they are joined, and do not collide")
+        near += touching
     return entry | _stated({"excluded": near, "open": open_at}), maker.notes
 
 

@@ -7,7 +7,7 @@ from functools import lru_cache, partial
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.robot.cell import Cell
@@ -207,3 +207,18 @@ def bodies_apart(data: mujoco.MjData, a: int, b: int, most: float) -> float:
 
 def _colliding(model: mujoco.MjModel, body: int) -> list[int]:
     return [g for g in np.flatnonzero(model.geom_bodyid == body).tolist() if model.geom_contype[g]]
+
+
+def joints_between(model: mujoco.MjModel, a: int, b: int) -> Index:
+    """Return the joints that move two bodies against each other."""
+    between = _chain(model, a) ^ _chain(model, b)
+    return np.flatnonzero([body in between for body in model.jnt_bodyid])
+
+
+def _chain(model: mujoco.MjModel, body: int) -> set[int]:
+    """Return the body and all that bear it."""
+    chain = set()
+    while body:
+        chain.add(body)
+        body = model.body_parentid[body]
+    return chain

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.model import bodies_apart, posed, swept
+from dexgrasp_env.robot.model import bodies_apart, joints_between, posed, swept
 from dexgrasp_env.robot.rebuilt import FLANGE
 from dexgrasp_env.robot.robot import Arm, Hand
 
@@ -76,6 +76,15 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
             if not -_DEEPEST < apart < _ALWAYS:
                 del near[a, b]
     return tuple(pair for pair, least in near.items() if least < _TOUCHING)
+
+
+def overlapping_links(model: mujoco.MjModel, q: Array) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of bodies that touch at joints (h,) rad though two joints or fewer lie between them."""
+    data = posed(model, q)
+    mujoco.mj_forward(model, data)
+    pairs = {tuple(sorted(model.geom_bodyid[contact.geom].tolist())) for contact in data.contact}
+    near = [pair for pair in sorted(pairs) if len(joints_between(model, *pair)) <= 2]
+    return tuple((model.body(a).name, model.body(b).name) for a, b in near)
 
 
 def _together(hand: Hand, drawn: Array) -> None:

@@ -202,12 +202,10 @@ class _Rebuilt(Description):
         pulled = m.actuator_trnid[m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0]
         if any(wrapped_joints(m, t)[0] for t in pulled) and not (self.hand and self.hand.tendons):
             raise InputError(f"{self.path} couples joints by a tendon: that is not supported yet")
-        stated = {own.joint for own in self.hand.couplings} if self.hand else set()
-        for own in couplings(self.model, self.path):
-            if own.joint not in stated and own.joint in self.part.joints.names:
-                raise InputError(
-                    f"{self.path} couples joint {own.joint!r} to another: state it under couplings"
-                )
+        stated = {coupling.joint for coupling in self.hand.couplings} if self.hand else set()
+        for name in (coupling.joint for coupling in couplings(self.model, self.path)):
+            if name not in stated and name in self.part.joints.names:
+                raise InputError(f"{self.path} couples joint {name!r} to another: state it under couplings")
 
     def _beyond(self) -> set[str]:
         """Return the joints of an arm that bears this hand, or of a hand that hangs on this arm, in the same file."""

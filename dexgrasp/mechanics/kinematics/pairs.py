@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from dexgrasp.mechanics.kinematics.sphere_cover import Spheres
-from dexgrasp_env.arrays import Index, Mask
+from dexgrasp_env.arrays import Mask
 from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.robot.model import bodies_apart, excluded_pairs, swept
 from dexgrasp_env.robot.robot import Robot
@@ -47,21 +47,6 @@ def _come_near(pairs: Pairs, robot: Robot, model: mujoco.MjModel) -> Mask:
         for k in np.flatnonzero(~near):
             near[k] = bodies_apart(data, *pairs[k], _NEAR) < _NEAR
     return near
-
-
-def joints_between(model: mujoco.MjModel, a: int, b: int) -> Index:
-    """Return the joints that move two bodies against each other."""
-    between = _chain(model, a) ^ _chain(model, b)
-    return np.flatnonzero([body in between for body in model.jnt_bodyid])
-
-
-def _chain(model: mujoco.MjModel, body: int) -> set[int]:
-    """The body and all that bear it."""
-    chain = set()
-    while body:
-        chain.add(body)
-        body = model.body_parentid[body]
-    return chain
 
 
 def told_apart(pairs: Pairs, robot: Robot, model: mujoco.MjModel, spheres: list[Spheres]) -> Pairs:

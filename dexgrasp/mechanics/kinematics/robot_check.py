@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from dexgrasp.mechanics.kinematics.forward import body_frames, fingertips
-from dexgrasp.mechanics.kinematics.pairs import joints_between
 from dexgrasp.mechanics.kinematics.palm_ik import PALM_DOWN, reach_palm
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
@@ -16,7 +15,7 @@ from dexgrasp_env.findings import Finding
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import compiled_robot, excluded_pairs, robot_spec, swept
+from dexgrasp_env.robot.model import compiled_robot, excluded_pairs, joints_between, robot_spec, swept
 from dexgrasp_env.robot.robot import Finger
 from dexgrasp_env.scene.arena import read_arena
 

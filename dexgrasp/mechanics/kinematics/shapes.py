@@ -6,11 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.mechanics.kinematics.pairs import joints_between
 from dexgrasp.mechanics.kinematics.tree import body_pairs, robot_tree
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import bodies_apart, compiled_robot, swept
+from dexgrasp_env.robot.model import bodies_apart, compiled_robot, joints_between, swept
 
 LEAST = 0.002
 """m that the shapes of those bodies keep from each other."""
