@@ -1,4 +1,4 @@
-"""The page of settings against the classes it is made from: every field has a default or is asked for, and a meaning."""
+"""The page of settings against the classes it is made from: each field has a default or is asked for, and a meaning."""
 
 import re
 import sys
