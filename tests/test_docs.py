@@ -1,19 +1,22 @@
-"""Pages name what exists: files, modules, classes."""
+"""Pages name what exists, read well as plain Markdown where the README leads to them, and stay short."""
 
 import importlib
 import re
 from pathlib import Path
 
 import pytest
+from markdown_it import MarkdownIt
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [
-    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 FILES = [path.as_posix() for room in ("dexgrasp", "dexgrasp_env", "agents", "scripts", "tests")
          for path in (ROOT / room).rglob("*.py")]  # fmt: skip
 OF_USERS = {"my_policy.py"}
+LONG = {"results.md"}  # tables of record
+SITE_ONLY = re.compile(r":::|```\{|\{\{|\{[\w:-]+\}`|^:\w+: ", re.MULTILINE)
 
 
 def named(name: str) -> bool:
@@ -33,7 +36,38 @@ def named(name: str) -> bool:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_a_page_names_what_exists(page):
     text = page.read_text()
-    files = set(re.findall(r"\b((?:\w+/)*\w+\.py)\b", text)) if page.name != "CHANGELOG.md" else set()
+    files = set(re.findall(r"\b((?:\w+/)*\w+\.py)\b", text))
     assert [f for f in files - OF_USERS if not any(path.endswith(f"/{f}") for path in FILES)] == []
     dotted = set(re.findall(r"\b(?:dexgrasp|dexgrasp_env)(?:\.[A-Za-z_]\w*)+", text))
     assert [name for name in dotted if not named(name)] == []
+
+
+def linked(page):
+    """Return the pages of this repository that a page links to."""
+    tokens = [child for token in MarkdownIt().parse(page.read_text()) for child in token.children or ()]
+    links = [str(token.attrGet("href")).partition("#")[0] for token in tokens if token.type == "link_open"]
+    return [(page.parent / link).resolve() for link in links if link.endswith(".md") and "://" not in link]
+
+
+@pytest.mark.parametrize(
+    "page", sorted({ROOT / "README.md", *linked(ROOT / "README.md")}), ids=lambda page: page.name
+)
+def test_what_the_readme_links_to_reads_well_as_plain_markdown(page):
+    html = MarkdownIt().enable("table").render(page.read_text())
+    assert SITE_ONLY.findall(page.read_text()) == []
+    assert "<h1>" in html
+    for fence in re.findall(r"^ *```(.*)$", page.read_text(), re.MULTILINE):
+        assert re.fullmatch(r"[\w+]*( \S+)?", fence)
+    assert [link for link in linked(page) if not link.is_file()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_a_page_is_short_enough_to_read(page):
+    assert page.name in LONG or len(re.findall(r"\w[\w'/-]*", page.read_text())) <= 2500
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
+def test_a_page_is_on_the_site(page):
+    index = (ROOT / "docs" / "index.md").read_text()
+    name = page.relative_to(ROOT / "docs").with_suffix("").as_posix()
+    assert name == "index" or re.search(rf"^{name}$", index, re.MULTILINE)
