@@ -17,7 +17,6 @@ from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.planning.plan_scene import start_of
-from dexgrasp.runs.compiling import ensure_compiled
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
@@ -56,9 +55,6 @@ class HardcodedAgent(Agent):
     """
 
     env_settings = BY_CLOUD
-
-    def __init__(self) -> None:
-        ensure_compiled()
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Plan from the cloud; stand still for the episode where that fails.
