@@ -17,7 +17,6 @@ from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.planning.plan_scene import start_of
-from dexgrasp.runs.compiling import ensure_compiled
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
@@ -60,7 +59,6 @@ class HardcodedAgent(Agent):
     def __init__(self) -> None:
         self._script: ActionScript | None = None
         self._rest: Single | None = None
-        ensure_compiled()
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Plan from the cloud; stand still for the episode where that fails.

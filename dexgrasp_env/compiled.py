@@ -5,17 +5,20 @@ functions makes no version of its own, and no wrapper for C callbacks is made: n
 are a fifth of the compilation.
 """
 
+import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import numba
-from numba.core import types
+from numba.core import caching, config, types
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
+
+from dexgrasp_env.files import cache_dir, note_unwritable, temporary_cache_dir, user_cache_dir
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-stand_in: Callable[..., Any] | None = None
-"""What a function becomes where it is not to be compiled, in the rehearsals of `dexgrasp.runs.compiling`."""
+_LEVEL = type(config.OPT)("2")  # of LLVM's optimisation
 
 
 def njit(function: F, **options: Any) -> F:
@@ -25,13 +28,20 @@ def njit(function: F, **options: Any) -> F:
         function: of a module, found there by its name.
         **options: more of numba's.
     """
-    if stand_in is not None:
-        return cast(F, stand_in(function, **options))
-    numbas: Any = numba.njit  # its stubs lack an option
-    made = numbas(cache=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
-    if isinstance(made, CPUDispatcher):  # not with NUMBA_DISABLE_JIT
-        made.__class__ = _Kernel  # numba has no option for what it does
-    return cast(F, made)
+    if config.DISABLE_JIT:
+        return function
+    shared = {"nopython": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    kernel = _Kernel(function, targetoptions=shared | options)
+    kernel.enable_caching()
+    return cast(F, kernel)
+
+
+def code_folder() -> Path | None:
+    """Return where this package's compiled code is kept; None for nowhere but in memory."""
+    try:
+        return Path(_KernelCache(njit).cache_path)
+    except RuntimeError:
+        return None
 
 
 class _Kernel(CPUDispatcher):
@@ -39,3 +49,65 @@ class _Kernel(CPUDispatcher):
         """Resolve a call from a compiled function: a constant is a number like others."""
         plain = {name: types.unliteral(kind) for name, kind in kws.items()}
         return super().get_call_template(tuple(types.unliteral(kind) for kind in args), plain)
+
+    def compile(self, sig: Any) -> Any:
+        """Compile for types at a lower level than numba's 3: the first plan comes a quarter sooner."""
+        with global_compiler_lock:  # numba asks for the levels while it compiles, and has no option for them
+            before = config.OPT, config.LOOP_VECTORIZE
+            if "NUMBA_OPT" not in os.environ:
+                config.OPT, config.LOOP_VECTORIZE = _LEVEL, 0  # type: ignore[assignment]
+            try:
+                return super().compile(sig)
+            finally:
+                config.OPT, config.LOOP_VECTORIZE = before
+
+    def enable_caching(self) -> None:
+        """Keep what is compiled on disk, where any of the folders can be written."""
+        try:
+            self._cache = _KernelCache(self.py_func)
+        except RuntimeError:  # no folder: it is kept in memory
+            note_unwritable(str(cache_dir()), "nor the folders of the code, the user, temporary files")
+
+
+class _CacheDir(caching.InTreeCacheLocator):
+    """A folder as `numba` under DEXGRASP_CACHE, where the code's own cannot be written."""
+
+    folder = staticmethod(cache_dir)
+
+    def __init__(self, function: Any, file: str) -> None:
+        super().__init__(function, file)
+        self._cache_path = os.path.join(self.folder(), "numba", self.get_suitable_cache_subpath(file))
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> Any:
+        """Return where a function is kept; None where nothing can be."""
+        try:
+            return super().from_function(function, file)
+        except OSError:  # no folder of temporary files
+            return None
+
+
+class _UserCacheDir(_CacheDir):
+    folder = staticmethod(user_cache_dir)
+
+
+class _TemporaryDir(_CacheDir):
+    folder = staticmethod(temporary_cache_dir)
+
+
+class _CacheFiles(caching.CompileResultCacheImpl):
+    _locator_classes = [  # noqa: RUF012  (numba's name)
+        caching.UserProvidedCacheLocator, caching.InTreeCacheLocator, _CacheDir, _UserCacheDir, _TemporaryDir,
+    ]  # fmt: skip
+
+
+class _KernelCache(caching.FunctionCache):
+    _impl_class = _CacheFiles
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep compiled code; a full disk is done without."""
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            note_unwritable(self.cache_path, error.strerror or str(error))
+            self.disable()

@@ -10,6 +10,7 @@ import os
 import secrets
 import stat
 import sys
+import tempfile
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -137,9 +138,28 @@ def read_npz(path: Path) -> Arrays:
 
 def cache_dir() -> Path:
     """Return the cache folder (`DEXGRASP_CACHE` overrides it); it is made when something is written to it."""
-    return Path(
-        os.path.expanduser(os.environ.get("DEXGRASP_CACHE") or platformdirs.user_cache_dir("dexgrasp"))
-    )
+    own = os.environ.get("DEXGRASP_CACHE")
+    return Path(os.path.expanduser(own)) if own else user_cache_dir()
+
+
+def user_cache_dir() -> Path:
+    """Return the user's cache folder for this package; one of temporary files for a user without a home."""
+    path = Path(platformdirs.user_cache_dir("dexgrasp"))
+    return path if path.is_absolute() else temporary_cache_dir()
+
+
+def temporary_cache_dir() -> Path:
+    """Return a folder of temporary files that only this user can write, as what is read from it is trusted.
+
+    Raises:
+        OSError: if it cannot be made, or is somebody else's.
+    """
+    path = Path(tempfile.gettempdir()) / f"dexgrasp-{os.getuid() if hasattr(os, 'getuid') else 'cache'}"
+    path.mkdir(mode=0o700, exist_ok=True)
+    about = path.stat(follow_symlinks=False)
+    if hasattr(os, "getuid") and (about.st_uid != os.getuid() or about.st_mode & 0o022):
+        raise PermissionError(errno.EPERM, "somebody else can write it", str(path))
+    return path
 
 
 def cached_arrays(name: str, make: Callable[[], Arrays]) -> Arrays:
@@ -191,11 +211,11 @@ def _write_cached(path: Path, arrays: Arrays) -> None:
     try:
         write_atomically(path, payload + hashlib.sha256(payload).digest())
     except OSError as error:
-        _note_unwritable(str(cache_dir()), error.strerror or str(error))
+        note_unwritable(str(cache_dir()), error.strerror or str(error))
 
 
 @cache
-def _note_unwritable(folder: str, reason: str) -> None:
+def note_unwritable(folder: str, reason: str) -> None:
     """Say once a process that nothing is kept."""
     print(
         f"note: the cache {folder!r} cannot be written ({reason}): going on without it, which takes longer; "

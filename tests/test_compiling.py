@@ -1,3 +1,7 @@
+"""Compiled functions: where they are kept, that they are compiled once, and by no other process."""
+
+import errno
+import os
 import subprocess
 import sys
 import textwrap
@@ -5,111 +9,84 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core import caching
 from processes import python
 
-from dexgrasp.runs import compiling
-from dexgrasp.runs.compiling import compile_ahead, ensure_compiled
-from dexgrasp.runs.pool import WorkerDiedError
-from dexgrasp_env import compiled
+from dexgrasp_env import compiled, files
 
-KERNELS = """
-    import numpy as np
-    from typing import NamedTuple
+SCRIPT = """
+    print("runs")
+    from dexgrasp.planning import planner
     from dexgrasp_env.compiled import njit
+    from dexgrasp_env.robot.cell import default_cell
 
-    class Pair(NamedTuple):
-        left: np.ndarray
-        right: float
+    def twice(x):
+        return 2 * x
 
-    @njit
-    def twice(x, by=2):
-        return by * x
-
-    @njit
-    def total(pair):
-        out = 0.0
-        for k in range(len(pair.left)):
-            out += twice(pair.left[k]) / twice(pair.right, 4)
-        return out
-
-    @njit
-    def first(records):
-        return records[0].size
-
-    def rehearse():
-        total(Pair(np.ones(3), 2.0))
-        first(np.ones(2, [("size", "i8")]))
-        raise RuntimeError("whatever was heard until here is compiled")
+    kernel = njit(twice)
+    planner.Planner.plan = lambda *_: print(kernel(2.0))
+    planner.warm_up(default_cell())
+    print(len(kernel.stats.cache_misses))
 """
-RUN = """
-    import kernels, numpy as np
-    from numba.core import event
 
-    class Listener(event.Listener):
-        def on_start(self, event): print("compiles", event.data["dispatcher"])
-        def on_end(self, event): pass
 
-    event.register("numba:compile", Listener())
-    print(kernels.total(kernels.Pair(np.ones(4), 2.0)), kernels.first(np.ones(2, [("size", "i8")])))
-"""
+def test_a_script_without_a_guard_runs_once_with_an_empty_cache(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(textwrap.dedent(SCRIPT))
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(Path.cwd())}
+    for misses in (1, 0):
+        done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True, env=env)
+        assert done.stdout == f"runs\n4.0\n{misses}\n"
+    kept = list((tmp_path / "cache").rglob("compiled-*"))
+    assert len(kept) == 2  # the mark that a plan was made, and its lock
 
 
 @pytest.fixture
-def kernels(tmp_path, monkeypatch):
-    """A module of compiled functions, which only other processes import."""
-    (tmp_path / "kernels.py").write_text(textwrap.dedent(KERNELS))
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.syspath_prepend(tmp_path)
-    return "kernels:rehearse"
+def nowhere(monkeypatch):
+    """No folder but that of DEXGRASP_CACHE and those after it."""
+    monkeypatch.setattr(compiled._CacheFiles, "_locator_classes", compiled._CacheFiles._locator_classes[2:])
+    files.note_unwritable.cache_clear()
 
 
-def test_what_a_rehearsal_calls_is_compiled_for_other_processes(kernels, tmp_path):
-    shown = []
-    tasks = compile_ahead(kernels, lambda done, total, now: shown.append((done, total)), workers=2)
-    assert {task.name: set(task.calls) for task in tasks} == {
-        "twice": set(),
-        "total": {"twice"},
-        "first": set(),
-    }
-    assert len(tasks) == 4  # twice with its default, and with a factor
-    assert shown[-1] == (4, 4)
-    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{textwrap.dedent(RUN)}"
-    assert python(code) == "1.0 1\n"
+def test_compiled_code_goes_to_the_cache_where_its_own_folder_cannot_be_written(
+    nowhere, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "own"))
+    assert compiled.code_folder().is_relative_to(tmp_path / "own" / "numba")
+    monkeypatch.setenv("DEXGRASP_CACHE", "/proc/nowhere")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
+    assert compiled.code_folder().is_relative_to(tmp_path / "user")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    monkeypatch.setattr(files.tempfile, "tempdir", str(tmp_path))
+    assert compiled.code_folder().is_relative_to(tmp_path)
+    monkeypatch.setattr(files.tempfile, "tempdir", "/proc/nowhere")
+    assert compiled.code_folder() is None
 
 
-def test_a_machine_is_made_ready_once(kernels, tmp_path, monkeypatch):
-    asked = []
-    monkeypatch.setattr(compiling, "_cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(compiling, "compile_ahead", lambda rehearsal, show: asked.append(rehearsal))
-    for _ in range(2):
-        ensure_compiled.cache_clear()
-        ensure_compiled(kernels)
-    assert asked == [kernels]
-    ensure_compiled.cache_clear()
-    monkeypatch.setattr(compiling, "_cache_folder", lambda: Path("/proc/nowhere"))
-    ensure_compiled(kernels)
-    assert asked == [kernels]
+def test_where_nothing_can_be_kept_functions_are_compiled_in_memory(nowhere, monkeypatch, capsys):
+    for name in ("DEXGRASP_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.setenv(name, "/proc/nowhere")
+    monkeypatch.setattr(files.tempfile, "tempdir", "/proc/nowhere")
+    assert compiled.njit(lambda x: 2 * x)(2.0) == 4.0
+    assert capsys.readouterr().err.count("note: ") == 1
 
 
-def test_where_a_process_dies_functions_are_compiled_when_they_are_called(tmp_path, monkeypatch):
-    def dies(rehearsal, show):
-        raise WorkerDiedError
+def test_a_full_disk_is_done_without(monkeypatch, capsys):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(compiling, "_cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(compiling, "compile_ahead", dies)
-    ensure_compiled.cache_clear()
-    ensure_compiled("nothing:nowhere")
-    assert not list(tmp_path.glob("compiled-*[!.lock]"))
+    files.note_unwritable.cache_clear()
+    monkeypatch.setattr(caching.FunctionCache, "save_overload", full)
+    assert compiled.njit(lambda x: 3 * x)(2.0) == 6.0
+    assert "No space left" in capsys.readouterr().err
 
 
-def test_a_script_that_does_not_ask_for_its_name_is_not_run_again(kernels, tmp_path):
-    script = tmp_path / "script.py"
-    script.write_text(
-        "print('runs')\nfrom dexgrasp.runs.compiling import compile_ahead\n"
-        f"print(len(compile_ahead({kernels!r}, lambda *_, **__: None, workers=1)))"
-    )
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
-    assert done.stdout == "runs\n4\n"
+def test_a_folder_of_temporary_files_that_others_can_write_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setattr(files.tempfile, "tempdir", str(tmp_path))
+    folder = files.temporary_cache_dir()
+    folder.chmod(0o777)
+    with pytest.raises(PermissionError):
+        files.temporary_cache_dir()
 
 
 def test_nothing_is_compiled_by_plans_and_episodes_on_a_machine_that_is_warm():

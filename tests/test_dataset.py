@@ -300,13 +300,11 @@ def test_text_that_is_no_manifest_is_refused_in_one_line(tmp_path, content, caps
 
 def test_workers_end_with_a_parent_that_is_killed():
     code = (
-        "import multiprocessing, os, time\n"
-        "from dexgrasp.runs.pool import _end_with_parent\n"
-        "def work():\n"
-        "    _end_with_parent(); print(os.getpid(), flush=True); time.sleep(60)\n"
-        "if __name__ == '__main__':\n"
-        "    context = multiprocessing.get_context('fork')\n"
-        "    context.Process(target=work, args=()).start(); time.sleep(60)\n"
+        "import os, time\n"
+        "from dexgrasp.runs.pool import Backend, run_pool\n"
+        "def work(_):\n"
+        "    print(os.getpid(), flush=True); time.sleep(60)\n"
+        "list(run_pool(work, range(2), Backend(workers=2)))\n"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     worker = int(parent.stdout.readline())

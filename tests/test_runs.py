@@ -14,6 +14,7 @@ from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend, WorkerDiedError, run_pool
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp.runs.shards import is_shard, make_missing, write_shard
+from dexgrasp_env.extras import usable_cores
 
 
 def doubled(task):
@@ -45,6 +46,25 @@ def test_every_task_is_done_whoever_does_it(workers):
 def test_a_worker_that_dies_is_said():
     with pytest.raises(WorkerDiedError, match="killed"):
         list(run_pool(partial(killed_at, last=2), range(4), Backend(workers=2)))
+
+
+def test_a_script_without_a_guard_runs_once_and_every_worker_has_its_limits(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "print('runs', flush=True)\n"
+        "import os, signal, time\n"
+        "from dexgrasp.runs.pool import Backend, run_pool\n"
+        "def limits(n):\n"
+        "    time.sleep(0.5)\n"
+        "    threads = os.environ['OMP_NUM_THREADS'], os.environ['NUMBA_NUM_THREADS']\n"
+        "    return os.getpid(), *threads, signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())\n"
+        "found = set(run_pool(limits, range(9), Backend(workers=3)))\n"
+        "print(len({one[0] for one in found}), {one[1:] for one in found})\n"
+    )
+    env = {key: value for key, value in os.environ.items() if not key.endswith("_NUM_THREADS")}
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True, env=env)
+    share = str(max(1, usable_cores() // 3))
+    assert done.stdout == f"runs\n3 {{('{share}', '{share}', True)}}\n"
 
 
 def test_what_is_done_when_a_task_fails_is_had_before_that_is_said(monkeypatch):

@@ -150,6 +150,7 @@ def check_machine() -> list[Finding]:
     return [
         Finding("info", f"{usable_cores()} processors" + (f" ({', '.join(limits)})" if limits else "")),
         _check_cache(),
+        _check_code(),
         *_check_torch(),
     ]
 
@@ -167,6 +168,23 @@ def _check_cache() -> Finding:
             "warning", problem, "set DEXGRASP_CACHE to a writable folder; all works without, slower"
         )
     return Finding("info", f"cache {folder} can be written")
+
+
+def _check_code() -> Finding:
+    from dexgrasp_env.compiled import code_folder
+
+    folder = code_folder()
+    if folder is None:
+        problem = "compiled code is kept nowhere, as neither its own folder nor a cache can be written"
+        return Finding(
+            "warning", problem, "set NUMBA_CACHE_DIR to a writable folder: each process compiles anew"
+        )
+    beside = (
+        "beside the code"
+        if folder.name == "__pycache__"
+        else "or in NUMBA_CACHE_DIR, else where it can be written"
+    )
+    return Finding("info", f"compiled code is kept in {folder} ({beside})")
 
 
 def _check_torch() -> list[Finding]:

@@ -4,20 +4,25 @@ from dexgrasp.cli.command import Answer, Command, InCell
 
 
 class Warmup(Command, InCell):
-    """Compile what plans and environments need, in parallel; the first run does it otherwise.
+    """Compile what plans and environments need; the first run does it otherwise.
 
     examples:
-      dexgrasp warmup                                    all that plans and environments call, on all processors
+      dexgrasp warmup                                    all that plans and environments call
       dexgrasp warmup --robot my_cell.yaml               and what each grasp of the hand of this robot needs
 
-    Where what is compiled is kept: in __pycache__ beside the code, or in NUMBA_CACHE_DIR; postures in DEXGRASP_CACHE.
-    In an image for another machine the processor has to be of the same kind.
+    Where what is compiled is kept: in __pycache__ beside the code, or in NUMBA_CACHE_DIR; where that cannot be
+    written in DEXGRASP_CACHE, as postures always. In an image for another machine the processor has to be of the same
+    kind.
     """
 
     def run(self) -> Answer:
         """Compile what is not there yet."""
         from dexgrasp.planning.planner import warm_up
+        from dexgrasp.planning.rehearsal import rehearse
+        from dexgrasp.runs.compiling import compiling
 
+        with compiling("warmup"):
+            rehearse()
         for fingers in ((), *self.cell.robot.hand.grasps):
             warm_up(self.cell.grasping(fingers))
         return Answer({"ready": True}, "everything that plans and environments need is compiled")

@@ -21,7 +21,7 @@ from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfacePropos
 from dexgrasp.planning.result import Planned, PlanResult, SearchLog
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import Solution, solve
-from dexgrasp.runs.compiling import ensure_compiled
+from dexgrasp.runs.compiling import compiling
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell, default_cell
 
@@ -277,7 +277,7 @@ _WARM: set[tuple[str, type]] = set()  # cells and kinds of source that this proc
 def warm_up(cell: Cell, source: ProposalSource | None = None) -> None:
     """Load compiled code and atlas by planning for a small box, once a process: planning times are then times.
 
-    On a machine where nothing is compiled yet, that is done first, by several processes.
+    On a machine where nothing is compiled yet, that takes a minute.
 
     Args:
         cell: of the robot.
@@ -287,8 +287,8 @@ def warm_up(cell: Cell, source: ProposalSource | None = None) -> None:
     if key in _WARM:
         return
     _WARM.add(key)
-    ensure_compiled()
-    Planner(source=source, cell=cell).plan(small_box(), 0, cell.robot.home.copy())
+    with compiling("plan"):
+        Planner(source=source, cell=cell).plan(small_box(), 0, cell.robot.home.copy())
 
 
 def small_box() -> GraspTarget:

@@ -1,4 +1,4 @@
-"""The rehearsal for `runs.compiling`: what plans and environments call, each compiled function once."""
+"""A rehearsal of plans and environments: it calls each compiled function once."""
 
 from dataclasses import replace
 
@@ -7,7 +7,6 @@ import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.geometry.completion import target_of
-from dexgrasp.planning import atlas
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.planner import Planner, small_box
 from dexgrasp.planning.proposals import SurfaceProposals
@@ -15,13 +14,11 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.perception.cloud import downsample
 from dexgrasp_env.perception.scene import Scene
 
-_POSTURES = 4_000  # drawn for the atlas: enough for a box, and a hundredth of the time
 _FEW = PlannerSettings(surface_points=40, triples=10)
 
 
 def rehearse() -> None:
     """Plan for a small box, look at an object, step; what takes longest to compile comes first."""
-    atlas.SAMPLES = _POSTURES
     planner = Planner(source=make_source("auto"))
     box, home = small_box(), planner.cell.robot.home.copy()
     planner.plan(box, 0, home)

@@ -1,26 +1,23 @@
 """Work in parallel: in processes of this machine, or on a Ray cluster. What comes out does not depend on which."""
 
 import logging
-import multiprocessing
 import os
 import pickle
 import socket
-import sys
 import threading
-from collections.abc import Callable, Iterator, MutableMapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
-from multiprocessing import connection
-from types import ModuleType
+from multiprocessing import resource_tracker
 from typing import Annotated, Any, TypeVar
 
 from dexgrasp.runs.interrupt import not_inherited
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.extras import require_extra
+from dexgrasp_env.extras import require_extra, usable_cores
 from dexgrasp_env.valid import Count, check, one_of
 
 T = TypeVar("T")
@@ -28,6 +25,7 @@ R = TypeVar("R")
 
 BACKENDS = ("processes", "ray")
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_LOOK = 0.5  # s between two looks of a worker for the process that started it
 _AHEAD = 4
 """Tasks in flight for each processor of a cluster: enough that none waits for the driver."""
 _RETRIES = 10
@@ -69,7 +67,7 @@ def run_pool(work: Callable[[T], R], tasks: Sequence[T], backend: Backend) -> It
     """Yield what `work` makes of each task, in the order in which they are finished.
 
     Args:
-        work: with one worker it is called itself; every other process keeps a copy, which pickle makes, for all of its
+        work: with one worker it is called itself; every other process keeps a copy for all of its
             tasks. Must give the same wherever and whenever it runs.
         tasks: its arguments, small.
         backend: where.
@@ -81,47 +79,26 @@ def run_pool(work: Callable[[T], R], tasks: Sequence[T], backend: Backend) -> It
     """
     workers = max(1, min(backend.workers, len(tasks)))
     if backend.name == "ray":
-        yield from _on_cluster(pickle.dumps(work), tasks, backend.address, workers)
+        yield from _on_cluster(_packed(work), tasks, backend.address, workers)
     elif workers == 1:
         for task in tasks:  # a StopIteration of a task would end a map() as if all were done
             yield work(task)
     else:
-        yield from _in_processes(pickle.dumps(work), tasks, workers)
-
-
-@contextmanager
-def processes(workers: int, *, alone: bool = False) -> Iterator[ProcessPoolExecutor]:
-    """Have new processes at work, which end with the block or with this process.
-
-    Args:
-        workers: how many.
-        alone: they do not import the main module: a script that does not ask for its name would run in each of them.
-
-    Raises:
-        WorkerDiedError: if one went away.
-    """
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
-    main = {"__main__": ModuleType("__main__")} if alone else {}
-    share = str(max(1, (os.cpu_count() or 1) // workers))  # of the processors, that each may use
-    limits = {name: os.environ.get(name, share) for name in _THREADS}
-    try:
-        with _replaced(os.environ, limits), _replaced(sys.modules, main), not_inherited():
-            pool.submit(os.getpid)  # starts all of them
-        yield pool
-    except BrokenProcessPool:
-        raise WorkerDiedError(
-            "a worker process died (killed, out of memory, or a crash in native code)"
-        ) from None
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for child in set(multiprocessing.active_children()) - others:
-            child.terminate()
+        yield from _in_processes(_packed(work), tasks, workers)
 
 
 def _in_processes(packed: bytes, tasks: Sequence[Any], workers: int) -> Iterator[Any]:
+    """Yield what comes of tasks in new processes, which never import the main module: a script runs once."""
+    from loky import ProcessPoolExecutor
+
+    share = str(max(1, usable_cores() // workers))  # of the processors, that each may use
+    limits = {name: os.environ.get(name, share) for name in _THREADS}
+    pool = ProcessPoolExecutor(workers, initializer=_begin, initargs=(os.getpid(),), env=limits)
     waiting = set[Future[Any]]()
-    with processes(workers) as pool:
+    resource_tracker.ensure_running()  # its start lets signals through again
+    try:
+        with not_inherited():  # the first task starts all workers, and the thread that replaces one
+            pool.submit(os.getpid)
         for number, task in enumerate(tasks, start=1):
             waiting.add(pool.submit(_do, packed, task))
             while waiting and (len(waiting) >= 2 * workers or number == len(tasks)):
@@ -129,6 +106,12 @@ def _in_processes(packed: bytes, tasks: Sequence[Any], workers: int) -> Iterator
                 yield from (
                     future.result() for future in sorted(done, key=lambda own: own.exception() is not None)
                 )
+    except BrokenProcessPool:
+        raise WorkerDiedError(
+            "a worker process died (killed, out of memory, or a crash in native code)"
+        ) from None
+    finally:
+        pool.shutdown(kill_workers=True)
 
 
 def _on_cluster(packed: bytes, tasks: Sequence[Any], address: str | None, workers: int) -> Iterator[Any]:
@@ -202,6 +185,14 @@ def _no_cluster(address: str | None, reason: str) -> InputError:
     )
 
 
+def _packed(work: Callable[[Any], Any]) -> bytes:
+    """Return work as bytes; what is of the main module, which no other process has, travels with it."""
+    import cloudpickle  # loky and Ray bring it
+
+    packed: bytes = cloudpickle.dumps(work)
+    return packed
+
+
 def _do(packed: bytes, task: Any) -> Any:
     return _unpacked(packed)(task)
 
@@ -212,36 +203,17 @@ def _unpacked(packed: bytes) -> Callable[[Any], Any]:
     return pickle.loads(packed)
 
 
-def _begin() -> None:
-    """Prepare a worker."""
+def _begin(parent: int) -> None:
+    """Prepare a worker of a process."""
     from tqdm import tqdm
 
     # The lock that bars have of themselves is a semaphore, which a process that is terminated leaves behind.
     tqdm.set_lock(threading.RLock())
-    _end_with_parent()
 
+    def end_with_parent() -> None:
+        """End soon after the parent is gone, even if that is killed: there is nothing to do."""
+        while os.getppid() == parent:
+            time.sleep(_LOOK)
+        os._exit(1)
 
-def _end_with_parent() -> None:
-    """End this process soon after the one that started it is gone, even if that is killed: there is nothing to do."""
-
-    def watch() -> None:
-        """Wait for the end of the parent, and end."""
-        parent = multiprocessing.parent_process()
-        if parent is not None:
-            connection.wait([parent.sentinel])
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-@contextmanager
-def _replaced(mapping: MutableMapping[str, T], entries: dict[str, T]) -> Iterator[None]:
-    """Set entries for the processes that start meanwhile."""
-    before = {name: mapping[name] for name in entries if name in mapping}
-    mapping.update(entries)
-    try:
-        yield
-    finally:
-        for name in entries:
-            del mapping[name]
-        mapping.update(before)
+    threading.Thread(target=end_with_parent, daemon=True).start()

@@ -32,7 +32,7 @@ def progress_bar(unit: str, of: str, *, shown: bool = True, **options: Any) -> I
             unit=unit, desc=of, **({"delay": 0.5} | options)
         ) as bar:  # what is refused at once needs none
 
-            def show(done: int, total: int, **figures: str) -> None:
+            def show(done: int, total: int | None, **figures: str) -> None:
                 """Move the bar."""
                 if bar.total is None:  # what was there before says nothing of the speed
                     bar.n = bar.initial = done
@@ -43,21 +43,22 @@ def progress_bar(unit: str, of: str, *, shown: bool = True, **options: Any) -> I
             yield show
 
 
-def silent(done: int, total: int, **figures: str) -> None:
+def silent(done: int, total: int | None, **figures: str) -> None:
     """Show nothing."""
 
 
 def _lines(unit: str, of: str) -> Show:
     began = last = time.monotonic()
 
-    def show(done: int, total: int, **figures: str) -> None:
+    def show(done: int, total: int | None, **figures: str) -> None:
         """Print a line, if the last is old enough or this ends the work."""
         nonlocal last
         now = time.monotonic()
         if now - last >= _EVERY or (done == total and last > began):
             last = now
+            number = f"{done} of {total}" if total is not None else done
             more = "".join(f", {name} {value}" for name, value in figures.items())
-            print(f"{of}: {unit} {done} of {total}, {now - began:.0f} s{more}", file=sys.stderr, flush=True)
+            print(f"{of}: {unit} {number}, {now - began:.0f} s{more}", file=sys.stderr, flush=True)
 
     return show
 
