@@ -24,8 +24,8 @@ from dexgrasp.cli.command import Argument, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.grasp.content import grasp_json
 from dexgrasp.grasp.file import read_grasp, write_grasp
+from dexgrasp.grasp.planned_record import grasp_json
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.planning.scene_setup import Subject, subject_of
 from dexgrasp_env.arrays import Array

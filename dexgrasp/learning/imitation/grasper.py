@@ -12,7 +12,7 @@ from dexgrasp.agent import Observation
 from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
-from dexgrasp.grasp.script import ActionScript
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.learning.imitation.cloud_look import NUMBERS, CloudLook, along, look_at
 from dexgrasp.learning.imitation.policy import Mlp, Policy, Scaling
 from dexgrasp.learning.imitation.taken import Taken, of_row, out_of, sizes
