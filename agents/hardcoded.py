@@ -11,7 +11,7 @@ from dexgrasp.geometry.completion import NO_VOLUME, NoTarget, target_of
 from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.grasp.grasp import GraspMotion
-from dexgrasp.grasp.script import ActionScript
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.palm_ik import hanging_palm, solve_palm
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath

@@ -23,9 +23,9 @@ from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.prediction import auc
 from dexgrasp.evaluation.statistics import wilson_interval
-from dexgrasp.grasp.features import features_of
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.probability import OUTCOMES, SCHEMA, Model, read_model
+from dexgrasp.grasp.probability_features import features_of
 from dexgrasp.runs.shards import read_shard, text_of
 from dexgrasp.runs.versions import package_version
 from dexgrasp_env.arrays import Array

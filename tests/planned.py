@@ -4,8 +4,8 @@ import trimesh
 from robots import HOME
 
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.content import ObjectPose, Origin, grasp_json, planned_record
 from dexgrasp.grasp.identity import ObjectIdentity
+from dexgrasp.grasp.planned_record import ObjectPose, Origin, grasp_json, planned_record
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.objects.catalogue import CATALOGUE

@@ -21,7 +21,7 @@ from dexgrasp.export.scene_folder import write_scene
 from dexgrasp.export.time_law import Limits, timed
 from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_trajectory
 from dexgrasp.grasp.file import record_of
-from dexgrasp.grasp.path import limit_shares
+from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.scene.build import build_scene
 

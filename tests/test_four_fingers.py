@@ -2,7 +2,7 @@
 
 import yaml
 
-from dexgrasp.grasp.content import Origin, planned_record
+from dexgrasp.grasp.planned_record import Origin, planned_record
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.planner import Planner, small_box

@@ -16,7 +16,7 @@ from dexgrasp.geometry.completion import target_of
 from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.field import field_at, field_of
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.content import planned_record
+from dexgrasp.grasp.planned_record import planned_record
 from dexgrasp.grasp.verify.scene import Scene as Judge
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR, clearance_rows, empty_rows

@@ -12,7 +12,7 @@ from robots import CELL, HOME, denormalise
 from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.content import Origin, planned_record
+from dexgrasp.grasp.planned_record import Origin, planned_record
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.tree import robot_tree

@@ -11,7 +11,7 @@ from robots import CELL, HOME
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, OK
 from dexgrasp.cli.main import main
-from dexgrasp.grasp.content import Origin, planned_record
+from dexgrasp.grasp.planned_record import Origin, planned_record
 from dexgrasp.grasp.variety import component_shares, hand_points
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.mechanics.kinematics.tree import robot_tree

@@ -11,9 +11,9 @@ from processes import typed
 from robots import CELL, HOME
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
-from dexgrasp.grasp.features import Draws, _borne, features_of
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.probability import OUTCOMES, probability_of, read_model, shipped_model
+from dexgrasp.grasp.probability_features import Draws, _borne, features_of
 from dexgrasp.grasp.record import as_json
 from dexgrasp.planning.diverse import UNSURE, chances_of, with_success_probability
 from dexgrasp.planning.planner import Planner, small_box

@@ -8,8 +8,8 @@ from robots import CELL, HOME
 
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp.grasp.content import Origin, planned_record
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
+from dexgrasp.grasp.planned_record import Origin, planned_record
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.viewer.film import Film, carried, palm_poses
 from dexgrasp_env.objects.load import load_object

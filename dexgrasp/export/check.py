@@ -6,7 +6,7 @@ The limits are the makers' tables, typed again: a wrong number in the exporter's
 import numpy as np
 
 from dexgrasp.export.read import Recording, Rows
-from dexgrasp.grasp.path import limit_shares
+from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp.grasp.verify.check import Check, at_least, at_most, flag
 from dexgrasp.grasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array

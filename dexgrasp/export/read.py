@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from dexgrasp.grasp.values import CORNERS, Parts
+from dexgrasp.grasp.field_types import CORNERS, Parts
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, read_json_object, readable

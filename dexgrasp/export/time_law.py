@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.grasp.path import limit_shares
+from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 

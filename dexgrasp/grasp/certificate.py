@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from dexgrasp.grasp.values import Number, Numbers, Positive
+from dexgrasp.grasp.field_types import Number, Numbers, Positive
 from dexgrasp_env.arrays import Fields
 
 

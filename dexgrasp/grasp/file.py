@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-from dexgrasp.grasp.older import of_schema_2
 from dexgrasp.grasp.record import SCHEMA, GraspRecord
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -35,15 +34,15 @@ def record_of(content: Any, source: str = "this object", cell: Cell | None = Non
     if isinstance(content, dict) and isinstance(content.get("grasp"), dict):
         content = content["grasp"]  # the output of `plan --json`
     schema = content.get("schema") if isinstance(content, dict) else None
-    if schema not in (2, SCHEMA) or not isinstance(schema, int):
+    if type(schema) is not int or schema != SCHEMA:
+        older = " (schema 2 is read by dexgrasp 0.3.0: plan the grasp again)" if schema == 2 else ""
         raise InputError(
-            f"{source} is not a grasp of schema {SCHEMA} (or 2), as `dexgrasp plan --out` writes it"
+            f"{source} is not a grasp of schema {SCHEMA}, as `dexgrasp plan --out` writes it{older}"
         )
     try:
         here = (cell or default_cell()).mounted(content["mount"])
-        stated = content if schema == SCHEMA else of_schema_2(content, here)
-        here = here.grasping(tuple(contact["finger"] for contact in stated["contacts"]))
-        record = read(GraspRecord, stated | {"here": here}, more=True)
+        here = here.grasping(tuple(contact["finger"] for contact in content["contacts"]))
+        record = read(GraspRecord, content | {"here": here}, more=True)
     except KeyError as error:
         raise InputError(f"{source} is not a usable grasp: {error} is missing") from None
     except (TypeError, ValueError, AttributeError, RecursionError) as error:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dexgrasp.grasp.values import Positive, Vector, Word
+from dexgrasp.grasp.field_types import Positive, Vector, Word
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.load import has_own_size, load_object

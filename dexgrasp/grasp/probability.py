@@ -1,9 +1,9 @@
-"""How likely a grasp holds: what a model says of it that was fitted on episodes (`scripts/fit_probability.py`).
+"""The probability that a grasp holds, by a model that was fitted on episodes (`scripts/fit_probability.py`).
 
-The model is an ensemble of boosted trees on `features.features_of`, each member fitted on shapes drawn anew, so that
-how far they disagree says how much hangs on which shapes were met. Their mean is calibrated on shapes that a member had
-not met. It knows one robot; of grasps of another, among neighbours, or on surfaces more slippery than any it was
-fitted on it says nothing.
+The model is an ensemble of boosted trees on the figures of `probability_features`, each member fitted on shapes drawn
+anew, so that how far they disagree says how much hangs on which shapes were met. Their mean is calibrated on shapes
+that a member had not met. It knows one robot; of grasps of another, among neighbours, or on surfaces more slippery than
+any it was fitted on it says nothing.
 """
 
 import json
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.grasp.features import features_of
+from dexgrasp.grasp.probability_features import features_of
 from dexgrasp.grasp.record import Chance, GraspRecord, HoldsProbability
 from dexgrasp.grasp.thresholds import HOLD_SHARE
 from dexgrasp_env.arrays import Array, Fields, Index

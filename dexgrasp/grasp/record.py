@@ -9,10 +9,9 @@ from typing import Annotated
 import numpy as np
 
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp.grasp.conventions import RobotName, conventions
+from dexgrasp.grasp.field_types import Number, Parts, Pose, Positive, Row, Share, Vector, Word
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.thresholds import Thresholds
-from dexgrasp.grasp.values import Number, Parts, Pose, Positive, Row, Share, Vector, Word
 from dexgrasp_env.arrays import Array, Fields, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
@@ -23,6 +22,28 @@ from dexgrasp_env.valid import list_of, number, one_of
 SCHEMA = 3
 APPROACH, LIFT = "approach", "lift"
 """The phases of a script."""
+
+
+@dataclass(frozen=True)
+class RobotName:
+    """A robot by its name, and a hash of all that its files say."""
+
+    name: str
+    hash: str
+
+
+def conventions(cell: Cell) -> Fields:
+    """Return what a grasp file states for a cell, by field."""
+    return {
+        "frame": "robot_base",
+        "units": {"length": "m", "angle": "rad", "force": "N", "mass": "kg", "time": "s"},
+        # These run on feedback from the joints, so that no certificate can cover them.
+        "outside_certificate": ["close", "hold"],
+        "cell": cell.name,
+        "robot": RobotName(cell.robot.name, cell.robot.hash),
+        "table_height": cell.table_height,
+        "joint_names": list(cell.robot.joints),
+    }
 
 
 @dataclass(frozen=True)
@@ -52,7 +73,7 @@ class Phase:
         name: `approach`, from home to the pregrasp, or `lift`, from the squeeze up.
         times: (T,) s.
         setpoints: (T, n) rad.
-        measure: of the way: `path.bend` of an approach, rad, `path.stray` of a lift, m.
+        measure: of the way: `trajectory.bend` of an approach, rad, `trajectory.stray` of a lift, m.
     """
 
     name: Annotated[str, one_of((APPROACH, LIFT))]

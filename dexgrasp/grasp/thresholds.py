@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Annotated
 
-from dexgrasp.grasp.values import Number, Positive
+from dexgrasp.grasp.field_types import Number, Positive
 from dexgrasp_env.robot.robot import Hand
 from dexgrasp_env.valid import number, pair
 

@@ -10,7 +10,7 @@ has.
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp
-from dexgrasp.grasp.script import ActionScript
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.forward import fingertips, follow, hand_contact_jacobian
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import Motion

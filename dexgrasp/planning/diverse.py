@@ -16,7 +16,7 @@ from itertools import islice
 import numpy as np
 
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.content import planned_record
+from dexgrasp.grasp.planned_record import planned_record
 from dexgrasp.grasp.record import HoldsProbability
 from dexgrasp.grasp.variety import hand_points
 from dexgrasp.planning.certifier import Candidate

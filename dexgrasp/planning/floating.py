@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from dexgrasp.geometry.parts import parts_within
 from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.content import ObjectPose
 from dexgrasp.grasp.identity import ObjectIdentity
+from dexgrasp.grasp.planned_record import ObjectPose
 from dexgrasp.planning.diverse import plan_many
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.result import PlanResult, Progress

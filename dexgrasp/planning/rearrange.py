@@ -9,7 +9,7 @@ import numpy as np
 from dexgrasp.geometry.around import neighbours_of
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import RAISED
-from dexgrasp.grasp.script import ActionScript
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.carried import Rearrangement, carried
 from dexgrasp.motion.collision import CollisionChecker, carried_into, raised_into

@@ -6,8 +6,8 @@ import gymnasium as gym
 
 import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.agent import Agent, Observation, public_info
-from dexgrasp.grasp.content import ObjectPose
 from dexgrasp.grasp.identity import ObjectIdentity
+from dexgrasp.grasp.planned_record import ObjectPose
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.poses import pose_matrix
 

@@ -107,8 +107,8 @@ def _record(pose: PoseGrasps, k: int, thresholds: Thresholds, cell: Cell) -> Any
     import trimesh
 
     from dexgrasp.grasp.certificate import Certificate
-    from dexgrasp.grasp.content import planned_record
     from dexgrasp.grasp.grasp import Grasp, GraspMotion
+    from dexgrasp.grasp.planned_record import planned_record
     from dexgrasp_env.scene.constants import GRAVITY
 
     g = {name: values[k].astype(float) for name, values in pose.grasps.items()}

@@ -2,8 +2,8 @@
 
 import re
 
-from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.probability import probability_of
+from dexgrasp.grasp.record import conventions
 from dexgrasp.grasp.thresholds import FRICTION_SHARE, HOLD_SHARE, Thresholds, frozen_for
 from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import ROUNDING, Check, flag

@@ -1,4 +1,4 @@
-"""What the fields of a grasp file may be, as rules of `dexgrasp_env.valid` that stand at them."""
+"""Types of the fields of a grasp file, each with the rule of `dexgrasp_env.valid` that it is held to."""
 
 from typing import Annotated, Any
 
@@ -38,9 +38,7 @@ Word = Annotated[str, Rule("a word", _word)]
 Vector = Annotated[Array, array(3)]
 Row = Annotated[Array, array(None)]
 Pose = Annotated[Array, array(4, 4)]
-Numbers = Annotated[
-    tuple[float, ...], Rule("finite numbers", lambda value: tuple(array(None).admit(value).tolist()))
-]
+Numbers = tuple[Number, ...]
 CORNERS = Rule("4 or more corners (x, y, z) around a volume", _corners)
 Parts = Annotated[
     tuple[Array, ...],

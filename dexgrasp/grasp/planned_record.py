@@ -7,14 +7,22 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.geometry.target import GraspTarget, assumed_mass, hull_volume, volume_centre
-from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.grasp import RAISED, Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
-from dexgrasp.grasp.path import bend, stray
 from dexgrasp.grasp.probability import probability_of
-from dexgrasp.grasp.record import APPROACH, LIFT, Contact, GraspRecord, Neighbour, Phase, Script, as_json
-from dexgrasp.grasp.script import ActionScript
+from dexgrasp.grasp.record import (
+    APPROACH,
+    LIFT,
+    Contact,
+    GraspRecord,
+    Neighbour,
+    Phase,
+    Script,
+    as_json,
+    conventions,
+)
 from dexgrasp.grasp.thresholds import thresholds_for
+from dexgrasp.grasp.trajectory import ActionScript, bend, stray
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env import __version__
