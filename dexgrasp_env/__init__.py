@@ -54,7 +54,7 @@ for name, count, gaps, limit in (
     ("Sparse", (4, 8), (0.02, 0.05), _TWICE), ("Dense", (9, 15), (0.005, 0.02), _TWICE), ("Heap", 8, None, _HEAP),
 ):  # fmt: skip
     register(
-        id=f"DexGrasp/Clutter{name}-v1", entry_point="dexgrasp_env.tasks.cluttered:ClutterEnv",
+        id=f"DexGrasp/Clutter{name}-v1", entry_point="dexgrasp_env.tasks.clutter_env:ClutterEnv",
         vector_entry_point="dexgrasp_env.tasks.vector:ClutterVectorEnv", max_episode_steps=limit,
         reward_threshold=_SOLVED, kwargs={"neighbours": count, "gaps": gaps},
     )  # fmt: skip

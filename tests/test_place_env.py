@@ -68,8 +68,8 @@ def test_goals_can_be_given():
 def test_a_goal_that_is_given_has_not_been_reached_before():
     env = make(disable_env_checker=True)
     env.reset(seed=0)
-    env.unwrapped._episodes.records["moved"][0] = True
-    env.unwrapped._episodes.records["goal"][0] = [*env.unwrapped.data.qpos[23:26], 0.0]
+    env.unwrapped._episodes.task_records["moved"][0] = True
+    env.unwrapped._episodes.task_records["goal"][0] = [*env.unwrapped.data.qpos[23:26], 0.0]
     for _ in range(20):
         told = env.step(np.zeros(23))[4]
     assert told["is_success"]
@@ -155,8 +155,8 @@ def test_success_is_a_second_at_the_goal():
     env = make(disable_env_checker=True)
     env.reset(seed=0)
     inner = env.unwrapped
-    inner._episodes.records["goal"][0] = [*inner.data.qpos[23:26], 0.0]
-    inner._episodes.records["moved"][0] = True
+    inner._episodes.task_records["goal"][0] = [*inner.data.qpos[23:26], 0.0]
+    inner._episodes.task_records["moved"][0] = True
     told = [env.step(np.zeros(23))[4]["is_success"] for _ in range(21)]
     assert told == [False] * 19 + [True] * 2
     again = copy.deepcopy(env)  # the goal is part of the state

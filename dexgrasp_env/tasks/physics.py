@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _DIGITS = 6  # of a height in m and of a direction, within which two starts are one
 
 
-class Rests:
+class SettleCache:
     """Settled states, one for each side that an object is put down on: a look-up takes 1 % of what settling takes.
 
     Masses, friction and servos as they are drawn change by micrometres how an object comes to lie; here it settles as
@@ -95,7 +95,7 @@ def use_device(episodes: "Episodes", physics: Any, tensors: bool) -> None:
     from dexgrasp_env.tasks.warp_episodes import WarpEpisodes
 
     # Resets by MuJoCo would take longer than the steps of the others.
-    episodes.one_model, episodes.settle = True, Rests().settle
+    episodes.one_model, episodes.settle = True, SettleCache().settle
     episodes.device = WarpEpisodes(episodes, physics, tensors)
     episodes.views.rays = partial(WarpCameras, device=physics.device)
 

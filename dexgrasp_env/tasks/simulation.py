@@ -43,7 +43,7 @@ def compiled_scene(model: ObjectModel, cell: Cell) -> mujoco.MjModel:
     return build_scene(model, cell, cameras=cell.make_cameras())
 
 
-class Moment(NamedTuple):
+class PhysicsState(NamedTuple):
     """Where N environments are, with robots of n joints, and room for k objects, zeros where there are fewer.
 
     Attributes:
@@ -57,18 +57,18 @@ class Moment(NamedTuple):
     sensors: Array
 
 
-class Physics(Protocol):
+class StateHolder(Protocol):
     """What holds environments: a simulation one, `BatchPhysics` and `WarpPhysics` many."""
 
     @property
-    def moment(self) -> Moment:
+    def current(self) -> PhysicsState:
         """Where they are now."""
 
 
 class Simulation:
     """A compiled scene with its data; `base` stays as compiled, `model` carries the variation of the episode.
 
-    `moment` are views of the data, of one environment. After a step the sensors of neighbours hold the most of its
+    `current` are views of the data, of one environment. After a step the sensors of neighbours hold the most of its
     physics steps.
     """
 
@@ -91,7 +91,7 @@ class Simulation:
         self.body = int(self.base.body("object").id)
         self.touches = slice(self.base.nsensordata - len(self.neighbours), self.base.nsensordata)
         # Views into `data`, which stays where it is.
-        self.moment = Moment(data.qpos[None], data.qvel[None], data.sensordata[None])
+        self.current = PhysicsState(data.qpos[None], data.qvel[None], data.sensordata[None])
         self._forces = (data.qfrc_applied, data.xfrc_applied)
         self._rollout = Rollout(nthread=0)
         self._state = np.zeros((1, mujoco.mj_stateSize(self.base, _PHYSICS)))

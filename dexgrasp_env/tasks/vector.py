@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.tasks.cluttered import ClutterEnv
+from dexgrasp_env.tasks.clutter_env import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions, check_tensor
 from dexgrasp_env.tasks.infos import masked, with_masks
@@ -220,7 +220,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         if not self._started[i]:
             raise InputError(f"get_state({i}) called without an episode: call reset() first")
         return self._episodes.get_state(
-            i, self._physics.state(i), self._physics.moment.sensors[i], self._rngs[i]
+            i, self._physics.state(i), self._physics.current.sensors[i], self._rngs[i]
         )
 
     def set_state(self, state: EpisodeState, which: Iterable[int] | None = None) -> None:
@@ -286,7 +286,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         self._note(everything, episodes.conclude(everything, physics, warnings, rngs))
         if self.settings.obs_mode != "state":
             for i in running.tolist():
-                self._look(i, physics.moment.qpos[i], partial(self.simulation, i))
+                self._look(i, physics.current.qpos[i], partial(self.simulation, i))
 
     def _finish(self) -> Fields:
         """Return the last observations and infos of those that ended, and reset them."""
@@ -308,7 +308,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
     def simulation(self, i: int) -> Simulation:
         """Return the scene of environment `i` with its model and present positions in it, until the next call."""
         simulation = self._episodes.enter(i)
-        simulation.data.qpos[:] = self._physics.moment.qpos[i, : simulation.base.nq]
+        simulation.data.qpos[:] = self._physics.current.qpos[i, : simulation.base.nq]
         return simulation
 
     def _note(self, part: slice | int, seen: Arrays) -> None:

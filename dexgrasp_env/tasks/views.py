@@ -24,7 +24,7 @@ _AT_HOME = 0.02  # rad of every joint of the arm
 
 
 @dataclass
-class View:
+class CameraViews:
     """What the cameras of one episode are, and what they saw last.
 
     Attributes:
@@ -40,7 +40,7 @@ class View:
     info: Fields = field(default_factory=dict)
 
 
-class Views:
+class CameraObserver:
     """Camera observations of the environment; builds nothing until a mode asks for it."""
 
     def __init__(self, settings: LiftSettings) -> None:
@@ -55,7 +55,7 @@ class Views:
         self.image_shape = (number, intrinsics.height, intrinsics.width)
 
     def observe(
-        self, view: View, qpos: Array, scene: Callable[[], Simulation], rng: Generator, at_reset: bool
+        self, view: CameraViews, qpos: Array, scene: Callable[[], Simulation], rng: Generator, at_reset: bool
     ) -> None:
         """Have cameras look where it is time to; between looks the last views stay.
 

@@ -25,7 +25,7 @@ def _scatter(
     out[worlds[row], k] = rows[row, first + k]
 
 
-class Letters:
+class ScatterQueue:
     """Rows of numbers for single worlds, collected and then sent: one copy, and a launch for each array."""
 
     def __init__(self, targets: list[Any]) -> None:
