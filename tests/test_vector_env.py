@@ -121,7 +121,10 @@ def test_place_counts_the_time_at_the_goal_alike():
     ours.reset(seed=3)
     theirs.reset(seed=3)
     state = theirs.envs[1].unwrapped.get_state()
-    state.record["goal"] = [*state.physics[1 + 23 : 1 + 26], 0.0]  # time, then positions: where the object is
+    state.task_record["goal"] = [
+        *state.physics[1 + 23 : 1 + 26],
+        0.0,
+    ]  # time, then positions: where the object is
     state.record["moved"] = True
     theirs.envs[1].unwrapped.set_state(state)
     ours.set_state(state, [1])

@@ -1,4 +1,4 @@
-"""What stands around the object: neighbours drawn on the open table, or dropped with it into a heap."""
+"""Arrangements of clutter: neighbours drawn on the open table around the object, or dropped with it into a heap."""
 
 from collections.abc import Sequence
 
@@ -154,7 +154,7 @@ def gap_between(a: Array, b: Array) -> float:
 
 
 def _beyond_edge(a: Array, b: Array) -> float:
-    """How far all of `b` lies outside of one edge of `a`, the best of its edges; separating axes."""
+    """Largest distance by which all of `b` lies outside of one edge of `a`; separating axes."""
     edges = np.roll(a, -1, axis=0) - a
     out = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
     return float((out[:, None] * (b - a[:, None])).sum(-1).min(axis=1).max())
@@ -210,7 +210,7 @@ def _lay(simulation: Simulation, which: Mask, centre: Array, rng: Generator) -> 
 
 
 def _calm(simulation: Simulation, steps: int, drawn: Mask, centre: Array) -> None:
-    """Let things come to lie as if in honey, those of a mask (k,) drawn together about `centre` (2,) m."""
+    """Settle objects with strong damping, those of a mask (k,) pulled together about `centre` (2,) m."""
     model, data, dof = simulation.model, simulation.data, simulation.cell.robot.dof
     bodies = simulation.body + np.flatnonzero(drawn)
     weight = HEAP_PULL * 9.81 * model.body_mass[bodies, None]
@@ -251,7 +251,7 @@ def highest(corners: Array, pose: Array) -> float:
 
 
 def _settle(simulation: Simulation, spans: int, still: float) -> Mask:
-    """Let everything come to rest; return which objects (k,) move on by more than `still`, or are where none may be."""
+    """Settle everything; return which objects (k,) move on by more than `still`, or are where none may be."""
     for _ in range(spans):
         before = simulation.poses()
         simulation.settle(REST_SPAN)

@@ -1,4 +1,4 @@
-"""DexGrasp/ClutterSparse-v1, ClutterDense-v1 and ClutterHeap-v1."""
+"""Lifting out of clutter, DexGrasp/ClutterSparse-v1, ClutterDense-v1 and ClutterHeap-v1, and its page."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -51,7 +51,7 @@ class ClutterSettings(LiftSettings):
         neighbour_objects: that neighbours are drawn from, each as often as it comes.
         gaps: m, least and most between the outlines, from above, of a neighbour and of the nearest that stood there
             before; None: all are dropped into a heap, the object among them.
-        mask: how perception is told which object is meant.
+        mask: by which perception finds the object that is meant.
         bin: whether they stand in a bin; else on the open table.
     """
 
@@ -66,7 +66,7 @@ class ClutterSettings(LiftSettings):
 
     @property
     def pointing(self) -> str:
-        """How perception is told which object is meant."""
+        """Hint by which perception finds the object that is meant."""
         return self.mask
 
     @property
@@ -148,7 +148,7 @@ class ClutterEpisodes(Episodes):
         )
 
     def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
-        """Look what became of the neighbours, and observe them in `state`."""
+        """Judge what became of the neighbours, and add them to `state`."""
         records, (qpos, _, sensors) = self.task_records[part], where.current
         poses = qpos[:, self._alone[0] :].reshape(len(records), -1, 7)
         there = np.arange(poses.shape[1]) < records["neighbours"][:, None]
@@ -163,7 +163,7 @@ class ClutterEpisodes(Episodes):
         return state
 
     def more_infos(self) -> Arrays:
-        """Return what infos have more than those of `Episodes`."""
+        """Return the columns of infos about neighbours."""
         moved, hit = self.task_records["farthest"], self.task_records["hit"]
         names = [
             " ".join(object_name(slot.neighbours[k]) for k in np.flatnonzero(row))

@@ -276,7 +276,7 @@ class Episodes:
         return self._finish(part, where, judge, cut(rows, self.layout))
 
     def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
-        """Do what a task does more than `conclude`, and return the observation with that."""
+        """Apply the task's own rules after `conclude`, and return its observation."""
         return state
 
     def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array:
@@ -328,7 +328,7 @@ class Episodes:
         }
 
     def more_infos(self) -> Arrays:
-        """Return what a task tells beside `INFO_COLUMNS`, arrays (N,) by key."""
+        """Return the task's own infos beside `INFO_COLUMNS`, arrays (N,) by key."""
         return {}
 
     # -- states --------------------------------------------------------------------------------------------------
@@ -344,7 +344,7 @@ class Episodes:
         )  # fmt: skip
 
     def fetch(self) -> None:
-        """Have records and commands be those of now, wherever they are kept."""
+        """Update records and commands from the device, where they are kept on one."""
         if self.device:
             self.device.fetch()
 

@@ -148,7 +148,7 @@ def _lowest_point(e: Record, pose: Array, R: tuple[float, ...], hulls: Array) ->
 
 @njit
 def _opposed(s: Array, first: int, rules: Rules) -> bool:
-    """Whether the thumb and another finger press with 0.5 N each, at more than 90 deg to each other."""
+    """Test for a grasp: thumb and another finger press with 0.5 N each, at more than 90 deg to each other."""
     thumb = first + 3 * rules.grasp[0]
     tx, ty, tz = s[thumb], s[thumb + 1], s[thumb + 2]
     if length(tx, ty, tz) < GRASP_FORCE:
@@ -223,7 +223,7 @@ def _disturb(e: Record, position: tuple[float, ...], rules: Rules) -> None:
 
 @njit
 def _conclude(e: Record, rules: Rules) -> None:
-    """Whether it is a success, and how far it has come."""
+    """Update success and stage."""
     undisturbed = e.phase == _NO_PHASE or (e.phase == _OVER and e.shift <= DISTURB_SHIFT)
     e.success = undisturbed and e.held >= rules.hold and e.grasped and e.grasps >= rules.grasped
     e.solved = e.solved or e.success

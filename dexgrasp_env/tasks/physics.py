@@ -1,4 +1,4 @@
-"""What advances many environments: MuJoCo on all cores, or mujoco_warp on a GPU."""
+"""Choice of the physics of environments: MuJoCo on all cores, or mujoco_warp on a GPU."""
 
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -90,7 +90,7 @@ def make_physics(episodes: "Episodes", threads: int | None = None) -> "BatchPhys
 
 
 def use_device(episodes: "Episodes", physics: Any, tensors: bool) -> None:
-    """Have episodes kept on the device of their `WarpPhysics`, and cameras look there; see `WarpEpisodes`."""
+    """Move episodes and cameras to the device of their `WarpPhysics`; see `WarpEpisodes`."""
     from dexgrasp_env.sensing.warp_rays import WarpCameras
     from dexgrasp_env.tasks.warp_episodes import WarpEpisodes
 
@@ -101,7 +101,7 @@ def use_device(episodes: "Episodes", physics: Any, tensors: bool) -> None:
 
 
 def give_physics(episodes: "Episodes") -> None:
-    """Have the scenes of a single environment advanced as its settings choose; raises as `make_physics`."""
+    """Give the scenes of a single environment the physics that its settings choose; raises as `make_physics`."""
     if episodes.settings.backend != "mujoco":
         physics = make_physics(episodes)
         for simulation in episodes.simulations.values():

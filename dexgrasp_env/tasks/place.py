@@ -128,7 +128,7 @@ class PlaceEpisodes(Episodes):
         return check("goal", goal, Rule(words, admit))
 
     def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
-        """Make rewards, success and the observation those of the goal."""
+        """Compute rewards, success and the observation from the goal."""
         records, notes, (qpos, _, sensors) = self.records[part], self.task_records[part], where.current
         centres = qpos[:, -7:-4]
         known = np.logical_and.reduce(np.isfinite(centres), axis=-1)
@@ -157,12 +157,12 @@ class PlaceEpisodes(Episodes):
         return state
 
     def more_infos(self) -> Arrays:
-        """Return what infos have more than those of `Episodes`."""
+        """Return the column of infos about the goal."""
         return {"goal_distance": self._distances.copy()}
 
 
 class GoalRewards:
-    """What an environment with goals has more, a single one and many."""
+    """Rewards of other goals, for single and vector environments."""
 
     settings: LiftSettings
 

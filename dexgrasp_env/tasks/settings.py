@@ -171,12 +171,12 @@ class LiftSettings:
 
     @property
     def mount(self) -> str:
-        """How the hand sits on the flange."""
+        """Name of the hand's mount on the flange."""
         return self.cell.robot.mount.name
 
     @property
     def pointing(self) -> str | None:
-        """How perception is told which object is meant; None: the largest that is seen."""
+        """Hint by which perception finds the object; None: it is the largest that is seen."""
         return None
 
     def friction_of(self, model: ObjectModel) -> float:

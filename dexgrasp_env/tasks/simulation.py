@@ -44,7 +44,7 @@ def compiled_scene(model: ObjectModel, cell: Cell) -> mujoco.MjModel:
 
 
 class PhysicsState(NamedTuple):
-    """Where N environments are, with robots of n joints, and room for k objects, zeros where there are fewer.
+    """Positions, velocities and sensors of N environments: robots of n joints, and room for k objects, else zeros.
 
     Attributes:
         qpos: (N, n + 7 k) positions, the target's after the robot's.
@@ -58,11 +58,11 @@ class PhysicsState(NamedTuple):
 
 
 class StateHolder(Protocol):
-    """What holds environments: a simulation one, `BatchPhysics` and `WarpPhysics` many."""
+    """Holder of the state of environments: `Simulation` of one, `BatchPhysics` and `WarpPhysics` of many."""
 
     @property
     def current(self) -> PhysicsState:
-        """Where they are now."""
+        """The present state."""
 
 
 class Simulation:
@@ -125,7 +125,7 @@ class Simulation:
         return self.data.qpos[self.cell.robot.dof :].reshape(-1, 7).copy()
 
     def settle(self, steps: int = SETTLE_STEPS) -> None:
-        """Let objects come to rest for so many physics steps; what depends on the state is current afterwards."""
+        """Advance so many physics steps to let objects come to rest; what depends on the state is current then."""
         mujoco.mj_step(self.model, self.data, steps)
         mujoco.mj_forward(self.model, self.data)
 

@@ -1,4 +1,4 @@
-"""What an environment keeps of each of its running episodes beside the record, and all of one that can be kept."""
+"""Scenes and variations of running episodes, and the complete state of one."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ Starts = Callable[[int, Generator, Mapping[str, Any]], Mapping[str, Any]]
 
 @dataclass
 class Slot:
-    """What a running episode is of, beside its record; `resumed`: it began from a state that was given."""
+    """Object, scene and variation of a running episode; `resumed`: it began from a state that was given."""
 
     target: str = ""
     neighbours: tuple[str, ...] = ()

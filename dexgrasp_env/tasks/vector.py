@@ -240,7 +240,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         return self._env_type(**self._ezpickle_kwargs)
 
     def start_from(self, starts: Starts | None) -> None:
-        """Have resets that are given no options, those within `step` too, take those that `starts` gives."""
+        """Set the source of options for resets that are given none, those within `step` too."""
         self._episodes.starts = starts
 
     def __getstate__(self) -> Fields:

@@ -1,4 +1,4 @@
-"""What cameras add to observations, and pictures for people."""
+"""Camera observations, and pictures for people."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ _AT_HOME = 0.02  # rad of every joint of the arm
 
 @dataclass
 class CameraViews:
-    """What the cameras of one episode are, and what they saw last.
+    """Cameras of one episode, and their last observation.
 
     Attributes:
         cameras: names of those that look.
@@ -57,7 +57,7 @@ class CameraObserver:
     def observe(
         self, view: CameraViews, qpos: Array, scene: Callable[[], Simulation], rng: Generator, at_reset: bool
     ) -> None:
-        """Have cameras look where it is time to; between looks the last views stay.
+        """Take images when they are due; in between the last ones stay.
 
         Args:
             view: of the episode; kept up to date.
@@ -79,7 +79,7 @@ class CameraObserver:
             view.seen, view.info = self._look(perception, simulation, rng)
 
     def _due(self, qpos: Array) -> bool:
-        """Whether cameras look after a step that ends at these positions (n + 7,): the setting `observe` says when.
+        """Return True when images are due after a step that ends at positions (n + 7,), as the setting `observe` says.
 
         `step`: always. `reset`: never. `clear`: while the arm stands at home, where no camera's view is in its way.
         """

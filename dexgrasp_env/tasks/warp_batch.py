@@ -70,7 +70,7 @@ def _warn(
 
 @wp.kernel(enable_backward=False)
 def _keep_most(most: wp.array2d[float], now: wp.array2d[float]) -> None:
-    """Have both be the larger of the two."""
+    """Write the larger of the two to both."""
     i, k = wp.tid()
     most[i, k] = wp.max(most[i, k], now[i, k])
     now[i, k] = most[i, k]
@@ -137,7 +137,7 @@ class WarpPhysics:
 
     @property
     def current(self) -> PhysicsState:
-        """Where they are now, neighbours that a scene has not too."""
+        """The present state, also of neighbours that a scene has not."""
         self._queue.send()
         if not self._known:
             for name, values in zip(_READ, self._host, strict=True):
@@ -230,5 +230,5 @@ class WarpPhysics:
             getattr(self.data, name).assign(value)
 
     def close(self) -> None:
-        """Let go of the graph."""
+        """Free the graph."""
         self._graph = None

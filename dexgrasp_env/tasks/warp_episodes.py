@@ -1,4 +1,4 @@
-"""What N episodes are and achieve, on the device beside their physics, by numba's functions as warp compiles them."""
+"""Progress of N episodes on the device beside their physics, by numba's functions as warp compiles them."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -106,7 +106,7 @@ class WarpEpisodes:
         self._queue.put(i, row, host.commands[i], host.info_columns[i], seen)
 
     def send(self) -> None:
-        """Tell the device what was loaded, so that its arrays are those of now."""
+        """Send what was loaded, so that the device's arrays are current."""
         self._queue.send()
 
     def set_points(self, actions: Any) -> None:
@@ -164,7 +164,7 @@ class WarpEpisodes:
         return rewards, *(rewards.new_tensor(flag, dtype=bool) for flag in flags)
 
     def fetch(self) -> None:
-        """Have the host's records and commands be those of the device."""
+        """Copy records and commands of the device to the host."""
         self.send()
         if not self._known:
             self._host.commands[:] = self._commands.numpy()

@@ -1,4 +1,4 @@
-"""Arrays on warp's device: what single worlds are told, in one copy, and numbers of 32 bits as numpy has them."""
+"""Arrays on warp's device: rows for single worlds sent in one copy, and numbers of 32 bits as numpy has them."""
 
 import functools
 from typing import Any
