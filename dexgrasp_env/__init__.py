@@ -24,16 +24,16 @@ if os.environ.get("MUJOCO_GL", "").strip().lower() == "osmesa" and "mujoco" not 
 from gymnasium.envs.registration import register
 
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.tasks.constants import CLUTTER_EPISODE_STEPS, HEAP_EPISODE_STEPS, MAX_EPISODE_STEPS
 
 __all__ = ["InputError"]
 __version__ = "0.3.0"
 
-_LIMIT = 300  # control steps at 20 Hz: 15 s
 _PUSHES = 80  # control steps that the pushes take: `tasks.disturbance`, which is not imported here
 _SOLVED = 75.0  # dense return: without success 50 at most
 
 
-def _register(name: str, max_episode_steps: int = _LIMIT, **kwargs: Any) -> None:
+def _register(name: str, max_episode_steps: int = MAX_EPISODE_STEPS, **kwargs: Any) -> None:
     # The entry points are strings so that specs serialise.
     register(
         id=f"DexGrasp/{name}-v2", entry_point="dexgrasp_env.tasks.lift:LiftEnv",
@@ -45,21 +45,23 @@ def _register(name: str, max_episode_steps: int = _LIMIT, **kwargs: Any) -> None
 _register("Lift")
 _register("LiftUpright", presentation="upright")
 _register("LiftSlippery", friction=0.35)
-_register("LiftPushed", _LIMIT + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5})
+_register(
+    "LiftPushed", MAX_EPISODE_STEPS + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5}
+)
 _register("LiftOneView", obs_mode="pointcloud", views=1)
 
-_TWICE, _HEAP = 600, 1800  # control steps: `tasks.constants`, as above
-
 for name, count, gaps, limit in (
-    ("Sparse", (4, 8), (0.02, 0.05), _TWICE), ("Dense", (9, 15), (0.005, 0.02), _TWICE), ("Heap", 8, None, _HEAP),
-):  # fmt: skip
+    ("Sparse", (4, 8), (0.02, 0.05), CLUTTER_EPISODE_STEPS),
+    ("Dense", (9, 15), (0.005, 0.02), CLUTTER_EPISODE_STEPS),
+    ("Heap", 8, None, HEAP_EPISODE_STEPS),
+):
     register(
-        id=f"DexGrasp/Clutter{name}-v1", entry_point="dexgrasp_env.tasks.cluttered:ClutterEnv",
+        id=f"DexGrasp/Clutter{name}-v1", entry_point="dexgrasp_env.tasks.clutter_env:ClutterEnv",
         vector_entry_point="dexgrasp_env.tasks.vector:ClutterVectorEnv", max_episode_steps=limit,
         reward_threshold=_SOLVED, kwargs={"neighbours": count, "gaps": gaps},
     )  # fmt: skip
 
 register(
     id="DexGrasp/Place-v2", entry_point="dexgrasp_env.tasks.place:PlaceEnv",
-    vector_entry_point="dexgrasp_env.tasks.vector:PlaceVectorEnv", max_episode_steps=_LIMIT,
+    vector_entry_point="dexgrasp_env.tasks.vector:PlaceVectorEnv", max_episode_steps=MAX_EPISODE_STEPS,
 )  # fmt: skip

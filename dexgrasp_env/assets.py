@@ -1,4 +1,4 @@
-"""Where the files of `assets/` lie, in a checkout and in an installed wheel."""
+"""Paths of the files of `assets/`, in a checkout and in an installed wheel."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What `dexgrasp doctor` says of a machine or a mesh."""
+"""Findings of `dexgrasp doctor` about a machine or a mesh."""
 
 from dataclasses import dataclass
 

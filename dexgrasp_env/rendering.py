@@ -104,7 +104,7 @@ _open: weakref.WeakSet[mujoco.Renderer] = weakref.WeakSet()
 
 @cache
 def _close_at_exit() -> None:
-    """Have what is open closed before EGL is: called after EGL's first use, so that it comes before EGL's own end."""
+    """Close open renderers at exit; registered after EGL's first use, so that it runs before EGL's own end."""
     atexit.register(lambda: [renderer.close() for renderer in tuple(_open)])
 
 
@@ -132,7 +132,7 @@ def use_offscreen_gl() -> None:
 
 
 def _use(backend: str) -> None:
-    """Have MuJoCo draw with a backend, unless it does; where it cannot, the environment stays as it was."""
+    """Select a backend for MuJoCo, unless it is in use; where it fails, the process's variables stay as they were."""
     if os.environ.get("MUJOCO_GL"):
         return
     added = [name for name in ("MUJOCO_GL", "PYOPENGL_PLATFORM") if not os.environ.get(name)]

@@ -31,7 +31,7 @@ from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.grasp.content import grasp_json
+from dexgrasp.grasp.planned_record import grasp_json
 from dexgrasp.grasp.file import read_grasp, record_of, write_grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.record import GraspRecord

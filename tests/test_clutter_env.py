@@ -15,7 +15,7 @@ from dexgrasp.evaluation.store import read_rows
 from dexgrasp_env import InputError
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.poses import quat_multiply, rotate
-from dexgrasp_env.tasks.clutter import gap_between, outline
+from dexgrasp_env.tasks.arrangement import gap_between, outline
 from dexgrasp_env.tasks.constants import TOPPLED
 
 FEW = {

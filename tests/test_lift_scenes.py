@@ -19,7 +19,7 @@ from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.tasks.control import max_step, normalise
-from dexgrasp_env.tasks.physics import Rests
+from dexgrasp_env.tasks.physics import SettleCache
 from dexgrasp_env.tasks.placement import Placement, upright_rest
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
 from dexgrasp_env.tasks.settings import WEIGHTS
@@ -245,7 +245,7 @@ def test_short_soak_of_plans():
 
 
 def test_what_lies_alike_is_settled_once_and_put_where_it_was_drawn():
-    rests, rng = Rests(), np.random.default_rng(0)
+    rests, rng = SettleCache(), np.random.default_rng(0)
     for name, apart in (
         ("sugar_box", 1e-5),
         ("mustard_bottle", 1e-4),
@@ -268,7 +268,7 @@ def test_what_lies_alike_is_settled_once_and_put_where_it_was_drawn():
 
 
 def test_an_object_of_another_size_settles_for_itself():
-    simulation, rests, settled = Simulation(load_object("sugar_box"), CELL), Rests(), []
+    simulation, rests, settled = Simulation(load_object("sugar_box"), CELL), SettleCache(), []
     simulation.vary(Variation(size=1.2))
     for settle in (simulation.settle, lambda: rests.settle(simulation)):
         simulation.place(np.array([0.5, 0.1, 0.12, 1.0, 0.0, 0.0, 0.0]))

@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 import trimesh
-from dexgrasp_env.robot.foreign import Description
+from dexgrasp_env.robot.rebuilt import Description
 
 from dexgrasp_env.locales import with_decimal_points
 

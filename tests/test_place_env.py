@@ -68,15 +68,15 @@ def test_goals_can_be_given():
 def test_a_goal_that_is_given_has_not_been_reached_before():
     env = make(disable_env_checker=True)
     env.reset(seed=0)
-    env.unwrapped._episodes.records["moved"][0] = True
-    env.unwrapped._episodes.records["goal"][0] = [*env.unwrapped.data.qpos[23:26], 0.0]
+    env.unwrapped._episodes.task_records["moved"][0] = True
+    env.unwrapped._episodes.task_records["goal"][0] = [*env.unwrapped.data.qpos[23:26], 0.0]
     for _ in range(20):
         told = env.step(np.zeros(23))[4]
     assert told["is_success"]
     state = env.unwrapped.get_state()
     assert env.reset(options={"state": state})[1]["is_success"]
     assert not env.reset(options={"state": state, "goal": [0.45, 0.0, 0.2, 1.0]})[1]["is_success"]
-    same = state.record["goal"].tolist()
+    same = state.task_record["goal"].tolist()
     env.reset(options={"state": state, "goal": same})
     told = [env.step(np.zeros(23))[4]["is_success"] for _ in range(20)]
     assert told == [False] * 19 + [True]
@@ -104,11 +104,9 @@ def test_what_lies_high_is_given_goals_above_it():
         assert_allclose(seen["desired_goal"][2], height + 0.05 * seen["desired_goal"][3], atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("version", "reward_mode"), [(1, "sparse"), (1, "dense"), (2, "sparse"), (2, "dense")]
-)
-def test_where_the_object_is_nowhere_no_goal_is_reached(version, reward_mode):
-    env = make(reward_mode=reward_mode, version=version).unwrapped
+@pytest.mark.parametrize("reward_mode", ["sparse", "dense"])
+def test_where_the_object_is_nowhere_no_goal_is_reached(reward_mode):
+    env = make(reward_mode=reward_mode).unwrapped
     env.reset(seed=0)
     env.data.qpos[23] = np.nan
     observation, episodes = env._conclude(0), env._episodes
@@ -155,8 +153,8 @@ def test_success_is_a_second_at_the_goal():
     env = make(disable_env_checker=True)
     env.reset(seed=0)
     inner = env.unwrapped
-    inner._episodes.records["goal"][0] = [*inner.data.qpos[23:26], 0.0]
-    inner._episodes.records["moved"][0] = True
+    inner._episodes.task_records["goal"][0] = [*inner.data.qpos[23:26], 0.0]
+    inner._episodes.task_records["moved"][0] = True
     told = [env.step(np.zeros(23))[4]["is_success"] for _ in range(21)]
     assert told == [False] * 19 + [True] * 2
     again = copy.deepcopy(env)  # the goal is part of the state

@@ -7,6 +7,8 @@ import sys
 import gymnasium as gym
 import numpy as np
 import pytest
+import trimesh
+from gymnasium.vector import AutoresetMode
 from lift_envs import few
 from refusals import refused
 from vector_envs import ID, OBJECTS, RANDOM, assert_same, native, singles
@@ -121,7 +123,10 @@ def test_place_counts_the_time_at_the_goal_alike():
     ours.reset(seed=3)
     theirs.reset(seed=3)
     state = theirs.envs[1].unwrapped.get_state()
-    state.record["goal"] = [*state.physics[1 + 23 : 1 + 26], 0.0]  # time, then positions: where the object is
+    state.task_record["goal"] = [
+        *state.physics[1 + 23 : 1 + 26],
+        0.0,
+    ]  # time, then positions: where the object is
     state.record["moved"] = True
     theirs.envs[1].unwrapped.set_state(state)
     ours.set_state(state, [1])
@@ -394,3 +399,46 @@ def test_models_of_objects_left_behind_are_given_back():
     assert met == set(OBJECTS)
     assert len(own) <= envs.num_envs
     envs.close()
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_attributes_of_each_are_those_of_gymnasiums_own(mode):
+    ours, theirs = native(2, autoreset_mode=mode), singles(2, autoreset_mode=mode)
+    assert ours.autoreset_mode == theirs.autoreset_mode == mode == ours.metadata["autoreset_mode"]
+    for envs in (ours, theirs):
+        envs.reset(seed=0)
+    for name in ("dt", "target", "render_mode", "disturbance_steps", "action_space"):
+        assert ours.get_attr(name) == ours.call(name) == theirs.get_attr(name)
+    positions = [[data.qpos for data in envs.get_attr("data")] for envs in (ours, theirs)]
+    assert np.array_equal(*positions)
+    assert not np.array_equal(*positions[0])
+    states = ours.call("get_state")
+    assert [state.target for state in states] == list(ours.get_attr("target"))
+    for envs in (ours, theirs):
+        envs.set_attr("level", [1, 2])
+        assert envs.get_attr("level") == (1, 2)
+        envs.set_attr("level", 3)
+        assert envs.get_attr("level") == (3, 3)
+    with pytest.raises(AttributeError, match="other arguments"):
+        ours.set_attr("dt", 0.1)
+    with pytest.raises(AttributeError, match="valid are target, "):
+        ours.get_attr("speed")
+    with refused("3 values given"):
+        ours.set_attr("level", [1, 2, 3])
+
+
+def test_no_limit_in_gymnasiums_word_and_closed_environments_say_so():
+    envs = native(2, objects="sugar_box", max_episode_steps=-1)
+    envs.reset(seed=0)
+    assert not envs.step(np.zeros((2, 23)))[3].any()
+    envs.close()
+    for what in (envs.reset, lambda: envs.step(np.zeros((2, 23))), envs.render, envs.get_state):
+        with refused("closed"):
+            what()
+
+
+def test_a_path_is_an_object_as_its_text_is(tmp_path):
+    path = tmp_path / "part.stl"
+    trimesh.creation.box((0.06, 0.05, 0.08)).export(path)
+    assert native(1, objects=[path, "soda"]).unwrapped.settings.objects == (str(path), "soda")
+    assert native(1, objects=path).unwrapped.settings.objects == (str(path),)

@@ -91,7 +91,7 @@ def test_bodies_meet_as_in_mujoco(physics, scenes):
             theirs.append(throw(scene, rng))
             states.append(scene.data.qpos.copy())
             physics.load(i, scene)
-        physics._letters.send()
+        physics._queue.send()
         mjw.forward(physics._model, physics.data)
         found = physics.data.contact.worldid.numpy()[: int(physics.data.nacon.numpy()[0])]
         ours = np.bincount(found, minlength=N)
@@ -128,7 +128,7 @@ def test_slip_on_the_table_begins_at_mu_times_the_weight(physics, scenes, share,
         scene.place(np.array([0.5, 0.0, 0.5 * scene.object.extents[0], np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0]))
         scene.settle()
         physics.load(i, scene)
-    start = physics.moment.qpos[:, 23:25].copy()
+    start = physics.current.qpos[:, 23:25].copy()
     weight = friction * share * 9.81 * scene.object.mass
     push = weight * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(N)])
     physics.rows.assign(np.broadcast_to(home, (N, 25, len(home))))
@@ -137,7 +137,7 @@ def test_slip_on_the_table_begins_at_mu_times_the_weight(physics, scenes, share,
         physics.step(None, None, np.arange(N))
     physics.push.zero_()
     physics.step(None, None, np.arange(N))
-    moved = np.linalg.norm(physics.moment.qpos[:, 23:25] - start, axis=1)
+    moved = np.linalg.norm(physics.current.qpos[:, 23:25] - start, axis=1)
     assert (moved > 0.002).all() if slides else (moved < 0.0005).all()
     scene.vary(Variation())
 

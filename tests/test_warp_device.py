@@ -42,13 +42,13 @@ def somewhere(envs, rng):
     """Return positions, velocities and sensors of which some are of a held object, and some are no numbers."""
     robot, at = envs.settings.cell.robot, envs._episodes.rules.at
     qpos, qvel = (
-        rng.normal(0.0, 1.0, envs._physics.moment.qpos.shape),
-        rng.normal(0.0, 1.0, envs._physics.moment.qvel.shape),
+        rng.normal(0.0, 1.0, envs._physics.current.qpos.shape),
+        rng.normal(0.0, 1.0, envs._physics.current.qvel.shape),
     )
     qpos[:, robot.dof : robot.dof + 3] = rng.uniform([0.0, -0.7, 0.0], [1.1, 0.7, 0.3], (N, 3))
     qpos[:, robot.dof + 3 :] = quats(rng)
     qpos[0, 0] = np.nan
-    sensors = rng.normal(0.0, 1.0, envs._physics.moment.sensors.shape)
+    sensors = rng.normal(0.0, 1.0, envs._physics.current.sensors.shape)
     sensors[:, at[PALM] : at[PALM] + 3] = qpos[:, robot.dof : robot.dof + 3] + rng.normal(0.0, 0.02, (N, 3))
     sensors[:, at[PALM_QUAT] : at[PALM_QUAT] + 4] = quats(rng)
     sensors[:, at[TOUCHING_HAND]] = rng.integers(0, 3, N)
@@ -99,10 +99,10 @@ def test_the_device_computes_what_numba_does(env_id, mode, kind, rewards):
         for name, values in (("qpos", qpos), ("qvel", qvel), ("sensordata", sensors)):
             getattr(physics.data, name).assign(values)
         physics.warnings.assign(warnings)
-        out = np.zeros_like(here.told), np.zeros(N), np.zeros((N, here.width), np.float32)
+        out = np.zeros_like(here.info_columns), np.zeros(N), np.zeros((N, here.width), np.float32)
         kernel.conclude(records, (qpos, qvel, sensors, commands), warnings, noise, here.rules, out, True)
         seen = there.conclude(noise)
-        for ours, theirs in zip((here.told, here.rewards, seen), out, strict=True):
+        for ours, theirs in zip((here.info_columns, here.rewards, seen), out, strict=True):
             assert_allclose(ours, theirs, rtol=1e-4, atol=2e-5)
         there.fetch()
         for name in EPISODE.names:

@@ -104,7 +104,8 @@ def resolve_targets(targets: Sequence[str]) -> list[str]:
 
 
 def _resolved(value: Any) -> tuple[str, ...]:
-    names = [value] if isinstance(value, str) else list(value)
+    given = [value] if isinstance(value, str | os.PathLike) else list(value)
+    names = [os.fspath(name) for name in given]
     if not all(isinstance(name, str) for name in names):
         raise TypeError
     return tuple(resolve_targets(names))

@@ -1,4 +1,4 @@
-"""What a stereo depth camera makes of a true depth image, and what its calibration gets wrong.
+"""Noise model of a stereo depth camera, and errors of its calibration.
 
 Noise and quantisation live in disparity d = f B / z, where a stereo matcher works: a constant RMS of
 `subpixel_rms` there is the depth RMS z^2 subpixel / (f B) that Intel publishes for its D400 cameras ("Tuning

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.extras import usable_cores
-from dexgrasp_env.tasks.simulation import CONTROL, Moment, Simulation
+from dexgrasp_env.tasks.simulation import CONTROL, PhysicsState, Simulation
 
 
 @dataclass
@@ -32,7 +32,7 @@ class BatchPhysics:
     """States of N environments, advanced together.
 
     Attributes:
-        moment: where they are after the last step.
+        current: where they are after the last step.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class BatchPhysics:
             else None
         )
         sizes = first.nq + 7 * neighbours, first.nv + 6 * neighbours, first.nsensordata + neighbours
-        self.moment = Moment(*(np.zeros((number, size)) for size in sizes))
+        self.current = PhysicsState(*(np.zeros((number, size)) for size in sizes))
 
     def load(self, i: int, simulation: Simulation) -> None:
         """Make environment `i` what a scene holds now: model, state and sensors."""
@@ -75,11 +75,11 @@ class BatchPhysics:
         group.models[row], group.changed = simulation.model, True
         group.batch.state[row] = simulation.get_state()
         self._scenes[i] = simulation
-        self._note(slice(i, i + 1), *simulation.moment)
+        self._note(slice(i, i + 1), *simulation.current)
 
     def _note(self, ids: Any, *values: Array) -> None:
         """Write positions, velocities and sensors of environments, zeros where there is room for more objects."""
-        for whole, part in zip(self.moment, values, strict=True):
+        for whole, part in zip(self.current, values, strict=True):
             whole[ids, : part.shape[-1]] = part
             whole[ids, part.shape[-1] :] = 0.0
 

@@ -28,7 +28,7 @@ def action_size(mode: str, robot: Robot) -> int:
 
 
 class Ranges(Protocol):
-    """What has limits of n joints, rad and rad/s: a robot, or its kinematic tree."""
+    """Limits of n joints, rad and rad/s: of a robot, or of its kinematic tree."""
 
     @property
     def lower(self) -> Array:

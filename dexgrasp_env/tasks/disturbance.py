@@ -18,7 +18,7 @@ SHAKE_STEPS = 40  # control steps, 2 s
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What happens to the held object.
+    """Disturbance of a held object: its kind and size.
 
     Attributes:
         kind: `none`; `pushed`: along +x, -x, +y, -y, +z, -z of the world, 0.5 s each and 0.2 s apart; `shaken`: 2 s of

@@ -25,19 +25,21 @@ from dexgrasp_env.tasks.control import check_finite
 from dexgrasp_env.tasks.observations import cut, layout, observation_space
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES, TOLD, TOLD_AS
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFO_COLUMNS, INFO_KINDS, PHASES
 from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import NO_PHYSICS, Physics, Simulation, arm_chain, warning_names
+from dexgrasp_env.tasks.simulation import NO_PHYSICS, Simulation, StateHolder, arm_chain, warning_names
 from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
-from dexgrasp_env.tasks.views import Views
+from dexgrasp_env.tasks.views import CameraObserver
 
 
 class Episodes:
     """Records, slots and the scenes that they share."""
 
     task = "lift"
+    task_dtype = np.dtype([])
+    """Of what the task notes of an episode beside its record."""
     walled = False  # whether what is set out stands in a bin
     options: tuple[str, ...] = ("object", "object_pose", "state")
     """Of a reset."""
@@ -47,18 +49,18 @@ class Episodes:
     """What they are drawn from."""
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
-        self.settings, self.views, robot = settings, Views(settings), settings.cell.robot
+        self.settings, self.views, robot = settings, CameraObserver(settings), settings.cell.robot
         self.simulations = {
             target: Simulation(model, settings.cell)
             for target, model in settings.load_objects(settings.objects).items()
         }
-        self.records = np.zeros(number, EPISODE)
+        self.records, self.task_records = np.zeros(number, EPISODE), np.zeros(number, self.task_dtype)
         self.slots = [Slot() for _ in range(number)]
         self.one_model = number == 1
         """Whether episodes of an object share its scene's model, which is varied anew for each that is entered."""
         self.settle: Callable[[Simulation], None] = Simulation.settle
         """How an object comes to rest where it was drawn to lie."""
-        self.told = np.zeros((number, len(TOLD) + len(settings.weights)))
+        self.info_columns = np.zeros((number, len(INFO_COLUMNS) + len(settings.weights)))
         self.rewards = np.zeros(number)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
         self._rows, self._push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
@@ -101,7 +103,10 @@ class Episodes:
         """
         if not options and self.starts is not None:
             self.fetch()
-            options = self.starts(i, rng, self.records[i])
+            last = self.records[i], self.task_records[i]
+            options = self.starts(
+                i, rng, {name: part[name] for part in last for name in part.dtype.names or ()}
+            )
         simulation = self._begin(i, rng, self._check_options(options))
         judge = not self.slots[i].resumed
         return simulation, self.conclude(slice(i, i + 1), simulation, np.zeros(1, np.int64), [rng], judge)
@@ -203,7 +208,7 @@ class Episodes:
 
     def _start_record(self, i: int, target: str, variation: Variation) -> None:
         model, record = self.simulations[target].object, self.records[i]
-        self.records[i] = np.zeros((), EPISODE)
+        self.records[i], self.task_records[i] = np.zeros((), EPISODE), np.zeros((), self.task_dtype)
         record["half_extents"] = 0.5 * model.extents * variation.size
         record["mass"] = model.mass * variation.mass * variation.size**3
         record["size"] = variation.size
@@ -237,7 +242,7 @@ class Episodes:
     def conclude(
         self,
         part: slice,
-        where: Physics,
+        where: StateHolder,
         warnings: Index,
         rngs: Sequence[Generator | None],
         judge: bool = True,
@@ -261,14 +266,17 @@ class Episodes:
             rows = self.device.conclude(noise if noisy else None)
         else:
             rows = np.empty((len(records), self.width), np.float32)
-            state, out = (*where.moment, self.commands[part]), (self.told[part], self.rewards[part], rows)
+            state, out = (
+                (*where.current, self.commands[part]),
+                (self.info_columns[part], self.rewards[part], rows),
+            )
             kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
             if self.device:
                 self.device.load(part.start, rows)
         return self._finish(part, where, judge, cut(rows, self.layout))
 
-    def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
-        """Do what a task does more than `conclude`, and return the observation with that."""
+    def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
+        """Apply the task's own rules after `conclude`, and return its observation."""
         return state
 
     def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array:
@@ -288,10 +296,10 @@ class Episodes:
 
     def info(self, i: int) -> Fields:
         """Return the info of episode `i` alone, plain values; `infos` of one takes a tenth of a step."""
-        numbers = self.told[i].tolist()
+        numbers = self.info_columns[i].tolist()
         told = {
             key: kind[int(number)] if isinstance(kind, tuple) else kind(number)
-            for (key, kind), number in zip(TOLD_AS.items(), numbers, strict=False)
+            for (key, kind), number in zip(INFO_KINDS.items(), numbers, strict=False)
         }
         target = self.slots[i].target
         return told | {
@@ -304,9 +312,9 @@ class Episodes:
 
     def infos(self) -> Fields:
         """Return the infos without cameras, arrays (N,) by key: the same at reset and at every step."""
-        told = self.told.T.copy()
+        told = self.info_columns.T.copy()
         infos: Fields = {}
-        for (key, kind), numbers in zip(TOLD_AS.items(), told, strict=False):
+        for (key, kind), numbers in zip(INFO_KINDS.items(), told, strict=False):
             named = isinstance(kind, tuple)
             infos[key] = np.array(kind, object)[numbers.astype(int)] if named else numbers.astype(kind)
         names = [self.simulations[slot.target].object.name if slot.target else "" for slot in self.slots]
@@ -320,7 +328,7 @@ class Episodes:
         }
 
     def more_infos(self) -> Arrays:
-        """Return what a task tells beside `TOLD`, arrays (N,) by key."""
+        """Return the task's own infos beside `INFO_COLUMNS`, arrays (N,) by key."""
         return {}
 
     # -- states --------------------------------------------------------------------------------------------------
@@ -330,13 +338,13 @@ class Episodes:
         slot = self.slots[i]
         self.fetch()
         return EpisodeState(
-            self._of(), slot.target, physics, sensors.copy(), self.told[i].copy(), self.records[i].copy(),
-            self.commands[i].copy(), copy.deepcopy(rng.bit_generator.state), slot.variation,
-            copy.deepcopy(slot.view), slot.neighbours,
+            self._of(), slot.target, physics, sensors.copy(), self.info_columns[i].copy(), self.records[i].copy(),
+            self.task_records[i].copy(), self.commands[i].copy(), copy.deepcopy(rng.bit_generator.state),
+            slot.variation, copy.deepcopy(slot.view), slot.neighbours,
         )  # fmt: skip
 
     def fetch(self) -> None:
-        """Have records and commands be those of now, wherever they are kept."""
+        """Update records and commands from the device, where they are kept on one."""
         if self.device:
             self.device.fetch()
 
@@ -366,9 +374,13 @@ class Episodes:
         if state.target not in self.simulations:
             raise unknown_name("object of the state", state.target, self.simulations)
         simulation = self._mount(i, state.target, state.neighbours, state.variation)
-        self.records[i], self.commands[i] = state.record, state.commands
+        self.records[i], self.task_records[i], self.commands[i] = (
+            state.record,
+            state.task_record,
+            state.commands,
+        )
         self.records[i]["hull_first"], self.records[i]["hull_count"] = self._hull_spans[state.target]
-        self.told[i] = state.told
+        self.info_columns[i] = state.info_columns
         self.slots[i].view = copy.deepcopy(state.view)
         rng.bit_generator.state = copy.deepcopy(state.rng)
         simulation.set_state(state.physics)

@@ -19,7 +19,7 @@ from dexgrasp_env.tasks.constants import (
     WORKSPACE_HIGH,
     WORKSPACE_LOW,
 )
-from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TOLD, Record, Records
+from dexgrasp_env.tasks.records import FAILURES, INFO_COLUMNS, PHASES, STAGES, Record, Records
 from dexgrasp_env.tasks.rules import (
     PALM,
     PALM_QUAT,
@@ -43,7 +43,7 @@ _NO_PHASE, _BEFORE, _RUNNING, _OVER = range(len(PHASES))
 State = tuple[Array, Array, Array, Array]
 """Positions (N, n + 7 k) of joints and objects (quaternion wxyz), the target first, velocities (N, n + 6 k),
 `sensordata`, and set-points (N, 3, n) rad, `records.COMMANDS`."""
-_TERMS = len(TOLD)
+_TERMS = len(INFO_COLUMNS)
 _X0, _Y0, _Z0 = WORKSPACE_LOW
 _X1, _Y1, _Z1 = WORKSPACE_HIGH
 
@@ -107,7 +107,7 @@ def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules
 
 @njit
 def _tell(e: Record, period: float, t: Array) -> None:
-    """Write the columns of `records.TOLD`."""
+    """Write the columns of `records.INFO_COLUMNS`."""
     t[0] = e.success
     t[1] = e.airborne and e.slip < STABLE_SLIP and e.tilt < STABLE_TILT
     t[2] = e.grasped
@@ -148,7 +148,7 @@ def _lowest_point(e: Record, pose: Array, R: tuple[float, ...], hulls: Array) ->
 
 @njit
 def _opposed(s: Array, first: int, rules: Rules) -> bool:
-    """Whether the thumb and another finger press with 0.5 N each, at more than 90 deg to each other."""
+    """Test for a grasp: thumb and another finger press with 0.5 N each, at more than 90 deg to each other."""
     thumb = first + 3 * rules.grasp[0]
     tx, ty, tz = s[thumb], s[thumb + 1], s[thumb + 2]
     if length(tx, ty, tz) < GRASP_FORCE:
@@ -223,7 +223,7 @@ def _disturb(e: Record, position: tuple[float, ...], rules: Rules) -> None:
 
 @njit
 def _conclude(e: Record, rules: Rules) -> None:
-    """Whether it is a success, and how far it has come."""
+    """Update success and stage."""
     undisturbed = e.phase == _NO_PHASE or (e.phase == _OVER and e.shift <= DISTURB_SHIFT)
     e.success = undisturbed and e.held >= rules.hold and e.grasped and e.grasps >= rules.grasped
     e.solved = e.solved or e.success
@@ -307,14 +307,14 @@ def conclude(
         warnings: (N,) bits of MuJoCo's that came up in the control step.
         noise: (N, n) rad, of the joint position sensors.
         rules: of the environment.
-        out: written: what is told (N, 12 + T), `records.TOLD` and the terms, each in [0, 1]; rewards (N,);
+        out: written: what is told (N, 12 + T), `records.INFO_COLUMNS` and the terms, each in [0, 1]; rewards (N,);
             observations (N, m) float32, in the order of `observations`, with the privileged state where there is room.
         judge_too: False to observe alone.
     """
     qpos, qvel, sensors, commands = state
-    told, rewards, seen = out
+    info_columns, rewards, seen = out
     for i in range(len(episodes)):
         e, q, v, s = episodes[i], qpos[i], qvel[i], sensors[i]
         if judge_too:
-            rewards[i] = judge(e, q, v, s, warnings[i], rules, told[i])
+            rewards[i] = judge(e, q, v, s, warnings[i], rules, info_columns[i])
         observe(e, q, v, s, commands[i, 0], noise[i], rules, seen[i])

@@ -1,4 +1,4 @@
-"""What advances many environments: MuJoCo on all cores, or mujoco_warp on a GPU."""
+"""Choice of the physics of environments: MuJoCo on all cores, or mujoco_warp on a GPU."""
 
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _DIGITS = 6  # of a height in m and of a direction, within which two starts are one
 
 
-class Rests:
+class SettleCache:
     """Settled states, one for each side that an object is put down on: a look-up takes 1 % of what settling takes.
 
     Masses, friction and servos as they are drawn change by micrometres how an object comes to lie; here it settles as
@@ -90,18 +90,18 @@ def make_physics(episodes: "Episodes", threads: int | None = None) -> "BatchPhys
 
 
 def use_device(episodes: "Episodes", physics: Any, tensors: bool) -> None:
-    """Have episodes kept on the device of their `WarpPhysics`, and cameras look there; see `WarpEpisodes`."""
+    """Move episodes and cameras to the device of their `WarpPhysics`; see `WarpEpisodes`."""
     from dexgrasp_env.sensing.warp_rays import WarpCameras
     from dexgrasp_env.tasks.warp_episodes import WarpEpisodes
 
     # Resets by MuJoCo would take longer than the steps of the others.
-    episodes.one_model, episodes.settle = True, Rests().settle
+    episodes.one_model, episodes.settle = True, SettleCache().settle
     episodes.device = WarpEpisodes(episodes, physics, tensors)
     episodes.views.rays = partial(WarpCameras, device=physics.device)
 
 
 def give_physics(episodes: "Episodes") -> None:
-    """Have the scenes of a single environment advanced as its settings choose; raises as `make_physics`."""
+    """Give the scenes of a single environment the physics that its settings choose; raises as `make_physics`."""
     if episodes.settings.backend != "mujoco":
         physics = make_physics(episodes)
         for simulation in episodes.simulations.values():

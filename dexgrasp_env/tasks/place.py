@@ -26,13 +26,13 @@ from dexgrasp_env.tasks.constants import (
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import key_sizes, unbounded
-from dexgrasp_env.tasks.records import FAILURES, TOLD
+from dexgrasp_env.tasks.records import FAILURES, INFO_COLUMNS
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
-from dexgrasp_env.tasks.simulation import Physics, Simulation
+from dexgrasp_env.tasks.simulation import Simulation, StateHolder
 from dexgrasp_env.valid import Rule, check, one_of
 
-_SUCCESS = TOLD.index("is_success")
+_SUCCESS = INFO_COLUMNS.index("is_success")
 _GOAL_LOW, _GOAL_HIGH = np.array([PLACE_X, PLACE_Y, GOAL_HEIGHT]).T
 _LOWEST, _HIGHEST = np.array([*WORKSPACE_LOW, -1.0]), np.array([*WORKSPACE_HIGH, 1.0])
 _WRONG = 0.05  # m that the hand costs the dense reward, where it does not do what the goal says
@@ -61,10 +61,21 @@ class PlaceSettings(LiftSettings):
         return super().needs() | {"reward_weights": (False, "a task whose reward has terms")}
 
 
+_GOAL = np.dtype(
+    [
+        ("goal", "f8", (4,)),  # m, where the object's centre is to be; and whether in the hand
+        ("start", "f8", (3,)),  # m, where it lay at first
+        ("moved", "?"),  # has it been away from there?
+        ("at_goal", "i8"),  # consecutive control steps there
+    ]
+)
+
+
 class PlaceEpisodes(Episodes):
     """Episodes with a goal each."""
 
     task = "place"
+    task_dtype = _GOAL
     options = (*Episodes.options, "goal")
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
@@ -84,13 +95,13 @@ class PlaceEpisodes(Episodes):
 
     def _begin(self, i: int, rng: Generator, options: Mapping[str, Any]) -> Simulation:
         """Start episode `i`; the goal is drawn last. A goal that is given has not been reached for any time yet."""
-        simulation, record = super()._begin(i, rng, options), self.records[i]
+        simulation, record = super()._begin(i, rng, options), self.task_records[i]
         if not self.slots[i].resumed:
             record["start"] = simulation.object_pose()[:3]
             record["goal"] = self._draw(rng, record["start"])
         if options.get("goal") is not None:
             record["goal"] = self._check_goal(options["goal"])
-            record["at_goal"] = self.told[i, _SUCCESS] = 0
+            record["at_goal"] = self.info_columns[i, _SUCCESS] = 0
         return simulation
 
     def _draw(self, rng: Generator, start: Array) -> Array:
@@ -116,25 +127,28 @@ class PlaceEpisodes(Episodes):
         words = f"4 numbers within {space.low} and {space.high}, the last 1 in the hand or 0 free"
         return check("goal", goal, Rule(words, admit))
 
-    def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
-        """Make rewards, success and the observation those of the goal."""
-        records, (qpos, _, sensors) = self.records[part], where.moment
+    def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
+        """Compute rewards, success and the observation from the goal."""
+        records, notes, (qpos, _, sensors) = self.records[part], self.task_records[part], where.current
         centres = qpos[:, -7:-4]
         known = np.logical_and.reduce(np.isfinite(centres), axis=-1)
         centres = np.where(known[:, None], centres, 0.0)  # where nothing is known no goal is reached
-        goals = records["goal"].astype(np.float32)
-        self._distances[part] = np.linalg.norm(centres - records["goal"][:, :3], axis=-1)
+        goals = notes["goal"].astype(np.float32)
+        self._distances[part] = np.linalg.norm(centres - notes["goal"][:, :3], axis=-1)
         if judge:
-            records["moved"] |= np.linalg.norm(centres - records["start"], axis=-1) > GOAL_RADIUS
+            notes["moved"] |= np.linalg.norm(centres - notes["start"], axis=-1) > GOAL_RADIUS
         touching = sensors[:, self.rules.at[TOUCHING_HAND]] > 0
-        hand = np.where(records["moved"] & known, touching, -1.0)
+        hand = np.where(notes["moved"] & known, touching, -1.0)
         achieved = np.column_stack([centres, hand]).astype(np.float32)
         achieved = np.clip(achieved, self._goals.low, self._goals.high)
         self.rewards[part] = goal_rewards(achieved, goals, self.settings.reward_mode)
         reached = (goal_rewards(achieved, goals, "sparse") == 0.0) & (records["failure"] == 0)
         if judge:
-            records["at_goal"] = np.where(reached & (records["elapsed"] > 0), records["at_goal"] + 1, 0)
-            self.told[part, _SUCCESS] = records["at_goal"] >= at_pace(GOAL_STEPS, self.settings.frame_skip)
+            counts = reached & (records["elapsed"] > 0)
+            notes["at_goal"] = np.where(counts, notes["at_goal"] + 1, 0)
+            self.info_columns[part, _SUCCESS] = notes["at_goal"] >= at_pace(
+                GOAL_STEPS, self.settings.frame_skip
+            )
         if self.settings.obs_mode.startswith("state"):
             flat = np.concatenate([state[key] for key in self._order], axis=-1)
             state = {"achieved_goal": achieved, "desired_goal": goals, "observation": flat}
@@ -143,12 +157,12 @@ class PlaceEpisodes(Episodes):
         return state
 
     def more_infos(self) -> Arrays:
-        """Return what infos have more than those of `Episodes`."""
+        """Return the column of infos about the goal."""
         return {"goal_distance": self._distances.copy()}
 
 
 class GoalRewards:
-    """What an environment with goals has more, a single one and many."""
+    """Rewards of other goals, for single and vector environments."""
 
     settings: LiftSettings
 

@@ -1,4 +1,4 @@
-"""Where the object is put at reset."""
+"""Initial poses of the object: the ranges that they are drawn from, and checks of a given one."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -19,7 +19,7 @@ from dexgrasp_env.valid import NATURAL, Rule, check, number, pair
 
 PRESENTATIONS = ("rest", "upright")
 _STANDING: WeakKeyDictionary[ObjectModel, tuple[Array, float] | None] = WeakKeyDictionary()
-"""How objects stand, found by compiling and dropping them: once for each, and for as long as it is in use."""
+"""Upright poses of objects, found by dropping them once for each, and kept for as long as it is in use."""
 _FRONT, _BACK = (
     TABLE_CENTRE_X + side * 0.5 * TABLE_SIZE[0] for side in (-1, 1)
 )  # m, where an object may be put

@@ -1,4 +1,7 @@
-"""What an episode is, beside physics and random numbers: one record an environment, read and written by `kernel`."""
+"""Records of episodes: progress, success, disturbance and failure, one record an environment, that `kernel` writes.
+
+What a single task notes beside these is a record of its own, `Episodes.task_dtype`.
+"""
 
 from typing import Any
 
@@ -6,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Fields
-from dexgrasp_env.tasks.constants import HOLD_STEPS, MOST_NEIGHBOURS, SHORTEST_SKIP, at_pace
+from dexgrasp_env.tasks.constants import HOLD_STEPS, SHORTEST_SKIP, at_pace
 
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
 FAILURES = ("", "object_lost", "simulation_diverged")
@@ -48,23 +51,6 @@ EPISODE = np.dtype(
         ("disturbed", "i8"),  # control steps it has run
         ("origin", "f8", (3,)),  # object in the palm frame when it began
         ("shift", "f8"),  # m, largest distance from there since
-        # The goal of Place.
-        ("goal", "f8", (4,)),  # m, where the object's centre is to be; and whether in the hand
-        ("start", "f8", (3,)),  # m, where it lay at first
-        ("moved", "?"),  # has it been away from there?
-        ("at_goal", "i8"),  # consecutive control steps there
-        # What stands around the object.
-        ("neighbours", "i8"),
-        ("neighbour_rest", "f8", (MOST_NEIGHBOURS, 7)),  # poses before the robot moved
-        (
-            "neighbour_drift",
-            "f8",
-            (MOST_NEIGHBOURS, 3),
-        ),  # m, by which they creep in an episode without the robot
-        ("neighbour_size", "f8", (MOST_NEIGHBOURS, 3)),  # m, of the boxes in their own frames
-        ("neighbour_hit", "u1", (MOST_NEIGHBOURS,)),  # touched by the robot at any physics step
-        ("neighbour_toppled", "u1", (MOST_NEIGHBOURS,)),
-        ("neighbours_moved", "f8"),  # m, the farthest that any centre has been from where it would be
     ],
     align=True,
 )
@@ -73,14 +59,14 @@ COMMANDS = ("targets", "command", "before")
 """Set-points of the n joints beside a record, (3, n) rad: the agent's at the end of the control step, what the servos
 are told then (targets and the shaking), and the command before, for late ones."""
 
-TOLD_AS: Fields = {
+INFO_KINDS: Fields = {
     "is_success": bool, "is_stable": bool, "is_grasped": bool, "stage": STAGES, "failure": FAILURES,
     "object_height": float, "object_slip": float, "object_tilt": float, "object_shift": float, "held_seconds": float,
     "disturbance": PHASES, "mujoco_warnings": int,
 }  # fmt: skip
 """Columns of what the kernel tells of an episode, before the terms of the reward, and what infos make of the numbers:
 names, where there are some."""
-TOLD = tuple(TOLD_AS)
+INFO_COLUMNS = tuple(INFO_KINDS)
 
 Records = NDArray[np.void]
 """Array of EPISODE records, (N,)."""

@@ -1,4 +1,4 @@
-"""What the compiled functions are told of an environment, once."""
+"""Constants of an environment that the compiled functions read."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from dexgrasp_env.tasks.settings import LiftSettings
 
 
 class Rules(NamedTuple):
-    """What stays for the life of an environment.
+    """Constants of an environment: sensor columns, lengths in control steps, hulls and weights.
 
     Attributes:
         at: (7,) first columns of the readings in `sensordata`, in the order of `READINGS`.

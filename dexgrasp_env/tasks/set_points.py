@@ -32,7 +32,7 @@ _POSTURE_GAIN = 0.05  # pull towards home in the arm's null space, per 50 ms
 
 
 class Control(NamedTuple):
-    """What actions and disturbances do to a robot of n joints, a of them the arm's.
+    """Constants of actions and disturbances, for a robot of n joints, a of them the arm's.
 
     Attributes:
         mode: index of `CONTROL_MODES`.
@@ -97,7 +97,7 @@ def set_points(
 
 @njit
 def advance(e: Record, c: Array, action: Array, control: Control, rows: Array, push: Array) -> None:
-    """Do what `set_points` does for one episode, with an action that is finite; arguments without the first axis."""
+    """Move the set-points of one episode, by a finite action; arguments as of `set_points`, without the first axis."""
     e.elapsed += 1
     for j in range(len(action)):
         action[j] = min(max(action[j], -1.0), 1.0)

@@ -19,7 +19,7 @@ from dexgrasp_env.tasks.disturbance import Disturbance
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
-from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, hints, number, one_of, read
+from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, number, one_of, read
 
 REWARD_MODES = ("dense", "sparse")
 WEIGHTS = {
@@ -89,7 +89,7 @@ class LiftSettings:
         Raises:
             InputError: one line that says which is wrong and what is valid.
         """
-        known = ["robot", "mount", *(name for name in hints(cls) if name != "cell")]
+        known = ["robot", "mount", *(entry.name for entry in fields(cls) if entry.name != "cell")]
         for key in given:
             if key not in known:
                 raise unknown_name("argument", key, known)
@@ -171,12 +171,12 @@ class LiftSettings:
 
     @property
     def mount(self) -> str:
-        """How the hand sits on the flange."""
+        """Name of the hand's mount on the flange."""
         return self.cell.robot.mount.name
 
     @property
     def pointing(self) -> str | None:
-        """How perception is told which object is meant; None: the largest that is seen."""
+        """Hint by which perception finds the object; None: it is the largest that is seen."""
         return None
 
     def friction_of(self, model: ObjectModel) -> float:

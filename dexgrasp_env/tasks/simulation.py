@@ -43,8 +43,8 @@ def compiled_scene(model: ObjectModel, cell: Cell) -> mujoco.MjModel:
     return build_scene(model, cell, cameras=cell.make_cameras())
 
 
-class Moment(NamedTuple):
-    """Where N environments are, with robots of n joints, and room for k objects, zeros where there are fewer.
+class PhysicsState(NamedTuple):
+    """Positions, velocities and sensors of N environments: robots of n joints, and room for k objects, else zeros.
 
     Attributes:
         qpos: (N, n + 7 k) positions, the target's after the robot's.
@@ -57,18 +57,18 @@ class Moment(NamedTuple):
     sensors: Array
 
 
-class Physics(Protocol):
-    """What holds environments: a simulation one, `BatchPhysics` and `WarpPhysics` many."""
+class StateHolder(Protocol):
+    """Holder of the state of environments: `Simulation` of one, `BatchPhysics` and `WarpPhysics` of many."""
 
     @property
-    def moment(self) -> Moment:
-        """Where they are now."""
+    def current(self) -> PhysicsState:
+        """The present state."""
 
 
 class Simulation:
     """A compiled scene with its data; `base` stays as compiled, `model` carries the variation of the episode.
 
-    `moment` are views of the data, of one environment. After a step the sensors of neighbours hold the most of its
+    `current` are views of the data, of one environment. After a step the sensors of neighbours hold the most of its
     physics steps.
     """
 
@@ -91,7 +91,7 @@ class Simulation:
         self.body = int(self.base.body("object").id)
         self.touches = slice(self.base.nsensordata - len(self.neighbours), self.base.nsensordata)
         # Views into `data`, which stays where it is.
-        self.moment = Moment(data.qpos[None], data.qvel[None], data.sensordata[None])
+        self.current = PhysicsState(data.qpos[None], data.qvel[None], data.sensordata[None])
         self._forces = (data.qfrc_applied, data.xfrc_applied)
         self._rollout = Rollout(nthread=0)
         self._state = np.zeros((1, mujoco.mj_stateSize(self.base, _PHYSICS)))
@@ -125,7 +125,7 @@ class Simulation:
         return self.data.qpos[self.cell.robot.dof :].reshape(-1, 7).copy()
 
     def settle(self, steps: int = SETTLE_STEPS) -> None:
-        """Let objects come to rest for so many physics steps; what depends on the state is current afterwards."""
+        """Advance so many physics steps to let objects come to rest; what depends on the state is current then."""
         mujoco.mj_step(self.model, self.data, steps)
         mujoco.mj_forward(self.model, self.data)
 

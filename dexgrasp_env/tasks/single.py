@@ -21,7 +21,7 @@ from dexgrasp_env.tasks.slots import EpisodeState, Starts
 
 
 class SingleEnv(gym.Env[Arrays, Single], EzPickle):
-    """What all tasks are as single environments.
+    """Base of single environments of all tasks.
 
     Attributes:
         episodes_type: of the task.
@@ -141,11 +141,11 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         return type(self)(**self._ezpickle_kwargs)
 
     def start_from(self, starts: Starts | None) -> None:
-        """Have resets that are given no options take those that `starts` gives."""
+        """Set the source of options for resets that are given none."""
         self._episodes.starts = starts
 
     def start_step(self, action: Single) -> Array:
-        """Do the first part of a step, before the physics: move the set-points, and push what is to be pushed.
+        """Begin a step, before the physics: move the set-points, and push what is to be pushed.
 
         Args:
             action: as for `step`.
@@ -164,7 +164,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         return rows
 
     def finish_step(self, bits: int) -> tuple[Arrays, float, bool, bool, Fields]:
-        """Do the last part of a step, after the physics: judge and observe.
+        """Finish a step, after the physics: judge and observe.
 
         Args:
             bits: the physics' warnings, as `simulation.step` returns them.

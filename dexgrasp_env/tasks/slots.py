@@ -1,4 +1,4 @@
-"""What an environment keeps of each of its running episodes beside the record, and all of one that can be kept."""
+"""Scenes and variations of running episodes, and the complete state of one."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.simulation import Simulation
-from dexgrasp_env.tasks.views import View
+from dexgrasp_env.tasks.views import CameraViews
 
-Starts = Callable[[int, Generator, NDArray[np.void]], Mapping[str, Any]]
-"""Returns the options of a reset that is given none: of a slot, its generator and the record of its last episode."""
+Starts = Callable[[int, Generator, Mapping[str, Any]], Mapping[str, Any]]
+"""Returns the options of a reset that is given none: of a slot, its generator and the records of its last episode."""
 
 
 @dataclass
 class Slot:
-    """What a running episode is of, beside its record; `resumed`: it began from a state that was given."""
+    """Object, scene and variation of a running episode; `resumed`: it began from a state that was given."""
 
     target: str = ""
     neighbours: tuple[str, ...] = ()
     simulation: Simulation | None = None
     model: mujoco.MjModel | None = None
     variation: Variation = field(default_factory=Variation)
-    view: View = field(default_factory=View)
+    view: CameraViews = field(default_factory=CameraViews)
     resumed: bool = False
 
 
@@ -40,8 +40,9 @@ class EpisodeState:
         target: the object, as `objects` names it.
         physics: MuJoCo's full integration state.
         sensors: its sensors as last read.
-        told: what was last told of the episode.
+        info_columns: the last, of `Episodes.info_columns`.
         record: one of `EPISODE`.
+        task_record: what the task notes beside it.
         commands: (3, n) rad, `COMMANDS`.
         rng: state of the random generator.
         variation: of this episode.
@@ -53,10 +54,11 @@ class EpisodeState:
     target: str
     physics: Array
     sensors: Array
-    told: Array
+    info_columns: Array
     record: NDArray[np.void]
+    task_record: NDArray[np.void]
     commands: Array
     rng: Mapping[str, Any]
     variation: Variation
-    view: View
+    view: CameraViews
     neighbours: tuple[str, ...] = ()

@@ -10,15 +10,17 @@ import numpy as np
 from gymnasium.utils import EzPickle, seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.tasks.cluttered import ClutterEnv
+from dexgrasp_env.tasks.clutter_env import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions, check_tensor
 from dexgrasp_env.tasks.infos import masked, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.member import MemberAccess, one_for_each
 from dexgrasp_env.tasks.observations import cut
 from dexgrasp_env.tasks.physics import make_physics, use_device
 from dexgrasp_env.tasks.place import GoalRewards, PlaceEnv
@@ -29,7 +31,7 @@ from dexgrasp_env.valid import COUNT, Rule, check, instance
 _AUTORESET = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
 
 
-class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
+class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
     """N environments like `LiftEnv` that step together: `gym.make_vec("DexGrasp/Lift-v2", num_envs=N)`.
 
     Each has its own object, place, variation and random generator. Seeds, resets, time limits, autoreset and infos are
@@ -41,7 +43,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
     | Argument | Default | Valid |
     | --- | --- | --- |
     | `num_envs` | `1` | how many |
-    | `max_episode_steps` | `300` | control steps after which an episode is truncated; None for no limit |
+    | `max_episode_steps` | `300` | control steps after which an episode is truncated; None or -1 for no limit |
     | `autoreset_mode` | `'NextStep'` | `NextStep`, `SameStep`, `Disabled` |
     | `threads` | `None` | threads at a time; None for one a core |
     | `tensors` | `False` | with `backend="warp"`: take and return torch tensors on the device; see below |
@@ -91,13 +93,12 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         self._tensors = check("tensors", tensors, instance(bool, "true or false"))
         if tensors and (self.settings.backend != "warp" or self._env_type is not LiftEnv):
             raise InputError("tensors=True is of DexGrasp/Lift with backend='warp'")
-        self._limit = (
-            None if max_episode_steps is None else check("max_episode_steps", max_episode_steps, COUNT)
-        )
-        self._mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
+        endless = max_episode_steps in (None, -1)  # -1 is Gymnasium's
+        self._limit = None if endless else check("max_episode_steps", max_episode_steps, COUNT)
+        self.autoreset_mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
         fps = round(1 / self.settings.period)
-        self.metadata = {**LiftEnv.metadata, "render_fps": fps, "autoreset_mode": self._mode}
-        self.settings.warn_of_limit(max_episode_steps)
+        self.metadata = {**LiftEnv.metadata, "render_fps": fps, "autoreset_mode": self.autoreset_mode}
+        self.settings.warn_of_limit(self._limit)
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, num_envs)
         self._views = self._episodes.views
@@ -115,6 +116,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
             for key, part in self.single_observation_space.items()
             if not (tensors and key in self._episodes.layout)
         }
+        self._notes: list[Fields] = [{} for _ in range(num_envs)]
         self._ended = np.ones(num_envs, bool)  # waiting for a reset
         self._started = np.zeros(num_envs, bool)
 
@@ -140,6 +142,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         Raises:
             InputError: for a wrong number of seeds, a wrong mask, or what `LiftEnv.reset` refuses.
         """
+        self._check_open("reset")
         seeds = _seeds(seed, self.num_envs)
         options = dict(options or {})
         mask = options.pop("reset_mask", np.ones(self.num_envs, bool))
@@ -154,7 +157,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
             )
         state = options.pop("state", None)
         states = state if isinstance(state, list) else [state] * self.num_envs
-        states = _one_for_each("states", states, self.num_envs)
+        states = one_for_each("states", states, self.num_envs)
         left_out = np.flatnonzero(~mask & ~self._started).tolist()
         if left_out and self.settings.obs_mode != "state":
             raise InputError(
@@ -173,9 +176,10 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         Raises:
             InputError: for actions of a wrong shape or not finite, or if an environment needs a reset first.
         """
+        self._check_open("step")
         clipped = (check_tensor if self._tensors else check_actions)(actions, self.action_space.shape)
         running, waiting = np.flatnonzero(~self._ended), np.flatnonzero(self._ended)
-        if not self._started.all() or (self._mode is AutoresetMode.DISABLED and self._ended.any()):
+        if not self._started.all() or (self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any()):
             raise InputError(
                 f"step() called without running episodes in environments {waiting.tolist()}: reset them first"
             )
@@ -188,7 +192,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         if self._limit is not None:
             truncated |= self._episodes.records["elapsed"] >= self._limit
         self._ended = terminated | truncated
-        final = self._finish() if self._mode is AutoresetMode.SAME_STEP and self._ended.any() else {}
+        final = self._finish() if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any() else {}
         if self._tensors:
             rewards, terminated, truncated = self._episodes.device.told_tensors(
                 waiting, terminated, truncated
@@ -197,12 +201,26 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
 
     def render(self) -> tuple[Any, ...] | None:
         """Return a picture of each environment."""
-        pictures = []
-        for i in range(self.num_envs):
-            simulation = self.simulation(i)
-            mujoco.mj_forward(simulation.model, simulation.data)
-            pictures.append(self._views.render(self.render_mode, simulation))
-        return tuple(pictures)
+        return tuple(map(self.render_one, range(self.num_envs)))
+
+    def render_one(self, i: int) -> Any:
+        """Return a picture of environment `i`."""
+        self._check_open("render")
+        simulation = self.simulation(i)
+        mujoco.mj_forward(simulation.model, simulation.data)
+        return self._views.render(self.render_mode, simulation)
+
+    def _check_open(self, what: str) -> None:
+        if self.closed:
+            raise InputError(f"{what}() called on environments that are closed: make others")
+
+    def target(self, i: int) -> str:
+        """Return the object of environment `i`, as `objects` names it."""
+        return self._episodes.slots[i].target
+
+    def generator(self, i: int) -> Generator:
+        """Return the random generator of environment `i`."""
+        return self._rngs[i]
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads, free what rendering holds."""
@@ -217,10 +235,11 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         Raises:
             InputError: before its first reset.
         """
+        self._check_open("get_state")
         if not self._started[i]:
             raise InputError(f"get_state({i}) called without an episode: call reset() first")
         return self._episodes.get_state(
-            i, self._physics.state(i), self._physics.moment.sensors[i], self._rngs[i]
+            i, self._physics.state(i), self._physics.current.sensors[i], self._rngs[i]
         )
 
     def set_state(self, state: EpisodeState, which: Iterable[int] | None = None) -> None:
@@ -240,7 +259,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         return self._env_type(**self._ezpickle_kwargs)
 
     def start_from(self, starts: Starts | None) -> None:
-        """Have resets that are given no options, those within `step` too, take those that `starts` gives."""
+        """Set the source of options for resets that are given none, those within `step` too."""
         self._episodes.starts = starts
 
     def __getstate__(self) -> Fields:
@@ -286,7 +305,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
         self._note(everything, episodes.conclude(everything, physics, warnings, rngs))
         if self.settings.obs_mode != "state":
             for i in running.tolist():
-                self._look(i, physics.moment.qpos[i], partial(self.simulation, i))
+                self._look(i, physics.current.qpos[i], partial(self.simulation, i))
 
     def _finish(self) -> Fields:
         """Return the last observations and infos of those that ended, and reset them."""
@@ -308,7 +327,7 @@ class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
     def simulation(self, i: int) -> Simulation:
         """Return the scene of environment `i` with its model and present positions in it, until the next call."""
         simulation = self._episodes.enter(i)
-        simulation.data.qpos[:] = self._physics.moment.qpos[i, : simulation.base.nq]
+        simulation.data.qpos[:] = self._physics.current.qpos[i, : simulation.base.nq]
         return simulation
 
     def _note(self, part: slice | int, seen: Arrays) -> None:
@@ -351,10 +370,4 @@ def _seeds(seed: Any, number: int) -> list[int | None]:
     """Return the seed of each environment."""
     if seed is None or isinstance(seed, int | np.integer):
         return [None if seed is None else int(seed) + i for i in range(number)]
-    return _one_for_each("seeds", list(seed), number)
-
-
-def _one_for_each(what: str, values: list[Any], number: int) -> list[Any]:
-    if len(values) != number:
-        raise InputError(f"{len(values)} {what} given: valid is one, or one for each of {number}")
-    return values
+    return one_for_each("seeds", list(seed), number)

@@ -1,4 +1,4 @@
-"""What cameras add to observations, and pictures for people."""
+"""Camera observations, and pictures for people."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -24,8 +24,8 @@ _AT_HOME = 0.02  # rad of every joint of the arm
 
 
 @dataclass
-class View:
-    """What the cameras of one episode are, and what they saw last.
+class CameraViews:
+    """Cameras of one episode, and their last observation.
 
     Attributes:
         cameras: names of those that look.
@@ -40,7 +40,7 @@ class View:
     info: Fields = field(default_factory=dict)
 
 
-class Views:
+class CameraObserver:
     """Camera observations of the environment; builds nothing until a mode asks for it."""
 
     def __init__(self, settings: LiftSettings) -> None:
@@ -55,9 +55,9 @@ class Views:
         self.image_shape = (number, intrinsics.height, intrinsics.width)
 
     def observe(
-        self, view: View, qpos: Array, scene: Callable[[], Simulation], rng: Generator, at_reset: bool
+        self, view: CameraViews, qpos: Array, scene: Callable[[], Simulation], rng: Generator, at_reset: bool
     ) -> None:
-        """Have cameras look where it is time to; between looks the last views stay.
+        """Take images when they are due; in between the last ones stay.
 
         Args:
             view: of the episode; kept up to date.
@@ -79,7 +79,7 @@ class Views:
             view.seen, view.info = self._look(perception, simulation, rng)
 
     def _due(self, qpos: Array) -> bool:
-        """Whether cameras look after a step that ends at these positions (n + 7,): the setting `observe` says when.
+        """Return True when images are due after a step that ends at positions (n + 7,), as the setting `observe` says.
 
         `step`: always. `reset`: never. `clear`: while the arm stands at home, where no camera's view is in its way.
         """

@@ -10,8 +10,8 @@ from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.scene.merged import MergedScene, filled
-from dexgrasp_env.tasks.simulation import Moment, Simulation, warning_mask
-from dexgrasp_env.tasks.warp_memory import Letters, columns, find_device
+from dexgrasp_env.tasks.simulation import PhysicsState, Simulation, warning_mask
+from dexgrasp_env.tasks.warp_memory import ScatterQueue, columns, find_device
 
 if TYPE_CHECKING:
     from dexgrasp_env.tasks.episodes import Episodes
@@ -70,7 +70,7 @@ def _warn(
 
 @wp.kernel(enable_backward=False)
 def _keep_most(most: wp.array2d[float], now: wp.array2d[float]) -> None:
-    """Have both be the larger of the two."""
+    """Write the larger of the two to both."""
     i, k = wp.tid()
     most[i, k] = wp.max(most[i, k], now[i, k])
     now[i, k] = most[i, k]
@@ -128,17 +128,17 @@ class WarpPhysics:
             columns(getattr(self._model, name), self._merged.first_column(name), value.size)
             for name, value in example.items()
         ]
-        self._letters = Letters(fields + [columns(getattr(self.data, name)) for name in _LOADED])
+        self._queue = ScatterQueue(fields + [columns(getattr(self.data, name)) for name in _LOADED])
         self._touched = columns(self.data.sensordata, model.nsensordata - neighbours, neighbours, float)
         self._absent = {name: np.zeros(getattr(self.data, name).shape[1]) for name in _LOADED}
         self._absent["qpos"] = model.qpos0
-        self._host = Moment(*(np.zeros(getattr(self.data, name).shape) for name in _READ))
+        self._host = PhysicsState(*(np.zeros(getattr(self.data, name).shape) for name in _READ))
         self._known = True
 
     @property
-    def moment(self) -> Moment:
-        """Where they are now, neighbours that a scene has not too."""
-        self._letters.send()
+    def current(self) -> PhysicsState:
+        """The present state, also of neighbours that a scene has not."""
+        self._queue.send()
         if not self._known:
             for name, values in zip(_READ, self._host, strict=True):
                 values[:] = getattr(self.data, name).numpy()
@@ -158,14 +158,14 @@ class WarpPhysics:
             )
         fields = self._merged.fields((simulation.object, *simulation.neighbours), simulation.model)
         state = {name: filled(self._absent[name], getattr(simulation.data, name)) for name in _LOADED}
-        self._letters.put(i, *fields.values(), *state.values())
+        self._queue.put(i, *fields.values(), *state.values())
         self._scenes[i] = simulation
         for name, values in zip(_READ, self._host, strict=True):
             values[i] = state[name]
 
     def state(self, i: int) -> Array:
         """Return the full integration state of environment `i`."""
-        self._letters.send()
+        self._queue.send()
         simulation = self._scenes[i]
         mujoco.mj_resetData(simulation.model, simulation.data)
         self._fetch(i, simulation)
@@ -194,7 +194,7 @@ class WarpPhysics:
         self.push.assign(data.xfrc_applied[None, simulation.body, :3])
         bits = self.step(rows, None, np.arange(1))
         self._fetch(0, simulation)
-        data.sensordata[:] = self.moment.sensors[0, : len(data.sensordata)]
+        data.sensordata[:] = self.current.sensors[0, : len(data.sensordata)]
         return int(bits[0])
 
     def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> Index:
@@ -203,7 +203,7 @@ class WarpPhysics:
         Returns:
             (N,) warnings that came up, one bit each.
         """
-        self._letters.send()
+        self._queue.send()
         if self._graph is None:
             self._capture()
         wp.capture_launch(self._graph)
@@ -230,5 +230,5 @@ class WarpPhysics:
             getattr(self.data, name).assign(value)
 
     def close(self) -> None:
-        """Let go of the graph."""
+        """Free the graph."""
         self._graph = None

@@ -1,4 +1,4 @@
-"""What N episodes are and achieve, on the device beside their physics, by numba's functions as warp compiles them."""
+"""Progress of N episodes on the device beside their physics, by numba's functions as warp compiles them."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -10,9 +10,9 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.tasks import kernel, set_points
 from dexgrasp_env.tasks.control import action_size, check_finite
-from dexgrasp_env.tasks.records import EPISODE, TOLD
+from dexgrasp_env.tasks.records import EPISODE, INFO_COLUMNS
 from dexgrasp_env.tasks.warp_functions import as_warp
-from dexgrasp_env.tasks.warp_memory import Letters, as_struct, columns, numbers_of
+from dexgrasp_env.tasks.warp_memory import ScatterQueue, as_struct, columns, numbers_of
 
 if TYPE_CHECKING:
     from dexgrasp_env.tasks.episodes import Episodes
@@ -21,11 +21,11 @@ with from_extra():
     import warp as wp
 
 _advance, _judge, _observe = as_warp(set_points.advance), as_warp(kernel.judge), as_warp(kernel.observe)
-_FAILURE = TOLD.index("failure")
+_FAILURE = INFO_COLUMNS.index("failure")
 _NAMES = EPISODE.names or ()
 _ROW = np.dtype([(name, numbers_of(EPISODE[name]), EPISODE[name].shape) for name in _NAMES])
 """A record in numbers of 32 bits."""
-_PROGRESS = list(_NAMES[_NAMES.index("elapsed") : _NAMES.index("goal")])
+_PROGRESS = list(_NAMES[_NAMES.index("elapsed") :])
 """What the kernels write."""
 
 
@@ -81,13 +81,13 @@ class WarpEpisodes:
                 (number, action_size(episodes.settings.control_mode, robot)), dtype=float
             )
             self._noise = wp.zeros((number, robot.dof), dtype=float)
-            self._told = wp.zeros(episodes.told.shape, dtype=float)
+            self._told = wp.zeros(episodes.info_columns.shape, dtype=float)
             self.rewards = wp.zeros(number, dtype=float)
             self.seen = wp.zeros((number, episodes.width), dtype=float)
             self._records = as_struct("Records", {name: self._field(name) for name in _NAMES})
             self._rules = as_struct("Rules", episodes.rules._asdict())
             self._control = as_struct("Control", episodes.control._asdict())
-        self._letters = Letters(
+        self._queue = ScatterQueue(
             [columns(array) for array in (self._rows, self._commands, self._told, self.seen)]
         )
         self._known = True
@@ -103,11 +103,11 @@ class WarpEpisodes:
         host = self._host
         seen = np.zeros(self.seen.shape[1], np.float32) if seen is None else seen
         row = host.records[i : i + 1].astype(_ROW).view(np.int32)
-        self._letters.put(i, row, host.commands[i], host.told[i], seen)
+        self._queue.put(i, row, host.commands[i], host.info_columns[i], seen)
 
     def send(self) -> None:
-        """Tell the device what was loaded, so that its arrays are those of now."""
-        self._letters.send()
+        """Send what was loaded, so that the device's arrays are current."""
+        self._queue.send()
 
     def set_points(self, actions: Any) -> None:
         """Move the set-points of all by actions (N, m), numpy's or a tensor; the physics are given them.
@@ -148,8 +148,8 @@ class WarpEpisodes:
             self._rules, self._told, self.rewards, self.seen,
         ]  # fmt: skip
         wp.launch(_conclude, len(host.records), inputs, device=physics.device)
-        host.told[:], host.rewards[:] = self._told.numpy(), self.rewards.numpy()
-        host.records["failure"] = host.told[:, _FAILURE]
+        host.info_columns[:], host.rewards[:] = self._told.numpy(), self.rewards.numpy()
+        host.records["failure"] = host.info_columns[:, _FAILURE]
         return self.rows()
 
     def rows(self) -> Any:
@@ -164,7 +164,7 @@ class WarpEpisodes:
         return rewards, *(rewards.new_tensor(flag, dtype=bool) for flag in flags)
 
     def fetch(self) -> None:
-        """Have the host's records and commands be those of the device."""
+        """Copy records and commands of the device to the host."""
         self.send()
         if not self._known:
             self._host.commands[:] = self._commands.numpy()

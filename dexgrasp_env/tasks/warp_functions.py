@@ -94,7 +94,7 @@ class _Translation(ast.NodeTransformer):
         ]
 
     def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST | list[ast.stmt]:
-        """What stands in an array is written anew, as a number of the array's kind."""
+        """Rewrite updates of array elements as assignments of a number of the array's kind."""
         if isinstance(node.target, ast.Name):
             return self.generic_visit(node)
         now = _parsed(ast.unparse(node.target))

@@ -1,4 +1,4 @@
-"""Arrays on warp's device: what single worlds are told, in one copy, and numbers of 32 bits as numpy has them."""
+"""Arrays on warp's device: rows for single worlds sent in one copy, and numbers of 32 bits as numpy has them."""
 
 import functools
 from typing import Any
@@ -25,7 +25,7 @@ def _scatter(
     out[worlds[row], k] = rows[row, first + k]
 
 
-class Letters:
+class ScatterQueue:
     """Rows of numbers for single worlds, collected and then sent: one copy, and a launch for each array."""
 
     def __init__(self, targets: list[Any]) -> None:

@@ -1,7 +1,7 @@
 """Episodes that begin along demonstrations, backwards from success: reward is met before the way to it is known."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -10,7 +10,6 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Env
 from dexgrasp.data.demonstrations.generate import read_about
@@ -27,7 +26,7 @@ from dexgrasp_env.tasks.place import PlaceEnv
 from dexgrasp_env.tasks.randomisation import ranges
 from dexgrasp_env.tasks.slots import EpisodeState
 from dexgrasp_env.tasks.vector import LiftVectorEnv
-from dexgrasp_env.tasks.views import View
+from dexgrasp_env.tasks.views import CameraViews
 
 _MOST = 100  # demonstrations
 _NEEDED = ("joint_targets", "object_pose")  # of their observations
@@ -111,7 +110,7 @@ class DemoResets:
         """Take up `progress`; episodes that run count no more."""
         self.front, self._recent, self._near = front, deque(recent, maxlen=_OF), {}
 
-    def __call__(self, slot: int, rng: Generator, record: NDArray[np.void]) -> Fields:
+    def __call__(self, slot: int, rng: Generator, record: Mapping[str, Any]) -> Fields:
         """Note how the last episode of a slot went, and return the options of its next reset."""
         if self._near.pop(slot, False):
             name, least = self._won
@@ -163,11 +162,11 @@ def _followed(demo: Episode) -> Episode:
     return replace(demo, observations=seen, once={})
 
 
-def _lean(env: LiftEnv, before: View | None = None) -> EpisodeState:
+def _lean(env: LiftEnv, before: CameraViews | None = None) -> EpisodeState:
     """Return the state of an environment, with the view `before` it where that still is the last look."""
     state = env.get_state()
     if env.settings.observe == "step":
-        return replace(state, view=View())
+        return replace(state, view=CameraViews())
     if before and all(np.array_equal(state.view.seen[key], values) for key, values in before.seen.items()):
         return replace(state, view=before)
     return state

@@ -1,4 +1,4 @@
-"""DexGrasp/ClutterSparse-v1, ClutterDense-v1 and ClutterHeap-v1."""
+"""Lifting out of clutter, DexGrasp/ClutterSparse-v1, ClutterDense-v1 and ClutterHeap-v1, and its page."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -13,7 +13,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import Objects, object_name
 from dexgrasp_env.poses import quat_conjugate, rotate
-from dexgrasp_env.tasks.clutter import set_out
+from dexgrasp_env.tasks.arrangement import set_out
 from dexgrasp_env.tasks.constants import (
     AROUND_POINTS,
     CLUTTER_EPISODE_STEPS,
@@ -26,12 +26,12 @@ from dexgrasp_env.tasks.constants import (
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import unbounded
-from dexgrasp_env.tasks.records import TOLD
+from dexgrasp_env.tasks.records import INFO_COLUMNS
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import Physics, Simulation
+from dexgrasp_env.tasks.simulation import Simulation, StateHolder
 from dexgrasp_env.valid import Rule, number, one_of, pair
 
-_SUCCESS = TOLD.index("is_success")
+_SUCCESS = INFO_COLUMNS.index("is_success")
 
 
 MASKS = ("true", "perceived")
@@ -51,7 +51,7 @@ class ClutterSettings(LiftSettings):
         neighbour_objects: that neighbours are drawn from, each as often as it comes.
         gaps: m, least and most between the outlines, from above, of a neighbour and of the nearest that stood there
             before; None: all are dropped into a heap, the object among them.
-        mask: how perception is told which object is meant.
+        mask: by which perception finds the object that is meant.
         bin: whether they stand in a bin; else on the open table.
     """
 
@@ -66,7 +66,7 @@ class ClutterSettings(LiftSettings):
 
     @property
     def pointing(self) -> str:
-        """How perception is told which object is meant."""
+        """Hint by which perception finds the object that is meant."""
         return self.mask
 
     @property
@@ -75,10 +75,24 @@ class ClutterSettings(LiftSettings):
         return HEAP_EPISODE_STEPS if self.gaps is None else CLUTTER_EPISODE_STEPS
 
 
+_NEIGHBOURS = np.dtype(
+    [
+        ("neighbours", "i8"),
+        ("rest", "f8", (MOST_NEIGHBOURS, 7)),  # poses before the robot moved
+        ("drift", "f8", (MOST_NEIGHBOURS, 3)),  # m, by which they creep in an episode without the robot
+        ("size", "f8", (MOST_NEIGHBOURS, 3)),  # m, of the boxes in their own frames
+        ("hit", "?", (MOST_NEIGHBOURS,)),  # touched by the robot at any physics step
+        ("toppled", "?", (MOST_NEIGHBOURS,)),
+        ("farthest", "f8"),  # m, the farthest that any centre has been from where it would be
+    ]
+)
+
+
 class ClutterEpisodes(Episodes):
     """Episodes with neighbours around the object."""
 
     task = "clutter"
+    task_dtype = _NEIGHBOURS
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
@@ -119,12 +133,12 @@ class ClutterEpisodes(Episodes):
             simulation = self._mount(i, slot.target, names, slot.variation)
             undisturbed = set_out(simulation, pose, settings.gaps, rng)
             if undisturbed is not None:
-                poses, record = simulation.poses()[1:], self.records[i]
+                poses, record = simulation.poses()[1:], self.task_records[i]
                 record["neighbours"] = count
-                record["neighbour_rest"][:count] = poses
-                record["neighbour_drift"][:count] = (undisturbed[1:] - poses)[:, :3]
+                record["rest"][:count] = poses
+                record["drift"][:count] = (undisturbed[1:] - poses)[:, :3]
                 for k, model in enumerate(simulation.neighbours):
-                    record["neighbour_size"][k] = model.extents
+                    record["size"][k] = model.extents
                 return simulation
             if not given:
                 pose = self._draw_pose(simulation.object, slot.variation, rng)
@@ -133,9 +147,9 @@ class ClutterEpisodes(Episodes):
             "neighbours, wider gaps or smaller objects"
         )
 
-    def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
-        """Look what became of the neighbours, and observe them in `state`."""
-        records, (qpos, _, sensors) = self.records[part], where.moment
+    def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
+        """Judge what became of the neighbours, and add them to `state`."""
+        records, (qpos, _, sensors) = self.task_records[part], where.current
         poses = qpos[:, self._alone[0] :].reshape(len(records), -1, 7)
         there = np.arange(poses.shape[1]) < records["neighbours"][:, None]
         if judge:
@@ -143,24 +157,24 @@ class ClutterEpisodes(Episodes):
         if self.settings.obs_mode.startswith("state"):
             seen = np.zeros((len(records), self.neighbours, 7), np.float32)
             seen[:, : poses.shape[1]] = np.where(there[..., None], np.nan_to_num(poses), 0.0)
-            sizes = records["neighbour_size"][:, : self.neighbours].astype(np.float32)
+            sizes = records["size"][:, : self.neighbours].astype(np.float32)
             more = {"neighbour_poses": seen, "neighbour_sizes": sizes}
             state = dict(sorted((state | more).items()))
         return state
 
     def more_infos(self) -> Arrays:
-        """Return what infos have more than those of `Episodes`."""
-        moved, hit = self.records["neighbours_moved"], self.records["neighbour_hit"]
+        """Return the columns of infos about neighbours."""
+        moved, hit = self.task_records["farthest"], self.task_records["hit"]
         names = [
             " ".join(object_name(slot.neighbours[k]) for k in np.flatnonzero(row))
             for slot, row in zip(self.slots, hit, strict=True)
         ]
         return {
-            "is_clean": (self.told[:, _SUCCESS] > 0) & (moved <= NEIGHBOUR_MOVED),
-            "neighbours": self.records["neighbours"].copy(),
+            "is_clean": (self.info_columns[:, _SUCCESS] > 0) & (moved <= NEIGHBOUR_MOVED),
+            "neighbours": self.task_records["neighbours"].copy(),
             "neighbours_moved": moved.copy(),
             "neighbours_hit": hit.sum(axis=1),
-            "neighbours_toppled": self.records["neighbour_toppled"].sum(axis=1),
+            "neighbours_toppled": self.task_records["toppled"].sum(axis=1),
             "neighbours_hit_names": np.array(names, object),
         }
 
@@ -168,15 +182,15 @@ class ClutterEpisodes(Episodes):
 def _judge(records: NDArray[np.void], poses: Array, there: Mask, touched: Mask) -> None:
     """Note how far neighbours (N, k) that are there have moved, which have toppled and which the robot touches."""
     count = poses.shape[1]
-    rest, drift = records["neighbour_rest"][:, :count], records["neighbour_drift"][:, :count]
+    rest, drift = records["rest"][:, :count], records["drift"][:, :count]
     moved = poses[..., :3] - rest[..., :3]
     along = (moved * drift).sum(-1) / np.maximum((drift * drift).sum(-1), 1e-12)
     moved -= np.clip(along, 0.0, 1.0)[..., None] * drift
     farthest = np.where(there, np.sqrt((moved * moved).sum(-1)), 0.0).max(axis=1, initial=0.0)
-    records["neighbours_moved"] = np.fmax(records["neighbours_moved"], farthest)
+    records["farthest"] = np.fmax(records["farthest"], farthest)
     now, first = (rotate(quat_conjugate(at[..., 3:]), np.array([0.0, 0.0, 1.0])) for at in (poses, rest))
-    records["neighbour_toppled"][:, :count] |= there & ((now * first).sum(-1) < np.cos(TOPPLED))
-    records["neighbour_hit"][:, :count] |= touched
+    records["toppled"][:, :count] |= there & ((now * first).sum(-1) < np.cos(TOPPLED))
+    records["hit"][:, :count] |= touched
 
 
 class ClutterEnv(LiftEnv):

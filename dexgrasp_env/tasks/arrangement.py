@@ -1,6 +1,7 @@
-"""What stands around the object: neighbours drawn on the open table, or dropped with it into a heap."""
+"""Arrangements of clutter: neighbours drawn on the open table around the object, or dropped with it into a heap."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -8,29 +9,73 @@ from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.poses import rotate
-from dexgrasp_env.scene.constants import CONTROL_STEPS, TIMESTEP
+from dexgrasp_env.scene.constants import CONTROL_STEPS, GRAVITY, TIMESTEP
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS, NEIGHBOUR_MOVED, STILL
 from dexgrasp_env.tasks.placement import Placement
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.simulation import Simulation
 
 _LOW, _HIGH = np.array([[0.30, 0.76], [-0.38, 0.38]]).T  # m, where what stands around the object may be
-REST_SPAN, REST_SPANS = 250, 12  # physics steps between two looks at whether all is still, and how many looks
-CREEP = 7e-4  # the same in a heap, whose contacts give a little for long
-DEEPEST_SINK, DEEPEST_CONTACT = 0.003, 0.002  # m: what sinks, floats or pierces so much is no scene
-HEAP_FALL = 0.01  # m above the heap from which the next falls
-HEAP_LAYER = 3  # objects at a time
-HEAP_SPREAD = 0.025  # m off the middle at most of the first; times the root of how many lie
-HEAP_EDGE = 0.08  # m that is left between where they are laid and where they may be
-HEAP_TIMESTEP = 0.004  # s, of a physics step while they are laid: laid rather than thrown
-HEAP_CALM_STEPS, HEAP_CALM = 5, 0.8  # of them each time, and what is then left of all speeds
-HEAP_STEPS, HEAP_REST_STEPS = 40, 60  # such times that they fall on, and that all then come to lie
-HEAP_PULL, HEAP_WIDTH = 0.3, 0.1  # of the weight, towards the middle, in full from so many m off it
-HEAP_TURNS = 40  # times that what does not stay is laid again
-HEAP_SPANS = 4  # spans of rest that it has each time
 _HEADINGS, _TURNS = 30, 4  # ways outwards that are tried for a neighbour, and how often
 _NEAR = 1e-4  # m that a gap may be short of what was drawn
 _SKY = 1000.0  # m: what waits to be dropped falls freely from here, and meets nothing
+
+
+@dataclass(frozen=True, kw_only=True)
+class RestSettings:
+    """Conditions under which a scene is at rest; chosen so that episodes without the robot keep their scene.
+
+    Attributes:
+        span: physics steps between two looks at whether all is still.
+        spans: looks, at most, on the open table.
+        creep: of poses, m and parts of a quaternion, in a span of a heap, whose contacts give a little for long.
+        sink: m that an object may sink or float.
+        pierce: m that two objects may pierce each other.
+    """
+
+    span: int = 250
+    spans: int = 12
+    creep: float = 7e-4
+    sink: float = 0.003
+    pierce: float = 0.002
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeapSettings:
+    """Way in which a heap is laid down: by few objects at a time, with strong damping, as thrown ones roll apart.
+
+    Attributes:
+        fall: m above the heap from which the next objects fall.
+        layer: objects at a time.
+        spread: m off the middle at most of the first; times the root of how many lie.
+        edge: m between where they are laid and where they may be.
+        timestep: s, of a physics step meanwhile.
+        calm_steps: physics steps between two reductions of all speeds.
+        calm: factor of a reduction.
+        layer_rounds: reductions while a layer falls.
+        rest_rounds: reductions while all come to lie.
+        pull: towards the middle, share of the weight.
+        pull_width: m off the middle from which the pull is full.
+        turns: times that what does not stay is laid again.
+        spans: spans of rest that it has each time.
+    """
+
+    fall: float = 0.01
+    layer: int = 3
+    spread: float = 0.025
+    edge: float = 0.08
+    timestep: float = 0.004
+    calm_steps: int = 5
+    calm: float = 0.8
+    layer_rounds: int = 40
+    rest_rounds: int = 60
+    pull: float = 0.3
+    pull_width: float = 0.1
+    turns: int = 40
+    spans: int = 4
+
+
+_REST, _HEAP = RestSettings(), HeapSettings()
 
 
 def set_out(
@@ -58,8 +103,8 @@ def set_out(
         return None
     drawn = np.vstack([pose, *around])
     simulation.place(drawn)
-    astray, poses = _settle(simulation, REST_SPANS, STILL), simulation.poses()
-    stays = not astray.any() and (np.abs(poses - drawn)[:, :3] <= DEEPEST_SINK).all()
+    astray, poses = _settle(simulation, _REST.spans, STILL), simulation.poses()
+    stays = not astray.any() and (np.abs(poses - drawn)[:, :3] <= _REST.sink).all()
     return poses if stays else None
 
 
@@ -154,7 +199,7 @@ def gap_between(a: Array, b: Array) -> float:
 
 
 def _beyond_edge(a: Array, b: Array) -> float:
-    """How far all of `b` lies outside of one edge of `a`, the best of its edges; separating axes."""
+    """Largest distance by which all of `b` lies outside of one edge of `a`; separating axes."""
     edges = np.roll(a, -1, axis=0) - a
     out = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
     return float((out[:, None] * (b - a[:, None])).sum(-1).min(axis=1).max())
@@ -179,9 +224,9 @@ def _drop(simulation: Simulation, pose: Array, rng: Generator) -> Array | None:
     """
     count = 1 + len(simulation.neighbours)
     simulation.place(np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (count, 1)))
-    astray, edge = np.ones(count, bool), HEAP_SPREAD * np.sqrt(count) + HEAP_EDGE
+    astray, edge = np.ones(count, bool), _HEAP.spread * np.sqrt(count) + _HEAP.edge
     centre = np.clip(pose[:2], _LOW + edge, _HIGH - edge)
-    for _ in range(HEAP_TURNS):
+    for _ in range(_HEAP.turns):
         _lay(simulation, astray, centre, rng)
         astray, poses = _strays(simulation)
         if not astray.any():
@@ -195,32 +240,32 @@ def _lay(simulation: Simulation, which: Mask, centre: Array, rng: Generator) -> 
     for k in np.flatnonzero(which).tolist():
         data.qpos[dof + 7 * k + 2], data.qvel[dof + 6 * k :][:6] = _SKY * (1.0 + k), 0.0
     lying, order = np.flatnonzero(~which).tolist(), rng.permutation(np.flatnonzero(which)).tolist()
-    for first in range(0, len(order), HEAP_LAYER):
-        for k in order[first : first + HEAP_LAYER]:
+    for first in range(0, len(order), _HEAP.layer):
+        for k in order[first : first + _HEAP.layer]:
             spot, spin = rng.uniform(-1.0, 1.0, 2), rng.standard_normal(4)
             quat, poses = spin / np.sqrt((spin * spin).sum()), simulation.poses()
             top = max([0.0, *(highest(hulls[j], poses[j]) for j in lying)])
-            own = np.array([*centre, top + HEAP_FALL, *quat])
-            own[:2] += HEAP_SPREAD * np.sqrt(1 + len(lying)) * spot
+            own = np.array([*centre, top + _HEAP.fall, *quat])
+            own[:2] += _HEAP.spread * np.sqrt(1 + len(lying)) * spot
             own[2] -= rotate(quat, hulls[k])[:, 2].min()
             data.qpos[dof + 7 * k :][:7], data.qvel[dof + 6 * k :][:6] = own, 0.0
             lying.append(k)
-        _calm(simulation, HEAP_STEPS, which, centre)
-    _calm(simulation, HEAP_REST_STEPS, np.zeros_like(which), centre)
+        _calm(simulation, _HEAP.layer_rounds, which, centre)
+    _calm(simulation, _HEAP.rest_rounds, np.zeros_like(which), centre)
 
 
 def _calm(simulation: Simulation, steps: int, drawn: Mask, centre: Array) -> None:
-    """Let things come to lie as if in honey, those of a mask (k,) drawn together about `centre` (2,) m."""
+    """Settle objects with strong damping, those of a mask (k,) pulled together about `centre` (2,) m."""
     model, data, dof = simulation.model, simulation.data, simulation.cell.robot.dof
     bodies = simulation.body + np.flatnonzero(drawn)
-    weight = HEAP_PULL * 9.81 * model.body_mass[bodies, None]
-    model.opt.timestep = HEAP_TIMESTEP
+    weight = _HEAP.pull * GRAVITY * model.body_mass[bodies, None]
+    model.opt.timestep = _HEAP.timestep
     for _ in range(steps):
         data.xfrc_applied[bodies, :2] = weight * np.clip(
-            (centre - data.xpos[bodies, :2]) / HEAP_WIDTH, -1.0, 1.0
+            (centre - data.xpos[bodies, :2]) / _HEAP.pull_width, -1.0, 1.0
         )
-        mujoco.mj_step(model, data, HEAP_CALM_STEPS)
-        data.qvel[dof:] *= HEAP_CALM
+        mujoco.mj_step(model, data, _HEAP.calm_steps)
+        data.qvel[dof:] *= _HEAP.calm
     model.opt.timestep = TIMESTEP
     data.xfrc_applied[bodies] = 0.0
 
@@ -230,10 +275,10 @@ def _strays(simulation: Simulation) -> tuple[Mask, Array]:
 
     That is as an episode ends in which the robot stays home, where all rest; the heap is then left as it begins.
     """
-    astray, begin = _settle(simulation, HEAP_SPANS, CREEP), simulation.poses()
+    astray, begin = _settle(simulation, _HEAP.spans, _REST.creep), simulation.poses()
     state, poses = simulation.get_state(), begin
-    for _ in range(0 if astray.any() else MAX_EPISODE_STEPS * CONTROL_STEPS // REST_SPAN):
-        simulation.settle(REST_SPAN)
+    for _ in range(0 if astray.any() else MAX_EPISODE_STEPS * CONTROL_STEPS // _REST.span):
+        simulation.settle(_REST.span)
         poses = simulation.poses()
         astray = np.linalg.norm(poses - begin, axis=1) > NEIGHBOUR_MOVED
         if astray.any():
@@ -251,10 +296,10 @@ def highest(corners: Array, pose: Array) -> float:
 
 
 def _settle(simulation: Simulation, spans: int, still: float) -> Mask:
-    """Let everything come to rest; return which objects (k,) move on by more than `still`, or are where none may be."""
+    """Settle everything; return which objects (k,) move on by more than `still`, or are where none may be."""
     for _ in range(spans):
         before = simulation.poses()
-        simulation.settle(REST_SPAN)
+        simulation.settle(_REST.span)
         moving = np.abs(simulation.poses() - before).max(axis=1) > still
         if not moving.any():
             break
@@ -266,9 +311,9 @@ def _misplaced(simulation: Simulation) -> Mask:
     data, poses = simulation.data, simulation.poses()
     low = [rotate(p[3:], c)[:, 2].min() + p[2] for c, p in zip(_hulls(simulation), poses, strict=True)]
     touched = [data.sensordata[simulation.columns[TOUCHING_HAND]], *data.sensordata[simulation.touches]]
-    deep = data.contact.geom[data.contact.dist < -DEEPEST_CONTACT]
+    deep = data.contact.geom[data.contact.dist < -_REST.pierce]
     pierced = np.isin(simulation.body + np.arange(len(poses)), simulation.model.geom_bodyid[deep])
-    return (np.array(low) < -DEEPEST_SINK) | np.array(touched, bool) | pierced | ~_on_table(poses[:, :2])
+    return (np.array(low) < -_REST.sink) | np.array(touched, bool) | pierced | ~_on_table(poses[:, :2])
 
 
 def _hulls(simulation: Simulation) -> list[Array]:
