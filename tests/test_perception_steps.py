@@ -15,7 +15,6 @@ from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.perception.cloud import (
     Cloud,
     cells_of,
-    clusters,
     crop,
     deproject,
     downsample,
@@ -26,6 +25,7 @@ from dexgrasp_env.perception.cloud import (
     remove_outliers,
     smooth,
 )
+from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.picture import cloud_picture
 from dexgrasp_env.perception.plane import Plane, fit_plane, level_views, remove_plane, view_corrections
 from dexgrasp_env.perception.robot import RobotShape, robot_geoms
@@ -206,12 +206,12 @@ def test_outliers_and_small_clusters_go():
     cloud = as_cloud(np.concatenate([big, small, [[0.3, 0.3, 0.3]]]))
     dense = remove_outliers(cloud)
     assert 460 not in dense.pixel
-    labels = clusters(dense, 0.015)
+    labels = linked(dense.points, 0.015)
     largest = dense.select(labels == np.bincount(labels).argmax())
     assert set(largest.pixel) <= set(range(400))
     assert len(largest) > 390
     assert len(remove_outliers(as_cloud(np.zeros((2, 3))))) == 0
-    assert len(clusters(as_cloud(np.empty((0, 3))), 0.015)) == 0
+    assert len(linked(np.empty((0, 3)), 0.015)) == 0
 
 
 def test_downsampling_is_even_exact_in_number_and_seeded():

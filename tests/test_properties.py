@@ -12,9 +12,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.testing import assert_allclose, assert_array_equal
 from oracles import box_distance
 from refusals import refused
-from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.cli.parsing import reader
@@ -23,7 +21,7 @@ from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.file import record_of
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.margin import cone_margin
-from dexgrasp_env.perception import kernels
+from dexgrasp_env.perception.neighbourhoods import have_neighbours, linked, local_planes
 from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate
 from dexgrasp_env.valid import NATURAL, number
 
@@ -83,17 +81,32 @@ def test_distances_to_a_box_are_the_analytic_ones(points, sides):
 
 
 @given(hnp.arrays(np.float64, (40, 3), elements=st.floats(0.0, 0.1)), st.floats(0.005, 0.05))
-def test_neighbours_and_clusters_are_those_of_scipy(points, radius):
+def test_neighbours_and_clusters_are_those_of_all_distances(points, radius):
     near = np.linalg.norm(points[:, None] - points, axis=-1)
     assume(np.abs(near - radius).min() > 1e-12)  # on the radius itself rounding decides
-    tree = cKDTree(points)
-    counts = tree.query_ball_point(points, radius, return_length=True) - 1
-    assert_array_equal(kernels.count_neighbours(points, radius), counts)
-    ends = tree.query_pairs(radius, output_type="ndarray").T
-    joined = coo_matrix((np.ones(ends.shape[1]), ends), shape=(len(points), len(points)))
-    labels = connected_components(joined, directed=False)[1]
-    assert_array_equal(kernels.cluster(points, radius)[:, None] == kernels.cluster(points, radius),
-                                  labels[:, None] == labels)  # fmt: skip
+    assert_array_equal(have_neighbours(points, radius, 3), (near <= radius).sum(axis=1) > 3)
+    labels = connected_components(near <= radius, directed=False)[1]
+    assert_array_equal(linked(points, radius), labels)
+
+
+@given(hnp.arrays(np.float64, (30, 3), elements=st.floats(0.0, 0.1)), st.floats(0.02, 0.05))
+def test_local_planes_are_those_of_weighted_covariances(points, radius):
+    near = np.linalg.norm(points[:4, None] - points, axis=-1)
+    assume(min(np.abs(near - radius).min(), np.abs(near - 2 * radius).min()) > 1e-12)
+    weights = np.linspace(1.0, 2.0, len(points))
+    centres, normals, residuals = local_planes(points[:4], points, weights, radius, 8)
+    for k, distance in enumerate(near):
+        reach = radius if (distance <= radius).sum() >= 8 else 2 * radius
+        inside = distance <= reach
+        if inside.sum() < 3:
+            assert not normals[k].any()
+            continue
+        w = (weights * np.exp(-2.0 * (distance / reach) ** 2))[inside]
+        assert_allclose(centres[k], w @ points[inside] / w.sum(), atol=1e-12)
+        local = points[inside] - centres[k]
+        values = np.linalg.eigvalsh((w[:, None] * local).T @ local / w.sum())
+        assert_allclose(residuals[k] ** 2, max(values[0], 0.0), atol=1e-15)
+        assert_allclose(w @ (local @ normals[k]) ** 2 / w.sum(), values[0], atol=1e-15)
 
 
 @pytest.mark.parametrize("rule", [NATURAL, number(ge=1, whole=True), number(gt=0)])

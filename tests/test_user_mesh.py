@@ -17,7 +17,7 @@ from dexgrasp_env.objects.repair import repair
 from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.objects.shapes import union
 from dexgrasp_env.objects.surface import is_solid, is_sound, simplified
-from dexgrasp_env.objects.user_mesh import describe_mesh, load_mesh, read_mesh
+from dexgrasp_env.objects.user_mesh import describe_mesh, load_mesh
 
 pytestmark = pytest.mark.usefixtures("own_cache")
 
@@ -120,72 +120,6 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(tmp_path, defect, mes
     (finding,) = describe_mesh(path)
     assert finding.level == "error"
     assert finding.remedy
-
-
-U = np.array([(0, 0), (9, 0), (9, 6), (7, 6), (7, 2), (2, 2), (2, 6), (0, 6)]) / 100
-ARROW = np.array([(0, 0), (8, -4), (2, 0), (8, 4)]) / 100
-"""Concave outlines: a fan over the first is wrong from most corners, over the second from two of four."""
-
-
-def prism_text(outline: np.ndarray, suffix: str) -> str:
-    """A prism 4 cm high whose ends are one polygon each, as modelling programs write it."""
-    n = len(outline)
-    vertices = np.vstack([np.c_[outline, np.zeros(n)], np.c_[outline, np.full(n, 0.04)]])
-    faces = [
-        [*range(n)][::-1],
-        [*range(n, 2 * n)],
-        *([i, (i + 1) % n, (i + 1) % n + n, i + n] for i in range(n)),
-    ]
-    rows = [" ".join(map(str, vertex)) for vertex in vertices.tolist()]
-    if suffix == "obj":
-        corners = [" ".join(f"{i + 1}//1" for i in face) for face in faces]
-        return "".join(f"v {row}\n" for row in rows) + "vn 0 0 1\n" + "".join(f"f {one}\n" for one in corners)
-    head = f"ply\nformat ascii 1.0\nelement vertex {2 * n}\n"
-    head += "".join(f"property float {axis}\n" for axis in "xyz")
-    head += f"element face {n + 2}\nproperty list uchar int vertex_indices\nend_header\n"
-    lists = [" ".join(map(str, [len(face), *face])) for face in faces]
-    return head + "\n".join([*rows, *lists]) + "\n"
-
-
-@pytest.mark.parametrize("suffix", ["obj", "ply"])
-@pytest.mark.parametrize("outline", [U, ARROW], ids=["U", "arrow"])
-def test_concave_polygons_are_cut_into_triangles_within_them(tmp_path, outline, suffix):
-    x, y = outline.T
-    area = 0.5 * (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
-    around = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1).sum()
-    for start in range(len(outline)):
-        path = tmp_path / f"{start}.{suffix}"
-        path.write_text(prism_text(np.roll(outline, -start, axis=0), suffix))
-        mesh = read_mesh(path)
-        assert mesh.area == pytest.approx(2 * area + 0.04 * around, rel=1e-6)
-        assert load_object(path).mesh.volume == pytest.approx(0.04 * area, rel=1e-6)
-
-
-def test_corners_may_be_counted_from_the_last_vertex(tmp_path):
-    head, faces = prism_text(U, "obj").split("vn 0 0 1\n")
-    lines = [" ".join(str(int(word[:-3]) - 17) for word in line.split()[1:]) for line in faces.splitlines()]
-    (tmp_path / "u.obj").write_text(head + "".join(f"f {line}\n" for line in lines))
-    assert load_object(tmp_path / "u.obj").mesh.volume == pytest.approx(0.04 * 34e-4, rel=1e-6)
-
-
-def test_a_binary_stl_is_read_as_far_as_it_counts(tmp_path):
-    path, data = tmp_path / "a.stl", CAPSULE.export(file_type="stl")
-    path.write_bytes(data + b"made by a scanner")
-    assert load_object(path).mesh.volume == pytest.approx(CAPSULE.volume, rel=1e-4)
-    path.write_bytes(data[: 84 + 50 * 99 + 20])
-    with refused("is damaged .it ends after 99 of 512 triangles.: export it again"):
-        load_object(path)
-    path.write_text("solid a\n facet normal 0 0 1\n  outer loop\n   vertex 0 0 0\n")
-    with refused("is damaged .it ends before its last facet."):
-        load_object(path)
-
-
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
-def test_texts_may_begin_with_a_byte_order_mark(tmp_path, encoding):
-    for suffix in ("obj", "ply"):
-        path = tmp_path / f"a.{suffix}"
-        path.write_text(prism_text(U, suffix), encoding=encoding)
-        assert load_object(path).mesh.volume == pytest.approx(0.04 * 34e-4, rel=1e-6)
 
 
 def defective(defect: str) -> trimesh.Trimesh:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Fields, Index, Mask, Single
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.neighbourhoods import have_neighbours, local_planes
 from dexgrasp_env.robot.camera import Camera
 
 _SUPPORT, _SUPPORTS = 0.015, 3  # m of depth within which a neighbour supports a pixel, and how many it needs
@@ -136,18 +137,7 @@ def remove_outliers(cloud: Cloud, radius: float = 0.012, least: int = 4) -> Clou
     """Return the points with at least `least` others within `radius` metres (Open3D's radius filter)."""
     if len(cloud) <= least:
         return cloud.select(np.zeros(len(cloud), bool))
-    from dexgrasp_env.perception.kernels import count_neighbours
-
-    return cloud.select(count_neighbours(np.ascontiguousarray(cloud.points), radius) >= least)
-
-
-def clusters(cloud: Cloud, link: float) -> Index:
-    """Return a number for each point (M,), from 0 on; points linked by steps of at most `link` metres share it."""
-    if not len(cloud):
-        return np.zeros(0, np.int64)
-    from dexgrasp_env.perception.kernels import cluster
-
-    return cluster(np.ascontiguousarray(cloud.points), link)
+    return cloud.select(have_neighbours(cloud.points, radius, least))
 
 
 def downsample(points: Array, count: int, rng: Generator) -> Index:
@@ -205,10 +195,9 @@ def smooth(cloud: Cloud, queries: Cloud, noise: float, radius: float = 0.010) ->
     Returns:
         Points (Q, 3) m and unit normals (Q, 3) towards the cameras.
     """
-    from dexgrasp_env.perception.kernels import local_planes
-
-    points, at = np.ascontiguousarray(cloud.points), np.ascontiguousarray(queries.points)
-    centres, normals, residuals = local_planes(at, points, cloud.depth**-4.0, radius, _FEWEST)
+    centres, normals, residuals = local_planes(
+        queries.points, cloud.points, cloud.depth**-4.0, radius, _FEWEST
+    )
     normals = np.where((normals * queries.views).sum(-1, keepdims=True) < 0, -normals, normals)
     normals = np.where((normals**2).sum(-1, keepdims=True) < 0.5, queries.views, normals)
     offset = ((queries.points - centres) * normals).sum(-1)

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index, Mask, unit
-from dexgrasp_env.perception.cloud import Cloud, cells_of, clusters, smooth
+from dexgrasp_env.perception.cloud import Cloud, cells_of, smooth
+from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.plane import Plane
 
 LEAST_POINTS, LEAST_EXTENT = 50, 0.02
@@ -240,7 +241,7 @@ def _with_shared(points: Array, labels: Index) -> Index:
 
 def _with_walls(labels: Index, cloud: Cloud, link: float) -> Index:
     """Return labels (M,) in which upright sheets that stand in one row, longer than an object, are one thing."""
-    rows = clusters(cloud, link)
+    rows = linked(cloud.points, link)
     for row in range(rows.max() + 1):
         own = np.unique(labels[rows == row])
         if longest_side(cloud.points[rows == row]) <= MOST_EXTENT or len(own) < 2:

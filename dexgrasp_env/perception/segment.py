@@ -12,7 +12,6 @@ from dexgrasp_env.arrays import Array, middle, unit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import (
     Cloud,
-    clusters,
     crop,
     downsample,
     gather,
@@ -28,6 +27,7 @@ from dexgrasp_env.perception.instances import (
     longest_side,
     parted,
 )
+from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -184,7 +184,7 @@ def _meant(cloud: Cloud, pointing: Pointing, plane: Plane) -> tuple[Parting, int
     marked = pointing.marks(cloud)
     near = pointing.near
     if marked is None and near is None:  # there is but one, so that what is near it is of it
-        labels = clusters(cloud, LINK)
+        labels = linked(cloud.points, LINK)
         counts = np.bincount(labels, minlength=1)
         return Parting(labels, np.zeros(len(counts), bool)), int(counts.argmax())
     parting = parted(cloud, plane)

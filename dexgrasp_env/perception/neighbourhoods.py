@@ -1,0 +1,77 @@
+"""What lies around the points of a cloud: enough others, a step away, on one plane."""
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array, Index, Mask
+
+_AT_ONCE = 8192  # queries: the pairs of more would fill the memory
+_ROW, _COLUMN = (
+    np.array([0, 0, 1, 0, 1, 2]),
+    np.array([0, 1, 1, 2, 2, 2]),
+)  # of a symmetric matrix's six entries
+
+
+def have_neighbours(points: Array, radius: float, least: int) -> Mask:
+    """Return which points (M, 3) have at least `least` others within `radius` metres."""
+    from scipy.spatial import cKDTree
+
+    return np.asarray(cKDTree(points).query(points, k=[least + 1])[0][:, 0] <= radius)
+
+
+def linked(points: Array, step: float) -> Index:
+    """Return a number for each point (M, 3), from 0 on in their order; those linked by steps of `step` m share it."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    tree, labels = cKDTree(points), np.zeros(len(points), np.int64)
+    for length in (0.5 * step, step):  # most often all hang together by short steps, of which there are few
+        ends = tree.query_pairs(length, output_type="ndarray").T
+        links = coo_matrix((np.ones(ends.shape[1], bool), ends), shape=(len(points), len(points)))
+        labels = connected_components(links, directed=False)[1].astype(np.int64)
+        if not labels.any():
+            break
+    return labels
+
+
+def local_planes(
+    queries: Array, points: Array, weights: Array, radius: float, least: int
+) -> tuple[Array, Array, Array]:
+    """Fit a plane to the weighted neighbourhood of each query.
+
+    Args:
+        queries: (Q, 3).
+        points: (M, 3).
+        weights: (M,) confidence of each point; a Gaussian of the distance multiplies it.
+        radius: of the neighbourhood, metres; doubled once where fewer than `least` points are in it.
+        least: fewest points of a fit.
+
+    Returns:
+        Centroids (Q, 3), unit normals (Q, 3; zero where no fit), RMS residuals (Q,).
+    """
+    from scipy.sparse import csr_matrix
+    from scipy.spatial import cKDTree
+
+    x = points - points.mean(0)
+    moments = np.column_stack([np.ones(len(x)), x, x[:, _ROW] * x[:, _COLUMN]])
+    tree, n = cKDTree(points), len(queries)
+    sums, counts = np.zeros((n, 10)), np.zeros(n, np.int64)
+    for start in range(0, n, _AT_ONCE):
+        rows = np.arange(start, min(start + _AT_ONCE, n))
+        for reach in (radius, 2.0 * radius):
+            pairs = cKDTree(queries[rows]).sparse_distance_matrix(tree, reach, output_type="ndarray")
+            weight = weights[pairs["j"]] * np.exp(-2.0 * (pairs["v"] / reach) ** 2)
+            near = csr_matrix((weight, (pairs["i"], pairs["j"])), shape=(len(rows), len(points)))
+            sums[rows], counts[rows] = near @ moments, np.diff(near.indptr)
+            rows = rows[counts[rows] < least]
+            if not len(rows):
+                break
+    fit = counts >= 3
+    mean, squares = sums[fit, 1:4] / sums[fit, :1], sums[fit, 4:] / sums[fit, :1]
+    covariance = np.empty((len(mean), 3, 3))
+    covariance[:, _ROW, _COLUMN] = covariance[:, _COLUMN, _ROW] = squares - mean[:, _ROW] * mean[:, _COLUMN]
+    values, vectors = np.linalg.eigh(covariance)
+    centres, normals, residuals = queries.copy(), np.zeros((n, 3)), np.zeros(n)
+    centres[fit], normals[fit] = mean + points.mean(0), vectors[:, :, 0]
+    residuals[fit] = np.sqrt(np.maximum(values[:, 0], 0.0))
+    return centres, normals, residuals
