@@ -15,6 +15,7 @@ from dexgrasp_env.arrays import Fields, Single
 from dexgrasp_env.errors import InputError, first_line, unknown_name
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.files import expand, read_json_object
+from dexgrasp_env.scene.constants import CONTROL_STEPS
 
 from .checkpoint_reader import counted, harmless_objects, read_settings, statistics_files
 
@@ -46,6 +47,12 @@ class CheckpointAgent(Agent):
         told, beside = _told(self._policy), path.with_suffix(".json")
         if beside.is_file():
             told |= read_json_object(beside, 'it holds environment settings, e.g. {"obs_mode": "state"}')
+        if "control_mode" not in told:
+            raise InputError(
+                f"{path} was trained on actions that a wrapper changed, or elsewhere, and does not tell their meaning: "
+                f'write {{"control_mode": "joint_delta"}} into {beside} if that is what they are, or name an agent of '
+                "your own, package.module:Class"
+            )
         self.env_settings = told  # type: ignore[misc]  # of the instance here
 
     def seed(self, seed: int) -> None:
@@ -57,7 +64,14 @@ class CheckpointAgent(Agent):
 
     def act(self, observation: Observation) -> Single:
         """Return the policy's mean action."""
-        seen = dict(observation) if self._counted is None else self._counted.normalize_obs(dict(observation))
+        keys = self._policy.observation_space.spaces
+        if missing := sorted(keys - observation.keys()):
+            raise InputError(
+                f"the checkpoint was trained with {', '.join(missing)}, which the environment lacks"
+            )
+        seen = {key: observation[key] for key in keys}
+        if self._counted is not None:
+            seen = self._counted.normalize_obs(seen)
         action, _ = self._policy.predict(seen, deterministic=True)
         return np.asarray(action, dtype=np.float32)
 
@@ -121,7 +135,7 @@ def _told(policy: Any) -> Fields:
         mode for mode, key in {"pointcloud": "cloud", "rgbd": "rgb", "depth": "depth"}.items() if key in keys
     ][:1]
     known = ["state"] if "object_pose" in keys or "observation" in keys or not seen else []
-    return {
-        "obs_mode": "+".join(known + seen),
-        "control_mode": getattr(policy.action_space, "control_mode", "joint_delta"),
-    }
+    space, told = policy.action_space, {"obs_mode": "+".join(known + seen)}
+    usual = {"control_mode": None, "frame_skip": CONTROL_STEPS, "action_scale": 1.0}
+    own = {key: getattr(space, key, value) for key, value in usual.items()}
+    return told | {key: value for key, value in own.items() if value != usual[key]}

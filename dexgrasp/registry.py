@@ -1,5 +1,6 @@
 """Agents by name."""
 
+import ast
 import importlib
 import importlib.util
 import os
@@ -112,17 +113,55 @@ def agent_files(name: str) -> list[Path]:
     return []
 
 
-def agent_source(name: str) -> Path | None:
-    """Return the file of the module that an agent `package.module:Class` is in; None where there is none."""
-    if ":" not in name:
-        return None
+def agent_sources(name: str) -> list[Path]:
+    """Return the files that an agent `package.module:Class` rests on.
+
+    They are its module, the modules of the same folder that it imports, and files that these name in their text, as
+    weights: nothing is run for it, so a name that is put together is not seen.
+    """
+    module = name.partition(":")[0]
+    if ":" not in name or name.endswith(".zip"):
+        return []
     _look_here()
     try:
-        spec = importlib.util.find_spec(name.partition(":")[0])
+        spec = importlib.util.find_spec(module)
     except (ImportError, ValueError):  # make_agent says what is wrong with the name
-        return None
-    path = Path(spec.origin) if spec and spec.origin else None
-    return path if path and path.is_file() else None
+        return []
+    first = Path(spec.origin) if spec and spec.origin else None
+    if not first or not first.is_file():
+        return []
+    own = module.partition(".")[0] in ("dexgrasp", "dexgrasp_env")  # all of which is hashed already
+    found: dict[Path, None] = {}
+    left = [first]
+    while left:
+        if (path := left.pop()) not in found:
+            found[path] = None
+            left += [] if own or path.suffix != ".py" else named_files(path)
+    return list(found)
+
+
+def named_files(source: Path) -> list[Path]:
+    """Return the modules beside a Python file that it imports, and the files that its text names."""
+    try:
+        tree = ast.parse(source.read_bytes())
+    except (SyntaxError, ValueError):  # importing it says what is wrong
+        return []
+    roots, modules, texts = [source.parent], list[str](), list[str]()
+    while (roots[-1] / "__init__.py").is_file():  # of a package
+        roots.append(roots[-1].parent)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            modules += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            whole = node.module or ""
+            modules += [whole, *(f"{whole}.{alias.name}".strip(".") for alias in node.names)]
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            texts.append(node.value)
+    own = [root for root in roots if root.name not in ("site-packages", "dist-packages")]
+    stems = [root / name.replace(".", "/") for root in own for name in modules if name]
+    tried = [path for stem in stems for path in (stem.with_suffix(".py"), stem / "__init__.py")]
+    tried += [base / text for text in texts if 0 < len(text) < 256 for base in (Path.cwd(), roots[0])]
+    return [path for path in tried if os.path.isfile(path)]
 
 
 def _load(spec: str) -> Any:

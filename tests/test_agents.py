@@ -21,6 +21,9 @@ import dexgrasp_env  # noqa: F401
 from dexgrasp import Agent, make_agent
 from dexgrasp.agent import public_info
 from dexgrasp.agents.hardcoded import HardcodedAgent, short_axis
+from dexgrasp.evaluation.protocol import agent_settings
+from dexgrasp.evaluation.settings import code_hash
+from dexgrasp.registry import agent_sources
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.robot.cell import make_cell
@@ -237,6 +240,54 @@ def test_a_checkpoint_tells_its_modes_and_brings_its_normalisation(settings, tmp
     (tmp_path / "ppo.pkl").write_bytes(b"no pickle")
     with refused("VecNormalize"):
         make_agent(str(tmp_path / "ppo.zip"))
+
+
+def saved_ppo(env, path):
+    library = pytest.importorskip("stable_baselines3")
+    library.PPO("MultiInputPolicy", env, n_steps=2, batch_size=2, device="cpu").save(path)
+    return make_agent(str(path))
+
+
+def test_a_checkpoint_tells_the_pace_and_scale_of_its_actions(tmp_path):
+    env = gym.make("DexGrasp/Lift-v2", objects="lego", frame_skip=50, action_scale=0.5, max_episode_steps=150)
+    agent = saved_ppo(env, tmp_path / "ppo.zip")
+    assert {key: agent.env_settings[key] for key in ("frame_skip", "action_scale")} == {
+        "frame_skip": 50, "action_scale": 0.5,
+    }  # fmt: skip
+    with refused("which the protocol decides"):
+        agent_settings("ppo.zip", agent)
+
+
+def test_a_checkpoint_is_given_the_keys_that_it_was_trained_with(tmp_path):
+    whole = gym.make("DexGrasp/Lift-v2", objects="lego")
+    env = gym.wrappers.FilterObservation(whole, ["object_pose", "palm_pose"])
+    agent, (observation, _) = saved_ppo(env, tmp_path / "ppo.zip"), whole.reset(seed=0)
+    assert whole.action_space.contains(agent.act(observation))
+    with refused("trained with palm_pose, which the environment lacks"):
+        agent.act({"object_pose": observation["object_pose"]})
+
+
+def test_actions_that_a_wrapper_changed_are_not_taken_for_another_mode(tmp_path):
+    env = gym.wrappers.RescaleAction(gym.make("DexGrasp/Lift-v2", objects="lego"), -0.5, 0.5)
+    with refused("actions that a wrapper changed"):
+        saved_ppo(env, tmp_path / "ppo.zip")
+    (tmp_path / "ppo.json").write_text('{"control_mode": "joint_delta"}')
+    assert make_agent(str(tmp_path / "ppo.zip")).env_settings["control_mode"] == "joint_delta"
+
+
+def test_an_agent_rests_on_the_modules_and_weights_beside_it(tmp_path, monkeypatch):
+    (tmp_path / "acts.py").write_text('from helps import action\nimport numpy\nWEIGHTS = "w.npy"\n')
+    (tmp_path / "helps.py").write_text("from .deeper import x\nfrom package import part\n")
+    (tmp_path / "package").mkdir()
+    for name in ("w.npy", "other.npy", "deeper.py", "package/__init__.py", "package/part.py"):
+        (tmp_path / name).write_text("")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    found = {path.relative_to(tmp_path).as_posix() for path in agent_sources("acts:Acts")}
+    assert found == {"acts.py", "helps.py", "w.npy", "deeper.py", "package/__init__.py", "package/part.py"}
+    before = code_hash(["acts:Acts"])
+    (tmp_path / "w.npy").write_text("trained on")
+    assert code_hash(["acts:Acts"]) != before
 
 
 class Harm:

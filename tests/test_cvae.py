@@ -127,6 +127,18 @@ def test_batches_depend_on_the_step_alone_and_keep_contacts_on_the_cloud(data):
     assert np.median(gaps) < 0.01
 
 
+def test_the_wrench_layer_adds_the_residual_of_the_forces_to_the_loss(data, tmp_path):
+    plain, wrench = (replace(TRAINING, epochs=1, wrench_layer=on) for on in (False, True))
+    torch.manual_seed(0)
+    net = Cvae(NETWORK)
+    one, other = (CvaeTask(data, settings).losses(net, 0, 1.0) for settings in (plain, wrench))
+    assert float(other.total.detach()) > float(one.total.detach())
+    (other.total - one.total).backward()
+    assert net.decoder[-1].weight.grad[:9].abs().sum() > 0
+    assert typed(f"train cvae --data {data} --out {tmp_path / 'run'} --epochs 1 --wrench-layer") == 0
+    assert '"wrench_layer": true' in (tmp_path / "run" / "run.json").read_text()
+
+
 def test_splits_share_no_grasp(data):
     parts = split(read_dataset(data), TRAINING)
     assert parts["held_out_poses"]

@@ -30,7 +30,7 @@ from dexgrasp_env.valid import Count, Natural, Positive, one_of
 if TYPE_CHECKING:
     from dexgrasp.learning.training.loop import Progress, Training
 
-_CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")
+_CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "wrench_layer", "held_out_object")
 _BC = ("epochs", "threads", "hidden", "chunk", "execute")
 _GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "learning_rate", "threads")
 _OF_PPO = ("log_std_init", "log_std_final", "noise", "n_steps", "n_epochs", "target_kl", "adaptive")
@@ -156,6 +156,7 @@ class Cvae(TrainingCommand):
     examples:
       dexgrasp train cvae --data runs/ycb6 --out runs/cvae --minutes 25
       dexgrasp train cvae --data runs/ycb6 --out runs/cvae --epochs 300 --held-out-object potted_meat_can --device cuda
+      dexgrasp train cvae --data runs/ycb6 --out runs/cvae_wrench --minutes 25 --wrench-layer
 
     A run that was interrupted goes on when the same command is given again, on a CPU to the same bits. The folder of
     --out holds cvae.safetensors (the weights of the least test loss), checkpoint.safetensors, run.json, curve.jsonl,

@@ -10,7 +10,7 @@ import dexgrasp_env
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, TrialSeeds, get_protocol, parts
 from dexgrasp.evaluation.store import Key
 from dexgrasp.evaluation.video import Film
-from dexgrasp.registry import agent_files, agent_source
+from dexgrasp.registry import agent_files, agent_sources
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
@@ -216,7 +216,7 @@ def code_hash(agents: Sequence[str]) -> str:
     files = sorted({path.resolve() for root in roots for path in root.rglob("*.py")})
     digest = hashlib.sha256()
     assets = sorted(path for path in asset_path().rglob("*") if path.is_file() and path.suffix != ".md")
-    for path in [*files, *assets, *filter(None, map(agent_source, agents))]:
+    for path in [*files, *assets, *(path for name in agents for path in agent_sources(name))]:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -1,4 +1,4 @@
-"""The half of the CVAE that proposes grasps, in numpy: planning needs no torch. `network` is what was trained."""
+"""The half of the CVAE that proposes grasps, in numpy: planning needs no torch; `learning.cvae` trains it."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -9,17 +9,19 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
 
 CONTROL_MODES = ("joint_position", "joint_delta", "ee_delta")
 
 
 class ActionSpace(spaces.Box):
-    """The actions of a control mode; what is trained in it can say which it was."""
+    """The actions of a control mode; a policy saved with its space says what they meant."""
 
-    def __init__(self, control_mode: str, robot: Robot) -> None:
+    def __init__(
+        self, control_mode: str, robot: Robot, frame_skip: int = CONTROL_STEPS, scale: float = 1.0
+    ) -> None:
         super().__init__(-1.0, 1.0, (action_size(control_mode, robot),), np.float32)
-        self.control_mode = control_mode
+        self.control_mode, self.frame_skip, self.action_scale = control_mode, frame_skip, scale
 
 
 def action_size(mode: str, robot: Robot) -> int:

@@ -46,7 +46,8 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         self._episodes = self.episodes_type(self.settings, 1)
         self._views = self._episodes.views
         robot = self.settings.cell.robot
-        self.action_space = ActionSpace(self.settings.control_mode, robot)  # type: ignore[assignment]
+        s = self.settings
+        self.action_space = ActionSpace(s.control_mode, robot, s.frame_skip, s.action_scale)  # type: ignore[assignment]
         self.observation_space = self._episodes.observation_space()  # type: ignore[assignment]
         self.simulation = next(iter(self._episodes.simulations.values()))
         give_physics(self._episodes)

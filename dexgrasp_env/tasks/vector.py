@@ -106,7 +106,8 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         self._physics = make_physics(self._episodes, threads)
         if self.settings.backend == "warp":
             use_device(self._episodes, self._physics, tensors)
-        self.single_action_space = ActionSpace(self.settings.control_mode, self.settings.cell.robot)
+        s = self.settings
+        self.single_action_space = ActionSpace(s.control_mode, s.cell.robot, s.frame_skip, s.action_scale)
         self.single_observation_space = self._episodes.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

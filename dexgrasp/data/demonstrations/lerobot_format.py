@@ -1,7 +1,8 @@
 """Demonstrations in the layout of LeRobot's data sets, version 3, written with pyarrow alone.
 
-`data/` has a row a control step, `meta/episodes/` a row an episode, `meta/info.json` says what the columns are and
-`meta/stats.json` how they spread. What cameras saw at reset is in the episodes' table, flat, as are object and seeds.
+`data/` has a row a control step, `meta/episodes/` a row an episode, `meta/info.json` the columns and `meta/stats.json`
+their distributions. LeRobot's policies take `observation.state` (joints), `observation.environment_state` (the object)
+and `observation.images.*`. What cameras saw at reset is in the episodes' table, flat, as are object and seeds.
 """
 
 import json
@@ -28,6 +29,9 @@ _EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 _VERSION = "v3.0"
 _CHUNK = 1000  # files of a folder at most
 _DATA_MB, _VIDEO_MB = 100, 200  # what LeRobot writes into its own
+_WIDEST = 256  # numbers of a column that are described each; those of clouds and depth pictures are described together
+_PICTURES = 4  # axes of an array of pictures
+_EVERY = 4  # pixels, of which one in each direction is described
 _QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
 _TASKS = {
     "index_columns": ["task"], "column_indexes": [], "pandas_version": "2.0.0", "columns": [
@@ -86,8 +90,12 @@ def _columns(episode: Episode, number: int, start: int, task: int) -> Arrays:
     count = len(episode)
     steps = np.arange(count)
     seen = {key: array[:-1] for key, array in episode.observations.items()}
+    pictures = seen.pop("rgb", np.zeros((count, 0), np.uint8))  # (T, views, H, W, 3)
+    about = [array.reshape(count, -1) for key, array in seen.items() if key.startswith("object_")]
     return {
         "observation.state": seen["joint_positions"].astype(np.float32),
+        **({"observation.environment_state": np.hstack(about).astype(np.float32)} if about else {}),
+        **{f"observation.images.view_{k}": pictures[:, k] for k in range(pictures.shape[1])},
         **{f"observation.{key}": array.reshape(count, -1) for key, array in seen.items()},
         "action": episode.actions,
         "next.reward": episode.rewards.astype(np.float32),
@@ -102,6 +110,11 @@ def _columns(episode: Episode, number: int, start: int, task: int) -> Arrays:
 
 
 def _array(pa: Any, values: NDArray[Any]) -> Any:
+    if values.ndim == _PICTURES:
+        import imageio.v3 as iio
+
+        files = [{"bytes": iio.imwrite("<bytes>", each, extension=".png"), "path": None} for each in values]
+        return pa.array(files, pa.struct([("bytes", pa.binary()), ("path", pa.string())]))
     numbers = pa.array(values.ravel())
     if values.size == len(values):  # LeRobot has single numbers as such
         return numbers
@@ -123,16 +136,26 @@ def _episode_row(episode: Episode, number: int, start: int, task: str, spread: d
 
 
 def _feature(values: NDArray[Any], joints: Names) -> Fields:
+    if values.ndim == _PICTURES:
+        return {"dtype": "image", "shape": list(values.shape[1:]), "names": ["height", "width", "channels"]}
     width = 1 if values.ndim == 1 else values.shape[1]
     names = list(joints) if width == len(joints) else None
     return {"dtype": str(values.dtype), "shape": [width], "names": names}
 
 
 def _part(values: NDArray[Any]) -> tuple[Any, ...]:
-    """Return what rows (n,) or (n, m) add to a `_spread`: count, extremes, sums, of squares too, and quantiles."""
-    x = values.reshape(len(values), -1).astype(float)
-    sums = x.sum(0), (x**2).sum(0), len(x) * np.quantile(x, _QUANTILES, axis=0)
-    return len(x), x.min(0), x.max(0), *sums
+    """Return the share of rows (n,) or (n, m), or of pictures (n, H, W, 3), in a `_spread`.
+
+    It is count, extremes, sums, sums of squares, and quantiles; of pictures by colour, from 0 to 1.
+    """
+    if values.ndim == _PICTURES:
+        x = values[:, ::_EVERY, ::_EVERY].reshape(-1, 3, 1, 1) / 255.0
+    else:
+        x = values.reshape(len(values), -1).astype(float)
+        x = x if x.shape[1] <= _WIDEST else x.reshape(-1, 1)
+    share = len(values) / len(x)
+    sums = share * x.sum(0), share * (x**2).sum(0), len(values) * np.quantile(x, _QUANTILES, axis=0)
+    return len(values), x.min(0), x.max(0), *sums
 
 
 def _spread(parts: Sequence[tuple[Any, ...]]) -> dict[str, list[float] | list[int]]:

@@ -1,5 +1,6 @@
 """Demonstrations as a Minari data set, and read back from one."""
 
+import copy
 import json
 import shutil
 from collections.abc import Iterable, Iterator
@@ -35,8 +36,11 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
     making = folder.resolve() / f"{DATA}.part"  # Minari counts its files wrongly under a relative path
     shutil.rmtree(making, ignore_errors=True)
     env = gym.make(ENV_ID, objects=[settings.objects[0]], **settings.env_arguments)
+    assert env.spec  # as all that `gym.make` makes
+    spec = copy.deepcopy(env.spec)
+    spec.kwargs["objects"] = list(settings.objects)  # one is enough here, and quicker made
     storage = MinariStorage.new(
-        making, observation_space(env.observation_space, settings), env.action_space, env.spec, "hdf5",
+        making, observation_space(env.observation_space, settings), env.action_space, spec, "hdf5",
         jpeg_encoding=False,
     )  # fmt: skip
     env.close()

@@ -19,6 +19,7 @@ from dexgrasp.data.demonstrations.settings import ENV_ID, DemoSettings
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.constants import GOAL_STEPS
 from dexgrasp_env.tasks.lift import LiftEnv
@@ -90,6 +91,11 @@ class DemoResets:
             raise InputError(
                 f"frame_skip is {inner.settings.frame_skip}: demonstrations are set-points {CONTROL_STEPS} physics "
                 "steps apart, and can be followed at that pace alone"
+            )
+        recorded = make_cell(self._settings.robot, self._settings.mount).robot.stamp
+        if recorded != (ours := inner.settings.cell.robot.stamp):
+            raise InputError(
+                f"the demonstrations are of {recorded}, the environment has {ours}: make some of its own"
             )
         own = inner.twin()
         if isinstance(own, PlaceEnv):

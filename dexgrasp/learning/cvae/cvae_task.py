@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from dexgrasp.data.dataset.dataset import read_dataset, read_manifest
+from dexgrasp.data.dataset.settings import MU
 from dexgrasp.learning.cvae.cvae_network import Cvae, Losses, losses
 from dexgrasp.learning.cvae.grasp_batches import Batch, split, test_batches, training_batch
 from dexgrasp.learning.cvae.settings import TrainingSettings
+from dexgrasp.learning.cvae.wrench_layer import wrench_layer
 from dexgrasp.learning.training.checkpoint import write_tensors
 from dexgrasp.learning.training.gradient_training import GradientTask, tensors_for
 from dexgrasp.learning.training.loop import CHECKPOINT, Progress
-from dexgrasp.planning.decoder import SCHEMA
+from dexgrasp.planning.decoder import SCALE, SCHEMA
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
 
@@ -21,6 +23,7 @@ with from_extra():
     import torch
 
 WEIGHTS = "cvae.safetensors"
+_BALANCED = 16  # grasps on each cloud whose forces are solved for with `wrench_layer`
 
 
 class CvaeTask(GradientTask):
@@ -64,7 +67,12 @@ class CvaeTask(GradientTask):
 
     def _losses(self, net: Cvae, batch: Batch, kl_weight: float) -> Losses:
         cloud, grasp, noise = tensors_for(net, batch)
-        return losses(net(cloud, grasp, noise), grasp, kl_weight)
+        output = net(cloud, grasp, noise)
+        found = losses(output, grasp, kl_weight)
+        if not self.settings.wrench_layer:
+            return found
+        residual = wrench_residual(output.grasp[:, :_BALANCED], cloud)
+        return found._replace(total=found.total + self.settings.wrench_weight * residual)
 
     def figures(self, net: Cvae, losses: Sequence[float]) -> Fields:
         """Return the losses of every split."""
@@ -102,3 +110,18 @@ class CvaeTask(GradientTask):
             f"the weights of epoch {best} are gone from {out} ({WEIGHTS}): remove {CHECKPOINT} to train from the "
             "start, or choose another --out"
         )
+
+
+def wrench_residual(grasp: torch.Tensor, cloud: torch.Tensor) -> torch.Tensor:
+    """Return the mean residual of Eq. 4 of decoded fingertips (C, G, 18), with the normals of the nearest points.
+
+    Args:
+        grasp: network units.
+        cloud: (C, N, 6) points (network units) and unit normals.
+    """
+    tips = grasp[..., :9].unflatten(-1, (3, 3))
+    nearest = torch.cdist(tips.detach().flatten(1, 2), cloud[..., :3]).argmin(-1)
+    normals = torch.take_along_dim(cloud[..., 3:], nearest[..., None], 1).reshape(-1, 3, 3)
+    points = (tips / SCALE).reshape(-1, 3, 3).cpu()
+    _, residual = wrench_layer(points, torch.nn.functional.normalize(normals.cpu(), dim=-1), MU)
+    return residual.mean().to(grasp)
