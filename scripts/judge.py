@@ -31,12 +31,12 @@ from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.grasp.planned_record import grasp_json
 from dexgrasp.grasp.file import read_grasp, record_of, write_grasp
 from dexgrasp.grasp.identity import ObjectIdentity
+from dexgrasp.grasp.planned_record import grasp_json
 from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.grasp.verify.check import Check
-from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.grasp.verify.verify import PARTS, UNEXECUTED, verify
 from dexgrasp.planning.scene_setup import Subject, subject_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -71,6 +71,7 @@ SMALL = {
 """Changes up to these, in the field's unit, are below what it can mean or what two ways of computing it agree to."""
 OBJECTS = ("pear", "sugar_box", "tomato_soup_can", "tetrahedron", "mustard_bottle", "lego")
 OBJECTS = ("all20", "varied-0..19")
+EXECUTED = [part for part in PARTS if part not in UNEXECUTED]  # dear: asked only of what the others pass
 
 
 class Mutation(NamedTuple):
@@ -135,7 +136,8 @@ def passes(content: dict[str, Any], mutation: Mutation) -> bool:
         target = target[key]
     target[mutation.path[-1]] = mutation.value
     try:
-        return not failing(verify(record_of(changed)))
+        record = record_of(changed)
+        return not any(failing(verify(record, parts)) for parts in (UNEXECUTED, EXECUTED))
     except InputError:
         return False
 

@@ -133,7 +133,12 @@ def test_same_seed_gives_the_same_scene_and_states_are_exact():
 
 
 @pytest.mark.parametrize(
-    ("kind", "obs_mode"), [("Sparse", "state"), ("Sparse", "pointcloud"), ("Heap", "state")]
+    ("kind", "obs_mode"),
+    [
+        ("Sparse", "state"),
+        pytest.param("Sparse", "pointcloud", marks=pytest.mark.slow),
+        pytest.param("Heap", "state", marks=pytest.mark.slow),
+    ],
 )
 def test_native_vector_is_the_single_environments_bit_for_bit(kind, obs_mode):
     number = 3

@@ -113,6 +113,7 @@ def test_two_workers_make_the_same_files(made, tmp_path):
     assert one == two
 
 
+@pytest.mark.slow
 def test_ray_makes_the_same_files(made, tmp_path):
     ray = pytest.importorskip("ray")
     ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)

@@ -25,7 +25,11 @@ from dexgrasp_env.tasks.settings import REWARD_MODES
 # Cameras know nothing of control and reward: every pair of modes meets once, not every triple.
 EVERY_MODE = [
     *(("state", control_mode, reward_mode) for control_mode in CONTROL_MODES for reward_mode in REWARD_MODES),
-    *((obs_mode, "joint_delta", "dense") for obs_mode in OBS_MODES if obs_mode != "state"),
+    *(
+        pytest.param(obs_mode, "joint_delta", "dense", marks=[pytest.mark.slow] * (obs_mode == "rgbd"))
+        for obs_mode in OBS_MODES
+        if obs_mode != "state"
+    ),
 ]
 
 
@@ -52,7 +56,9 @@ def test_checkers_accept_every_mode(obs_mode, control_mode, reward_mode):
 IDS = sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
 
 
-@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * ("Heap" in name)) for name in IDS]
+)
 def test_every_id_is_deterministic_and_accepted(name):
     env, other = (gym.make(name, objects="gelatin_box", disable_env_checker=True) for _ in range(2))
     assert_same(rollout(env, 3, 6), rollout(other, 3, 6))

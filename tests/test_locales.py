@@ -6,9 +6,9 @@ import subprocess
 
 import pytest
 import trimesh
-from dexgrasp_env.robot.rebuilt import Description
 
 from dexgrasp_env.locales import with_decimal_points
+from dexgrasp_env.robot.rebuilt import Description
 
 
 @pytest.fixture

@@ -46,7 +46,8 @@ def settings_of(algorithm, **more):
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_path, clone):
-    settings = settings_of(algorithm)
+    more = {"adaptive": True, "settle": -3.0} if algorithm == "ppo" else {}  # what is kept between updates
+    settings = settings_of(algorithm, **more)
     base = clone if algorithm == "ppo" else None
     task = partial(PolicyTask, settings, base)
     assert goes_on_to_the_same_bits(RolloutTraining, task, tmp_path).epoch == 3
@@ -56,12 +57,12 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_pat
         RolloutTraining(PolicyTask(settings_of(algorithm, seed=1), base), tmp_path / "parts").run()
 
 
-def test_episodes_along_demonstrations_go_on_to_the_same_bits(tmp_path):
+def test_episodes_begin_along_demonstrations(tmp_path):
     pytest.importorskip("minari")
     generate(DemoSettings.of(["sugar_box"], agent="hardcoded", episodes=1), tmp_path / "demos")
     more = {"control_mode": "ee_delta", "residual_scale": 0.5, "randomise": (("mass", 1.0, 1.05),)}
     settings = settings_of("ppo", resets=str(tmp_path / "demos"), **more)
-    whole = goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
+    whole = RolloutTraining(PolicyTask(settings), tmp_path / "whole").run()
     assert [row["front"] for row in whole.curve] == [0.9] * 3
     assert make_agent(str(tmp_path / "whole")).env_settings["control_mode"] == "ee_delta"
 
@@ -154,9 +155,9 @@ def test_the_agent_does_what_the_learner_means(algorithm, more, tmp_path):
     work.envs.close()
 
 
-def test_training_of_grasps_goes_on_to_the_same_bits(tmp_path):
+def test_grasps_are_learned(tmp_path):
     settings = settings_of("ppo", control_mode="grasp", action_repeat=3, episode_steps=12, noise="rollout")
-    whole = goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
+    whole = RolloutTraining(PolicyTask(settings), tmp_path / "whole").run()
     assert [row["steps"] for row in whole.curve] == [24, 48, 72]
 
 
@@ -193,7 +194,7 @@ def test_what_lies_beyond_an_action_is_folded_back():
 def test_one_answer_is_an_episode_and_its_last_action_stands(tmp_path):
     settings = settings_of("ppo", control_mode="grasp", action_repeat=28, action_chunk=3, episode_steps=84)
     assert settings.length == 1
-    goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
+    RolloutTraining(PolicyTask(settings), tmp_path / "whole").run()
     place, opened, closed = [0.2, -0.56, -0.86, 0.0, 0.5], [-1.0, -1.0], [1.0, 1.0]
     lifted = [0.2, -0.56, 1.0, 0.0, 0.5]
     answer = np.array([*place, *opened, *place, *closed, *lifted, *closed])
@@ -218,12 +219,10 @@ def test_one_answer_is_an_episode_and_its_last_action_stands(tmp_path):
     assert info["is_success"]
 
 
-def test_a_rate_that_follows_the_divergence_goes_on_to_the_same_bits(tmp_path):
+def test_a_rate_follows_the_divergence(tmp_path):
     def rates(divergence):
-        settings = settings_of("ppo", adaptive=True, target_kl=divergence)
-        whole = goes_on_to_the_same_bits(
-            RolloutTraining, partial(PolicyTask, settings), tmp_path / str(divergence)
-        )
+        settings = settings_of("ppo", adaptive=True, divergence=divergence)
+        whole = PolicyTraining(tmp_path / str(divergence), settings).run()
         return [row["rate"] for row in whole.curve]
 
     # Two updates a round: the second one knows of the first.
@@ -231,9 +230,8 @@ def test_a_rate_that_follows_the_divergence_goes_on_to_the_same_bits(tmp_path):
     np.testing.assert_allclose(rates(1e-9), 3e-4 / 1.5 ** np.arange(1, 4))
 
 
-def test_exploring_gets_less_as_told_and_goes_on_to_the_same_bits(tmp_path):
-    settings = settings_of("ppo", log_std_final=-3.0)
-    goes_on_to_the_same_bits(RolloutTraining, partial(PolicyTask, settings), tmp_path)
+def test_exploring_gets_less_as_told(tmp_path):
+    settings = settings_of("ppo", settle=-3.0)
     work = RolloutTraining(PolicyTask(settings), tmp_path / "more")
     work.run()
     assert work.model.policy.log_std.mean().item() == pytest.approx(

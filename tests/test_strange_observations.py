@@ -7,7 +7,7 @@ from robots import HOME
 
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.agents.hardcoded import HardcodedAgent
-from dexgrasp.learning.imitation.cloud_features import look_at
+from dexgrasp.learning.imitation.cloud_features import observed_cloud
 
 RNG = np.random.default_rng(0)
 BLOB = RNG.uniform([0.45, -0.03, 0.02], [0.51, 0.03, 0.08], (256, 3))
@@ -58,4 +58,4 @@ def test_a_clone_that_looks_at_clouds_says_what_it_lacks(key):
     seen = observation(BLOB)
     del seen[key]
     with refused("pointcloud"):
-        look_at(seen)
+        observed_cloud(seen)

@@ -247,7 +247,11 @@ def test_a_cup_stays_hollow():
 
 
 @pytest.mark.parametrize(
-    "solid", [cup_of(), trimesh.creation.annulus(0.03, 0.04, 0.02, sections=24)], ids=["cup", "ring"]
+    "solid",
+    [
+        pytest.param(cup_of(), id="cup", marks=pytest.mark.slow),
+        pytest.param(trimesh.creation.annulus(0.03, 0.04, 0.02, sections=24), id="ring"),
+    ],
 )
 def test_rounding_does_not_decide_where_a_round_solid_is_cut(solid):
     volumes = []
