@@ -8,7 +8,8 @@ from refusals import refused
 from dexgrasp.grasp.verify.cones import conic_margin, largest_push, slides, wrench_map
 from dexgrasp.grasp.verify.rays import least_way
 from dexgrasp.mechanics.closure import opposed_pairs
-from dexgrasp.mechanics.contacts import Contacts, shape_of
+from dexgrasp.mechanics.contact_models import contact_model
+from dexgrasp.mechanics.contacts import Contacts, checked, shape_of
 from dexgrasp.mechanics.internal_force import firmest_squeeze
 from dexgrasp.mechanics.margin import UNDEFINED, cone_margin, margins
 from dexgrasp.mechanics.strength import capacity_of, hold_residual, load_of, torque_fraction
@@ -38,7 +39,7 @@ def _contacts(rng, count, torsion, shared=False):
     limit = 20.0 if shared else 0.7
     return Contacts(
         points, normals, J, np.full(J.shape[2], limit), np.full(count, MU), np.array([0.004, -0.002, 0.003]),
-        np.array([0.0, 0.0, -2.5]), torsion,
+        np.array([0.0, 0.0, -2.5]), contact_model(torsion),
     )  # fmt: skip
 
 
@@ -47,17 +48,18 @@ def test_margins_are_the_judges_and_have_slopes(count, torsion):
     rng, step = np.random.default_rng(count), 1e-6
     for _ in range(6):
         points, normals = _grasp(rng, count)
-        shape = shape_of(count, torsion)
+        model = contact_model(torsion)
+        shape = shape_of(count, model)
         value, by_points, by_normals, forces = cone_margin(points, normals, MU, shape)
-        assert value == margins(points[None], normals[None], MU, torsion)[0]
+        assert value == margins(points[None], normals[None], MU, model)[0]
         assert value == pytest.approx(conic_margin(points, normals, MU, torsion), abs=2e-6)
         G = wrench_map(points, points.mean(0), normals, torsion)
         assert_allclose(G @ forces.ravel(), 0.0, atol=1e-8)
         assert slides(forces, normals)[0].sum() == pytest.approx(1.0)
 
-        def moved(p, n, torsion=torsion):
+        def moved(p, n, model=model):
             n = n / np.linalg.norm(n, axis=1, keepdims=True)
-            return margins(p[None], n[None], MU, torsion)[0]
+            return margins(p[None], n[None], MU, model)[0]
 
         way = rng.normal(size=points.shape)
         slope = (moved(points + step * way, normals) - moved(points - step * way, normals)) / (2 * step)
@@ -70,7 +72,7 @@ def test_two_points_leave_a_turn_free_and_two_soft_ones_do_not():
     points, normals = np.array([[0.03, 0.0, 0.0], [-0.03, 0.0, 0.0]]), np.array([[1.0, 0, 0], [-1.0, 0, 0]])
     assert margins(points[None], normals[None], MU)[0] == UNDEFINED
     assert conic_margin(points, normals, MU) is None
-    assert margins(points[None], normals[None], MU, 0.008)[0] == pytest.approx(1.0)
+    assert margins(points[None], normals[None], MU, contact_model(0.008))[0] == pytest.approx(1.0)
     line = np.array([[-0.03, 0, 0], [0, 0, 0], [0.03, 0, 0.0], [0.05, 0, 0]])
     assert margins(line[None], np.eye(3)[[0, 1, 2, 0]][None], MU)[0] == UNDEFINED
 
@@ -130,4 +132,4 @@ def test_pairs_face_each_other():
 def test_soft_contacts_need_four_parts():
     contacts = _contacts(np.random.default_rng(0), 3, 0.0)
     with refused(r"jacobians is .* of shape \(3, 4, N\)"):
-        capacity_of(contacts._replace(torsion=0.01))
+        checked(contacts._replace(model=contact_model(0.01)))

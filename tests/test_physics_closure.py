@@ -7,8 +7,8 @@ from oracles import against_proof, closed, sample_box, sample_can
 from refusals import refused
 
 from dexgrasp.grasp.verify.cones import conic_residual
-from dexgrasp.mechanics.checks import rms_radius
 from dexgrasp.mechanics.closure import closure_sweep
+from dexgrasp.mechanics.equilibrium import rms_radius
 from dexgrasp.mechanics.wrench import solve_wrench_qp
 
 

@@ -57,23 +57,16 @@ def test_the_oracles_tell_inside_from_outside():
     assert (pyramid_violation(n, n, 0.5) > 0).all()  # pulling
 
 
-def test_bad_input_is_named():
-    with refused("nan.* finite numbers"):
-        tangent_basis([[np.nan, 0, 1]])
-    with refused("shape"):
-        tangent_basis(np.zeros((2, 2)))
-    with refused("unit length"):
-        tangent_basis([[0, 0, 2]])
-    with refused("mu"):
-        cone_edges([[0, 0, 1]], -1.0, 8)
+def test_a_pyramid_has_three_edges_at_least():
     with refused("edges"):
-        cone_edges([[0, 0, 1]], 0.5, 2)
+        cone_edges(np.array([[0.0, 0, 1]]), 0.5, 2)
 
 
 def test_ratios():
     p = np.array([[0.05, 0, 0], [-0.05, 0, 0]])
-    balanced = wrench_ratios(p, [[-1, 0, 0], [1, 0, 0]], np.zeros(3))
+    balanced = wrench_ratios(p, np.array([[-1.0, 0, 0], [1, 0, 0]]), np.zeros(3))
     assert balanced == (0.0, 0.0)
-    one_sided = wrench_ratios(p, [[0, 1, 0], [0, 1, 0]], np.zeros(3))
+    one_sided = wrench_ratios(p, np.array([[0.0, 1, 0], [0, 1, 0]]), np.zeros(3))
     assert one_sided == (pytest.approx(100), pytest.approx(0))
-    assert wrench_ratios(p, [[0, 1, 0], [0, -1, 0]], np.zeros(3)) == (pytest.approx(0), pytest.approx(100))
+    turning = wrench_ratios(p, np.array([[0.0, 1, 0], [0, -1, 0]]), np.zeros(3))
+    assert turning == (pytest.approx(0), pytest.approx(100))

@@ -56,7 +56,7 @@ def touching_planes(normals, count):
 
 def contacts(points, normals, J, centre=COM, mass=MASS, limit=0.7, mu=MU):
     """Contacts of an object in the hand."""
-    return Contacts(points, normals, J, limit, mu, centre, np.array([0.0, 0.0, -9.81 * mass]))
+    return checked(Contacts(points, normals, J, limit, mu, centre, np.array([0.0, 0.0, -9.81 * mass])))
 
 
 def highs(points, normals, J, centre, limit, mass=MASS, count=150):
@@ -165,7 +165,7 @@ def test_estimates_are_too_high_mostly_by_a_tenth_at_most():
     rng, room, excess = np.random.default_rng(4), empty_room(shape_of(3), 12), []
     for _ in range(100):
         points, normals, J, centre = random_grasp(rng)
-        grasp = checked(contacts(points, normals, J, centre))
+        grasp = contacts(points, normals, J, centre)
         if (load := firmest_squeeze(grasp).load) > 1e-9:
             excess.append(squeeze_estimate(grasp, 10.0, room) / load)
     assert len(excess) > 50
@@ -184,8 +184,8 @@ def test_contacts_press_as_much_as_they_must():
 
 def test_friction_may_differ_from_contact_to_contact():
     grasp = contacts(POINTS, NORMALS, fingers())
-    slippery = firmest_squeeze(grasp._replace(friction=[0.2, 0.5, 0.5]))
-    even = [firmest_squeeze(grasp._replace(friction=mu)).push for mu in (0.2, 0.5)]
+    slippery = firmest_squeeze(grasp._replace(friction=np.array([0.2, 0.5, 0.5])))
+    even = [firmest_squeeze(grasp._replace(friction=np.full(3, mu))).push for mu in (0.2, 0.5)]
     assert even[0] <= slippery.push < even[1]
 
 
@@ -202,4 +202,4 @@ def test_contacts_that_cannot_hold():
 )
 def test_bad_input(field, value):
     with refused(field):
-        firmest_squeeze(contacts(POINTS, NORMALS, fingers())._replace(**{field: value}))
+        checked(contacts(POINTS, NORMALS, fingers())._replace(**{field: value}))

@@ -46,7 +46,7 @@ def settings_of(algorithm, **more):
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_path, clone):
-    more = {"adaptive": True, "settle": -3.0} if algorithm == "ppo" else {}  # what is kept between updates
+    more = {"adaptive": True, "log_std_final": -3.0} if algorithm == "ppo" else {}  # what is kept between updates
     settings = settings_of(algorithm, **more)
     base = clone if algorithm == "ppo" else None
     task = partial(PolicyTask, settings, base)
@@ -221,8 +221,8 @@ def test_one_answer_is_an_episode_and_its_last_action_stands(tmp_path):
 
 def test_a_rate_follows_the_divergence(tmp_path):
     def rates(divergence):
-        settings = settings_of("ppo", adaptive=True, divergence=divergence)
-        whole = PolicyTraining(tmp_path / str(divergence), settings).run()
+        settings = settings_of("ppo", adaptive=True, target_kl=divergence)
+        whole = RolloutTraining(PolicyTask(settings), tmp_path / str(divergence)).run()
         return [row["rate"] for row in whole.curve]
 
     # Two updates a round: the second one knows of the first.
@@ -231,7 +231,7 @@ def test_a_rate_follows_the_divergence(tmp_path):
 
 
 def test_exploring_gets_less_as_told(tmp_path):
-    settings = settings_of("ppo", settle=-3.0)
+    settings = settings_of("ppo", log_std_final=-3.0)
     work = RolloutTraining(PolicyTask(settings), tmp_path / "more")
     work.run()
     assert work.model.policy.log_std.mean().item() == pytest.approx(

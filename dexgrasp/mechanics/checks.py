@@ -1,4 +1,4 @@
-"""Checks of contacts at the public functions of this package; none of the numba kernels checks anything."""
+"""Checks of contacts that a user states; what the library has computed itself is not checked again."""
 
 from typing import Any
 
@@ -36,9 +36,3 @@ def check_unit(normals: Array) -> None:
     if length.size and np.abs(length - 1.0).max() > 1e-6:
         worst = length.flat[np.abs(length - 1.0).argmax()]
         raise InputError(f"normals must have unit length within 1e-6, one has {worst:.6g}")
-
-
-def rms_radius(points: Array) -> float:
-    """Root mean square distance of points (N, 3) from their centroid; 1.0 where they all coincide."""
-    radius = float(np.sqrt(((points - points.mean(0)) ** 2).sum(-1).mean()))
-    return radius if radius > 1e-12 else 1.0

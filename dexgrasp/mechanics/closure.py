@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.mechanics.checks import Numbers, check_contacts, check_positive, rms_radius
+from dexgrasp.mechanics.checks import Numbers, check_contacts, check_positive
 from dexgrasp.mechanics.closure_closed_form import chord_tables, closed_form, flatness
 from dexgrasp.mechanics.contacts import Shape, shape_of
-from dexgrasp.mechanics.equilibrium import grasp_map
+from dexgrasp.mechanics.equilibrium import grasp_map, rms_radius
 from dexgrasp.mechanics.margin_lp import Programme, add_presses, begin, empty_programme, set_cones
 from dexgrasp.mechanics.simplex import Simplex, solve
 from dexgrasp_env.arrays import Array

@@ -10,7 +10,6 @@ therefore (1, 2, 3) / |.|, away from all of them.
 
 import numpy as np
 
-from dexgrasp.mechanics.checks import Numbers, check_array, check_positive, check_unit
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
@@ -35,15 +34,13 @@ def basis_of(x: float, y: float, z: float) -> tuple[float, float, float, float, 
     return C1[0] - a * hx, C1[1] - a * hy, C1[2] - a * hz, C2[0] - b * hx, C2[1] - b * hy, C2[2] - b * hz
 
 
-def tangent_basis(normals: Numbers) -> tuple[Array, Array]:
+def tangent_basis(normals: Array) -> tuple[Array, Array]:
     """Return the tangents t1, t2 (N, 3) of unit normals (N, 3); see the module's text for the choice."""
-    normals = check_array("normals", normals, (None, 3))
-    check_unit(normals)
     bases = np.array([basis_of(*normal) for normal in normals]).reshape(-1, 2, 3)
     return bases[:, 0], bases[:, 1]
 
 
-def cone_edges(normals: Numbers, mu: float, edges: int) -> Array:
+def cone_edges(normals: Array, mu: float, edges: int) -> Array:
     """Return the edges (N, edges, 3) of pyramids inside the exact cones, each with a pressing force of 1.
 
     Args:
@@ -55,6 +52,5 @@ def cone_edges(normals: Numbers, mu: float, edges: int) -> Array:
         raise InputError(f"edges must be at least 3, got {edges}")
     t1, t2 = tangent_basis(normals)
     angle = 2.0 * np.pi * np.arange(edges) / edges
-    radius = check_positive("mu", mu)
-    u, v = radius * np.cos(angle)[:, None], radius * np.sin(angle)[:, None]
-    return -np.asarray(normals, dtype=float)[:, None] + u * t1[:, None] + v * t2[:, None]
+    u, v = mu * np.cos(angle)[:, None], mu * np.sin(angle)[:, None]
+    return -normals[:, None] + u * t1[:, None] + v * t2[:, None]

@@ -6,25 +6,25 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.mechanics.checks import Numbers, check_array, check_contacts
+from dexgrasp.mechanics.contact_models import ContactModel, HardFinger
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.errors import InputError
 
 
 class Contacts(NamedTuple):
-    """N contacts of an object, SI units, world axes.
+    """N contacts of an object, SI units, world axes; `checked` makes one of a user's numbers.
 
-    A force has c parts: its three axes, and of a soft contact also what it turns about the normal with, over the radius
-    `torsion`: in newtons, so that the friction coefficient bounds all alike.
+    A force has c parts: its three axes, and of a soft finger also its torque about the normal, over `model.torsion`.
     """
 
     points: Array  # (N, 3)
     normals: Array  # (N, 3) out of the object
-    jacobians: Array  # (N, c, joints) of the contact points, m; the fourth part their turn by `torsion`
+    jacobians: Array  # (N, c, joints) of the contact points, m; the fourth part their turn by `model.torsion`
     torque_limits: Array  # (joints,) Nm
     friction: Array  # (N,) coefficients
     centre: Array  # (3,) centre of mass
     gravity: Array  # (3,) N, the force of the object's weight
-    torsion: float = 0.0  # m, of soft contacts; 0: points, which turn freely
+    model: ContactModel = HardFinger()
 
     @property
     def weight(self) -> float:
@@ -37,23 +37,21 @@ Unknowns = tuple[int, ...] | Index
 
 
 class Shape(NamedTuple):
-    """How many contacts there are, and of what kind."""
+    """Number and model of the contacts of a grasp."""
 
     contacts: int
-    torsion: float  # m
-    parts: tuple[int, ...]  # c zeros: of each force
+    model: ContactModel
     internal: Unknowns  # zeros: of the forces that leave the object in balance
     pushed: Unknowns  # one more
 
 
 @lru_cache
-def shape_of(count: int, torsion: float = 0.0) -> Shape:
-    """Return the shape of `count` contacts of a radius, m; three points have tuples, all others share arrays."""
-    if count == 3 and not torsion:
-        return Shape(3, 0.0, (0,) * 3, (0,) * 3, (0,) * 4)
-    parts = (0,) * (4 if torsion else 3)
-    free = max(len(parts) * count - 6, 1)
-    return Shape(count, float(torsion), parts, np.zeros(free, np.int64), np.zeros(free + 1, np.int64))
+def shape_of(count: int, model: ContactModel = HardFinger()) -> Shape:  # noqa: B008  (it is frozen)
+    """Return the shape of `count` contacts; three hard fingers have tuples, all others share arrays."""
+    if count == 3 and isinstance(model, HardFinger):
+        return Shape(3, model, (0,) * 3, (0,) * 4)
+    free = max(len(model.parts) * count - 6, 1)
+    return Shape(count, model, np.zeros(free, np.int64), np.zeros(free + 1, np.int64))
 
 
 def checked(contacts: Contacts) -> Contacts:
@@ -63,17 +61,20 @@ def checked(contacts: Contacts) -> Contacts:
         InputError: wrong shapes, NaN, or values out of range.
     """
     points, normals = check_contacts(contacts.points, contacts.normals)
-    jacobians = check_array(
-        "jacobians", contacts.jacobians, (len(points), 4 if contacts.torsion else 3, None)
-    )
+    jacobians = check_array("jacobians", contacts.jacobians, (len(points), len(contacts.model.parts), None))
     gravity = check_array("gravity", contacts.gravity, (3,))
     if not (gravity**2).sum() > 0.0:
         raise InputError("gravity must not be zero: pushes are measured in weights")
     return Contacts(
         points, normals, jacobians, _positive("torque_limits", contacts.torque_limits, jacobians.shape[2]),
         _positive("friction", contacts.friction, len(points)), check_array("centre", contacts.centre, (3,)), gravity,
-        float(contacts.torsion),
+        contacts.model,
     )  # fmt: skip
+
+
+def contiguous(contacts: Contacts) -> Contacts:
+    """Return contacts with arrays as compiled code knows them: C-contiguous and writeable."""
+    return Contacts(*(np.array(part, order="C") for part in contacts[:-1]), contacts.model)
 
 
 def _positive(name: str, values: Numbers, count: int) -> Array:

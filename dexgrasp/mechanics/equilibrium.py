@@ -7,7 +7,6 @@ soft contacts, which turn about their normals as well, need not lie apart.
 
 import numpy as np
 
-from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
@@ -29,12 +28,14 @@ def grasp_map(points: Array, centre: Array, scale: float) -> Array:
 
 
 @njit
-def contact_map(points: Array, normals: Array, torsion: float, centre: Array, scale: float) -> Array:
-    """Return the matrix (6, c N) from forces (N, c) to their wrench: `grasp_map`, with what soft contacts turn by."""
-    G = grasp_map(points, centre, scale)
-    if torsion == 0.0:
-        return G
-    soft = np.zeros((6, 4 * points.shape[0]))
+def contact_map(points: Array, normals: Array, torsion: float | None, centre: Array, scale: float) -> Array:
+    """Return the grasp matrix (6, c N) from forces (N, c) to their wrench about `centre` (3,), torques / scale.
+
+    `torsion` is that of the contact model: where it is None, the rest is not compiled.
+    """
+    if torsion is None:
+        return grasp_map(points, centre, scale)
+    G, soft = grasp_map(points, centre, scale), np.zeros((6, 4 * points.shape[0]))
     for i in range(points.shape[0]):
         soft[:, 4 * i : 4 * i + 3] = G[:, 3 * i : 3 * i + 3]
         soft[3:, 4 * i + 3] = torsion / scale * normals[i]
@@ -42,7 +43,7 @@ def contact_map(points: Array, normals: Array, torsion: float, centre: Array, sc
 
 
 @njit
-def own_map(points: Array, normals: Array, torsion: float) -> Array:
+def own_map(points: Array, normals: Array, torsion: float | None) -> Array:
     """Return `contact_map` about the contacts' middle, torques over their rms radius."""
     middle = np.zeros(3)
     for i in range(points.shape[0]):
@@ -52,16 +53,16 @@ def own_map(points: Array, normals: Array, torsion: float) -> Array:
 
 
 @njit
-def internal_forces(points: Array, normals: Array, torsion: float, internal: Array) -> float:
+def internal_forces(points: Array, normals: Array, torsion: float | None, internal: Array) -> float:
     """Write a basis of the forces that balance; return how far contacts are from leaving some wrench free: see `FLAT`.
 
     Args:
         points: (N, 3) m.
         normals: (N, 3) out of the object.
-        torsion: m, of soft contacts.
+        torsion: of the contact model.
         internal: (N, c, c N - 6 or more), written: contact, part, force.
     """
-    if points.shape[0] == 3 and torsion == 0.0:
+    if points.shape[0] == 3 and internal.shape[1] == 3:
         return _sides(points, internal)
     _, sizes, rows = np.linalg.svd(own_map(points, normals, torsion))
     for i in range(internal.shape[0]):
@@ -121,25 +122,22 @@ def middle_and_inverse(points: Array, middle: Array, inverse: Array) -> None:
 
 
 @njit
-def answers_to_pushes(contacts: Contacts, answers: Array, hold: Array) -> float:
+def answers_to_pushes(
+    points: Array, normals: Array, torsion: float | None, centre: Array, gravity: Array, answers: Array, hold: Array
+) -> float:  # fmt: skip
     """Write the least forces that make up the weight, along each axis and against gravity; return the weight, N.
 
     About the contacts' middle forces and torques come apart: each contact takes its part of the force, and turns
     against the torque.
 
     Args:
-        contacts: N, whose grasp matrix has rank 6.
+        points, normals, torsion, centre, gravity: of N contacts, whose grasp matrix has rank 6.
         answers: (N, c, 3), written: contact, axis, axis of a force of one weight through the centre of mass.
         hold: (N, c), written: the forces whose sum bears the object.
     """
-    n, c, g = contacts.points.shape[0], answers.shape[1], contacts.gravity
+    n, c, g = points.shape[0], answers.shape[1], gravity
     weight = np.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
-    if contacts.torsion == 0.0:
-        _point_answers(contacts, weight, answers)
-    else:
-        G = contact_map(contacts.points, contacts.normals, contacts.torsion, contacts.centre, 1.0)
-        least = np.linalg.solve(G @ G.T, np.ascontiguousarray(np.eye(6)[:, :3]))
-        answers[:] = (weight * (G.T @ least)).reshape(n, c, 3)
+    _least_answers(points, normals, torsion, centre, weight, answers)
     for i in range(n):
         for k in range(c):
             hold[i, k] = (
@@ -149,18 +147,34 @@ def answers_to_pushes(contacts: Contacts, answers: Array, hold: Array) -> float:
 
 
 @njit
-def _point_answers(contacts: Contacts, weight: float, answers: Array) -> None:
-    n, middle, inverse, turn = contacts.points.shape[0], np.empty(3), np.empty((3, 3)), np.empty(3)
-    middle_and_inverse(contacts.points, middle, inverse)
+def _least_answers(
+    points: Array, normals: Array, torsion: float | None, centre: Array, weight: float, answers: Array
+) -> None:
+    if torsion is None:
+        _point_answers(points, centre, weight, answers)
+    else:
+        G = contact_map(points, normals, torsion, centre, 1.0)
+        least = np.linalg.solve(G @ G.T, np.ascontiguousarray(np.eye(6)[:, :3]))
+        answers[:] = (weight * (G.T @ least)).reshape(answers.shape)
+
+
+@njit
+def _point_answers(points: Array, centre: Array, weight: float, answers: Array) -> None:
+    n, middle, inverse, turn = points.shape[0], np.empty(3), np.empty((3, 3)), np.empty(3)
+    middle_and_inverse(points, middle, inverse)
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
         for k in range(3):  # arm x e has arm_v along u and -arm_u along v
-            turn[k] = inverse[k, u] * (contacts.centre[v] - middle[v]) - inverse[k, v] * (
-                contacts.centre[u] - middle[u]
-            )
+            turn[k] = inverse[k, u] * (centre[v] - middle[v]) - inverse[k, v] * (centre[u] - middle[u])
         for i in range(n):
-            r = contacts.points[i]
+            r = points[i]
             for k in range(3):
                 p, q = (k + 1) % 3, (k + 2) % 3
                 answers[i, k, axis] = weight * (turn[p] * (r[q] - middle[q]) - turn[q] * (r[p] - middle[p]))
             answers[i, axis, axis] += weight / n
+
+
+def rms_radius(points: Array) -> float:
+    """Return the root mean square distance of points (N, 3) from their centroid; 1.0 where they all coincide."""
+    radius = float(np.sqrt(((points - points.mean(0)) ** 2).sum(-1).mean()))
+    return radius if radius > 1e-12 else 1.0

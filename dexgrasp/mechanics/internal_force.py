@@ -14,19 +14,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.mechanics.checks import check_positive
-from dexgrasp.mechanics.contacts import Contacts, Shape, checked, shape_of
+from dexgrasp.mechanics.contacts import Contacts, Shape, contiguous, shape_of
 from dexgrasp.mechanics.equilibrium import FLAT, answers_to_pushes, internal_forces
 from dexgrasp.mechanics.margin_lp import (
     Programme,
     add_presses,
     add_torques,
     begin,
-    borne,
     empty_programme,
     maximise,
     set_cones,
 )
+from dexgrasp.mechanics.robust_push import borne_pushes
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
@@ -76,10 +75,12 @@ def squeeze_kernel(contacts: Contacts, aim: Aim, p: Programme) -> tuple[float, f
 
     Its forces are those of the programme `p`. Without rounds of further planes D is a little too high.
     """
-    if not internal_forces(contacts.points, contacts.normals, contacts.torsion, p.span) > FLAT:
+    if not internal_forces(contacts.points, contacts.normals, contacts.model.torsion, p.span) > FLAT:
         return 0.0, 0.0
     set_cones(p, contacts.normals, contacts.friction)
-    tolerance = _TOLERANCE * answers_to_pushes(contacts, p.answers, p.fixed)
+    tolerance = _TOLERANCE * answers_to_pushes(
+        contacts.points, contacts.normals, contacts.model.torsion, contacts.centre, contacts.gravity, p.answers, p.fixed
+    )  # fmt: skip
     p.span[:, :, -1] = 0.0
     if _solve(p, contacts, aim, aim.most, tolerance) and p.lp.z[-1] >= 0.0:
         return p.lp.z[-1], 1.0
@@ -112,7 +113,7 @@ def _firmest(contacts: Contacts, shape: Shape, aim: Aim) -> tuple[Array, float, 
     if share == 0.0:
         p.forces[:] = 0.0
     elif share == 1.0:
-        push = max(min(push, borne(p)), 0.0)
+        push = max(min(push, borne_pushes(p.cones, p.answers, p.forces)), 0.0)
     return p.forces, push, share
 
 
@@ -120,13 +121,9 @@ def firmest_squeeze(contacts: Contacts, press: float = 0.0, most: float = 10.0) 
     """Return the forces of contacts that bear the largest push in any direction.
 
     Args:
-        contacts: two that are soft, or three or more.
+        contacts: two soft fingers, or three or more.
         press: N that each contact presses with at least.
         most: push, in weights, beyond which the squeeze need not be firmer.
-
-    Raises:
-        InputError: wrong shapes, NaN, or values out of range.
     """
-    aim = Aim(float(press), RESERVED, check_positive("most", most), _FACES, _ROUNDS)
-    contacts = checked(contacts)
-    return Squeeze(*_firmest(contacts, shape_of(len(contacts.points), contacts.torsion), aim))
+    aim = Aim(float(press), RESERVED, float(most), _FACES, _ROUNDS)
+    return Squeeze(*_firmest(contiguous(contacts), shape_of(len(contacts.points), contacts.model), aim))

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.geometry.triangle import cross
-from dexgrasp.mechanics.checks import Numbers, check_array, check_positive, check_unit
+from dexgrasp.mechanics.contact_models import ContactModel, HardFinger
 from dexgrasp.mechanics.contacts import Shape, shape_of
 from dexgrasp.mechanics.equilibrium import contact_map, internal_forces, middle_and_inverse
 from dexgrasp.mechanics.margin_lp import Programme, begin, empty_programme, maximise, set_cones
@@ -42,7 +42,7 @@ class _Room(NamedTuple):
     """What a margin and its gradients are worked out in."""
 
     programme: Programme
-    torsion: float  # m
+    torsion: float | None  # of the contact model
     friction: Array  # (N,)
     internal: Array  # (N, c, k) internal forces: contact, part, force
     mirror: Array  # (k,) normal of the mirror that reflects them
@@ -53,10 +53,10 @@ class _Room(NamedTuple):
 
 @njit
 def _empty_room(mu: float, shape: Shape) -> _Room:
-    n, c, k = shape.contacts, len(shape.parts), len(shape.internal)
+    n, c, k = shape.contacts, len(shape.model.parts), len(shape.internal)
     p = empty_programme(shape, shape.internal, n * (_FACES + _ROUNDS))
     return _Room(
-        p, shape.torsion, np.full(n, mu), np.empty((n, c, k)), np.empty(k), np.empty((n, c)), np.empty((n, 3)),
+        p, shape.model.torsion, np.full(n, mu), np.empty((n, c, k)), np.empty(k), np.empty((n, c)), np.empty((n, 3)),
         np.empty((n, 3)),
     )  # fmt: skip
 
@@ -130,27 +130,37 @@ def _gradients(points: Array, normals: Array, room: _Room) -> None:
         cross(turn, force, room.by_points[i])
         room.by_points[i] *= n
         room.by_normals[i] = n * (along * force - across * pulled)
-        if len(p.parts) == 4:
-            room.by_normals[i] -= n * (room.torsion * p.forces[i, 3]) * (turn - about * normal)
+        _add_torsion(n * p.forces[i, -1], room.torsion, turn - about * normal, room.by_normals[i])
+
+
+@njit
+def _add_torsion(force: float, torsion: float | None, turn: Array, by_normal: Array) -> None:
+    if torsion is not None:
+        by_normal -= force * torsion * turn
 
 
 @njit
 def _turn(points: Array, normals: Array, room: _Room) -> Array:
     """Return the turn (3,) nearest to velocities that the contacts pull with."""
-    pull, turn = room.pull, np.zeros(3)
-    if not np.isfinite(pull).all():  # of a programme that has come to nothing
-        return turn
-    if len(room.programme.parts) == 4:
-        G = contact_map(points, normals, room.torsion, points[0], 1.0)
+    if not np.isfinite(room.pull).all():  # of a programme that has come to nothing
+        return np.zeros(3)
+    return _turn_of(points, normals, room.torsion, room.pull)
+
+
+@njit
+def _turn_of(points: Array, normals: Array, torsion: float | None, pull: Array) -> Array:
+    turn = np.zeros(3)
+    if torsion is None:
+        middle, inverse, moment, part = np.empty(3), np.empty((3, 3)), np.zeros(3), np.empty(3)
+        middle_and_inverse(points, middle, inverse)
+        for i in range(len(points)):
+            cross(points[i] - middle, pull[i], part)
+            moment += part
+        for k in range(3):
+            turn[k] = (inverse[k] * moment).sum()
+    else:
+        G = contact_map(points, normals, torsion, points[0], 1.0)
         turn[:] = np.linalg.solve(G @ G.T, G @ pull.ravel())[3:]
-        return turn
-    middle, inverse, moment, part = np.empty(3), np.empty((3, 3)), np.zeros(3), np.empty(3)
-    middle_and_inverse(points, middle, inverse)
-    for i in range(len(points)):
-        cross(points[i] - middle, pull[i], part)
-        moment += part
-    for k in range(3):
-        turn[k] = (inverse[k] * moment).sum()
     return turn
 
 
@@ -203,17 +213,17 @@ def margins_to(
     return values
 
 
-def margins(points: Numbers, normals: Numbers, mu: float, torsion: float = 0.0) -> Array:
+def margins(points: Array, normals: Array, mu: float, model: ContactModel = HardFinger()) -> Array:  # noqa: B008
     """Return the margins (K,) of K grasps of n contacts, as `cone_margin` says.
 
     Args:
-        points: (K, n, 3) metres. normals: (K, n, 3) unit, out of the object. mu: friction coefficient.
-        torsion: radius of soft contacts, m; 0: points, at least three.
+        points: (K, n, 3) metres.
+        normals: (K, n, 3) unit, out of the object.
+        mu: friction coefficient.
+        model: of the contacts; hard fingers are at least three.
     """
-    points = check_array("points", points, (None, None, 3))
-    normals = check_array("normals", normals, points.shape)
-    check_unit(normals)
-    shape = shape_of(points.shape[1], torsion)
-    if len(shape.parts) * shape.contacts < 6 + (shape.contacts < 3):  # rank 5 at most, whatever the points
+    shape = shape_of(points.shape[1], model)
+    if len(model.parts) * shape.contacts < 6 + (shape.contacts < 3):  # rank 5 at most, whatever the points
         return np.full(len(points), UNDEFINED)
-    return margins_to(points, normals, check_positive("mu", mu), shape, _EXACT, -np.inf)
+    contiguous = np.ascontiguousarray
+    return margins_to(contiguous(points), contiguous(normals), float(mu), shape, _EXACT, -np.inf)

@@ -1,4 +1,4 @@
-"""The largest t for which some contact forces lie in friction cones: linear programmes, exact by cutting planes.
+"""Linear programmes of contact forces in friction cones, exact by cutting planes: the largest t for which some exist.
 
 The force of contact i is f_i = fixed_i + span_i z, with unknowns z of which the last is t. Where a push of size t, in
 whatever direction u, asks for -t answer_i u besides, it lies in its cone for all of them if
@@ -17,20 +17,16 @@ import numpy as np
 
 from dexgrasp.mechanics.cones import basis_of
 from dexgrasp.mechanics.contacts import Contacts, Shape, Unknowns
+from dexgrasp.mechanics.robust_push import Friction, borne_push
 from dexgrasp.mechanics.simplex import Simplex, empty_simplex, restart, solve
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
 _HALF = 0.5**0.5
 _ROUNDING = 1e-9  # N that a force may be beyond a plane
-_SCAN = 48  # angles at which the worst plane of a cone is looked for first
-_SHARP = 1e-6  # rad to which it is found
-_TILTS = 24  # shares of friction that turns, of which each is scanned so
 
 Plane = tuple[float, float, float, float]
 """Inward normal of a plane; the fourth counts where contacts are soft."""
-Friction = tuple[float, float, float]
-"""Direction of friction: in both tangents, and about the normal."""
 
 
 class Programme(NamedTuple):
@@ -50,12 +46,12 @@ class Programme(NamedTuple):
 @njit
 def empty_programme(shape: Shape, unknowns: Unknowns, rows: int) -> Programme:
     """Return room for a programme of at most so many rows, `fixed` and `answers` 0; `unknowns` as in `Simplex`."""
-    N, n, c = shape.contacts, len(unknowns), len(shape.parts)
+    N, n, c = shape.contacts, len(unknowns), len(shape.model.parts)
     if c == 4:
         rows = 4 * rows  # see `begin`
     return Programme(
         np.empty((N, 3, 3)), np.zeros((N, c)), np.empty((N, c, n)), np.zeros((N, c, 3)), np.empty((N, c)),
-        np.empty(rows, np.int64), np.empty((rows, c)), empty_simplex(unknowns, rows), shape.parts,
+        np.empty(rows, np.int64), np.empty((rows, c)), empty_simplex(unknowns, rows), shape.model.parts,
     )  # fmt: skip
 
 
@@ -245,96 +241,21 @@ def maximise(p: Programme, rounds: int, tolerance: float, enough: float = -np.in
 @njit
 def _cut(p: Programme, i: int, tolerance: float) -> None:
     """Add the plane that a force breaks most, where it does by more than `tolerance`, N of friction."""
+    u, v, turn = 0.0, 0.0, 0.0
     if p.answers[i].any():
-        _, friction = _borne_by(p, i)
+        _, (u, v, turn) = borne_push(p.cones[i], p.answers[i], p.forces[i])
     else:
-        u, v, turn = 0.0, 0.0, 0.0
         for k in range(3):
             u += p.cones[i, 1, k] * p.forces[i, k]
             v += p.cones[i, 2, k] * p.forces[i, k]
         if len(p.parts) == 4:
             turn = p.forces[i, 3]
         size = max(np.sqrt(u * u + v * v + turn * turn), 1e-300)
-        friction = (u / size, v / size, turn / size)
-    _add_plane(p, i, friction)
+        u, v, turn = u / size, v / size, turn / size
+    _add_plane(p, i, (u, v, turn))
     r = p.lp.size[0] - 1
     slack = -p.lp.b[r]
     for k in range(len(p.lp.unknowns)):
         slack += p.lp.A[r, k] * p.lp.z[k]
     if slack >= -tolerance:
         p.lp.size[0] = r
-
-
-@njit
-def borne(p: Programme) -> float:
-    """Return the t that the forces bear: the largest for which all stay in their cones whatever is asked of them."""
-    least = np.inf
-    for i in range(p.cones.shape[0]):
-        least = min(least, _borne_by(p, i)[0])
-    return least
-
-
-@njit
-def _borne_by(p: Programme, i: int) -> tuple[float, Friction]:
-    """The t that one force bears, and the direction of friction at the plane that says so."""
-    if len(p.parts) == 3:
-        least, worst = _around(p, i, 0.0)
-        return least, _friction(p, worst, 0.0)
-    step, least, worst, tilt = np.pi / _TILTS, np.inf, 0.0, 0.0
-    for k in range(_TILTS + 1):
-        value, angle = _around(p, i, k * step - 0.5 * np.pi)
-        if value < least:
-            least, worst, tilt = value, angle, k * step - 0.5 * np.pi
-    while step > _SHARP:
-        step *= 0.5
-        for side in (tilt - step, tilt + step):
-            value, angle = _around(p, i, side)
-            if value < least:
-                least, worst, tilt = value, angle, side
-    return least, _friction(p, worst, tilt)
-
-
-@njit
-def _around(p: Programme, i: int, tilt: float) -> tuple[float, float]:
-    """The least t that a plane says of one force where friction turns by its share sin(tilt), and that plane's angle.
-
-    There may be two such planes that say nearly the same, so every minimum of the scan is followed to its end.
-    """
-    step, least, worst = 2.0 * np.pi / _SCAN, np.inf, 0.0
-    before, here = _ratio(p, i, -2.0 * step, tilt), _ratio(p, i, -step, tilt)
-    for k in range(_SCAN):
-        after = _ratio(p, i, k * step, tilt)
-        if here <= min(before, after):
-            value, angle = _lowest(p, i, (k - 1) * step, here, step, tilt)
-            if value < least:
-                least, worst = value, angle
-        before, here = here, after
-    return least, worst
-
-
-@njit
-def _lowest(
-    p: Programme, i: int, angle: float, value: float, step: float, tilt: float
-) -> tuple[float, float]:
-    """Follow a minimum of the ratio within `step` of an angle; return its value and angle."""
-    while step > _SHARP:
-        step *= 0.5
-        for side in (angle - step, angle + step):
-            other = _ratio(p, i, side, tilt)
-            if other < value:
-                value, angle = other, side
-    return value, angle
-
-
-@partial(njit, inline="always")
-def _friction(p: Programme, angle: float, tilt: float) -> Friction:
-    if len(p.parts) == 3:
-        return np.cos(angle), np.sin(angle), 0.0
-    return np.cos(tilt) * np.cos(angle), np.cos(tilt) * np.sin(angle), np.sin(tilt)
-
-
-@njit
-def _ratio(p: Programme, i: int, angle: float, tilt: float) -> float:
-    """How far a force is from a plane over what a unit of t moves it towards there."""
-    plane = _plane(p, i, _friction(p, angle, tilt))
-    return _along(p, plane, p.forces, i) / max(_asked(p, i, plane), 1e-12)

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from dexgrasp.mechanics.checks import Numbers, check_contacts, check_positive, rms_radius
+from dexgrasp.mechanics.checks import Numbers, check_contacts, check_positive
 from dexgrasp.mechanics.cones import cone_edges
+from dexgrasp.mechanics.equilibrium import rms_radius
 from dexgrasp_env.errors import InputError
 
 _EDGES = 8  # of each inscribed pyramid

@@ -6,7 +6,6 @@ Our own definitions, as the paper does not give its own: force ratio = |sum f_i|
 
 import numpy as np
 
-from dexgrasp.mechanics.checks import Numbers, check_array
 from dexgrasp_env.arrays import Array
 
 
@@ -15,9 +14,6 @@ def _ratio(vectors: Array) -> float:
     return float(100.0 * np.sqrt((vectors.sum(0) ** 2).sum()) / total) if total > 0 else 0.0
 
 
-def wrench_ratios(points: Numbers, forces: Numbers, centroid: Numbers) -> tuple[float, float]:
+def wrench_ratios(points: Array, forces: Array, centroid: Array) -> tuple[float, float]:
     """Return force and torque ratio [%] of forces (N, 3) at points (N, 3); `centroid` (3,) of the object."""
-    points = check_array("points", points, (None, 3))
-    forces = check_array("forces", forces, (len(points), 3))
-    arms = points - check_array("centroid", centroid, (3,))
-    return _ratio(forces), _ratio(np.cross(arms, forces))
+    return _ratio(forces), _ratio(np.cross(points - centroid, forces))

@@ -8,18 +8,24 @@ they answer by the forces with the least f^T C f, df = -C^-1 G^T (G C^-1 G^T)^-1
 
 import numpy as np
 
-from dexgrasp.mechanics.checks import check_array, rms_radius
-from dexgrasp.mechanics.contacts import Contacts, Shape, checked, shape_of
-from dexgrasp.mechanics.equilibrium import FLAT, answers_to_pushes, contact_map, internal_forces
+from dexgrasp.mechanics.cones import basis_of
+from dexgrasp.mechanics.contacts import Contacts, Shape, contiguous, shape_of
+from dexgrasp.mechanics.equilibrium import (
+    FLAT,
+    answers_to_pushes,
+    contact_map,
+    internal_forces,
+    rms_radius,
+)
 from dexgrasp.mechanics.margin_lp import (
     Programme,
     add_torques,
     begin,
-    borne,
     empty_programme,
     maximise,
     set_cones,
 )
+from dexgrasp.mechanics.robust_push import borne_pushes
 from dexgrasp_env.arrays import Array, cube_directions
 from dexgrasp_env.compiled import njit
 
@@ -46,7 +52,11 @@ def hold_residual(contacts: Contacts, forces: Array) -> float:
 def _grasp_matrix(contacts: Contacts) -> Array:
     """(6, c N) forces -> wrench about the centre of mass, torques over the contacts' rms radius."""
     return contact_map(
-        contacts.points, contacts.normals, contacts.torsion, contacts.centre, rms_radius(contacts.points)
+        contacts.points,
+        contacts.normals,
+        contacts.model.torsion,
+        contacts.centre,
+        rms_radius(contacts.points),
     )
 
 
@@ -62,8 +72,6 @@ def load_of(contacts: Contacts, forces: Array, stiffness: Array | None = None) -
         stiffness: (joints,) Nm/rad of servos whose set-points stand still: the push is borne with their answer as well
             as with the least; None asks for the least answer alone.
     """
-    contacts = checked(contacts)
-    forces = check_array("forces", forces, contacts.jacobians.shape[:2])
     G, up = _grasp_matrix(contacts), -contacts.gravity / contacts.weight
     wrench = G @ forces.ravel()
     share = float(wrench[:3] @ up) / contacts.weight
@@ -95,20 +103,13 @@ def _servo_answers(contacts: Contacts, G: Array, stiffness: Array) -> Array:
 
 def _push(contacts: Contacts, forces: Array, answers: Array) -> float:
     """Return the push, in weights, that forces (N, c) bear with answers (c N, 3) N to 1 N; 0 if they are none."""
-    shape, most = shape_of(len(forces), contacts.torsion), np.inf
+    most = np.inf
     if np.abs(_grasp_matrix(contacts) @ answers - np.eye(6, 3)).max() > 1e-6:
         answers, most = np.zeros_like(answers), 0.0  # some direction cannot be answered at all: no push is
-    return min(_borne(contacts, shape, forces, contacts.weight * answers.reshape(*forces.shape, 3)), most)
-
-
-@njit
-def _borne(contacts: Contacts, shape: Shape, forces: Array, answers: Array) -> float:
-    """The push that forces (N, c) bear if they answer one along each axis with `answers` (N, c, 3)."""
-    p = empty_programme(shape, (0,), 0)
-    set_cones(p, contacts.normals, contacts.friction)
-    p.forces[:] = forces
-    p.answers[:] = answers
-    return borne(p)
+    bases = np.array([basis_of(*normal) for normal in contacts.normals]).reshape(-1, 2, 3)
+    cones = np.concatenate([-contacts.friction[:, None, None] * contacts.normals[:, None], bases], axis=1)
+    borne = borne_pushes(cones, contacts.weight * answers.reshape(*forces.shape, 3), np.array(forces))
+    return min(borne, most)
 
 
 def capacity_of(contacts: Contacts, stop: float = 0.0, pushes: Array | None = None) -> float:
@@ -118,25 +119,26 @@ def capacity_of(contacts: Contacts, stop: float = 0.0, pushes: Array | None = No
     alone, it is the largest share of gravity that some do.
 
     Args:
-        contacts: two that are soft, or three or more.
+        contacts: two soft fingers, or three or more.
         stop: what is below need not be known exactly: anything from it up to there may be returned.
         pushes: (K, 3) unit directions, `cube_directions` by default; the one that ended at `stop` is put first, so that
             grasps alike are refused at once.
     """
-    contacts = checked(contacts)
-    shape = shape_of(len(contacts.points), contacts.torsion)
-    return float(_capacity(contacts, shape, cube_directions() if pushes is None else pushes, stop))
+    shape = shape_of(len(contacts.points), contacts.model)
+    return float(_capacity(contiguous(contacts), shape, cube_directions() if pushes is None else pushes, stop))
 
 
 @njit
 def _capacity(contacts: Contacts, shape: Shape, pushes: Array, stop: float) -> float:
-    n, parts, joints = shape.contacts, len(shape.parts), contacts.torque_limits.shape[0]
+    n, parts, joints = shape.contacts, len(shape.model.parts), contacts.torque_limits.shape[0]
     p = empty_programme(shape, shape.pushed, n * (_FACES + _ROUNDS + 2 * joints))
     answers, hold = np.empty((n, parts, 3)), np.empty((n, parts))
-    if not internal_forces(contacts.points, contacts.normals, contacts.torsion, p.span) > FLAT:
+    if not internal_forces(contacts.points, contacts.normals, contacts.model.torsion, p.span) > FLAT:
         return 0.0
     set_cones(p, contacts.normals, contacts.friction)
-    answers_to_pushes(contacts, answers, hold)
+    answers_to_pushes(
+        contacts.points, contacts.normals, contacts.model.torsion, contacts.centre, contacts.gravity, answers, hold
+    )  # fmt: skip
     p.span[:, :, -1] = hold
     share = _most(p, contacts)
     if share < 1.0:

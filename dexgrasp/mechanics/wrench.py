@@ -13,9 +13,9 @@ from typing import NamedTuple
 import daqp
 import numpy as np
 
-from dexgrasp.mechanics.checks import Numbers, check_array, check_contacts, check_positive, rms_radius
+from dexgrasp.mechanics.checks import Numbers, check_array, check_contacts, check_positive
 from dexgrasp.mechanics.cones import tangent_basis
-from dexgrasp.mechanics.equilibrium import grasp_map
+from dexgrasp.mechanics.equilibrium import grasp_map, rms_radius
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError, unknown_name
 

@@ -25,7 +25,7 @@ def contacts_of(q: Array, problem: GraspProblem, friction: float) -> tuple[Conta
     distance, normals = target.distance.distance_gradient(tips)
     points = tips - distance[:, None] * normals
     J, mu = hand_contact_jacobian(q, points, normals, tree), np.full(len(points), friction)
-    return Contacts(points, normals, J, tree.torque, mu, target.centre, target.weight, tree.torsion), distance
+    return Contacts(points, normals, J, tree.torque, mu, target.centre, target.weight, tree.model), distance
 
 
 def certificate_of(
@@ -49,7 +49,7 @@ def certificate_of(
         torque_ratio_percent=torque_ratio,
         closure_residual=float(internal.residual),
         closure_margin=float(
-            margins(contacts.points[None], contacts.normals[None], settings.friction, tree.torsion)[0]
+            margins(contacts.points[None], contacts.normals[None], settings.friction, tree.model)[0]
         ),
         min_clearance_m=least_clearance(q, problem),
         joint_limit_margin_rad=float(np.minimum(q - tree.lower, tree.upper - q).min()),

@@ -161,7 +161,7 @@ class _Burden(NamedTuple):
 def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burden, shape: Shape) -> Array:
     """Loads (M,) of placements. The arm does not matter to them."""
     height, friction, limit = burden.height, burden.friction, burden.limit
-    n, parts = shape.contacts, len(shape.parts)
+    n, parts = shape.contacts, len(shape.model.parts)
     frames, room, q = empty_frames(tree), empty_room(shape, len(limit)), np.zeros(len(tree.lower))
     J, hand = np.zeros((n, parts, len(q))), np.empty((n, parts, len(limit)))
     out, points, normals = np.empty(len(placed.which)), np.empty((n, 3)), np.empty((n, 3))
@@ -190,7 +190,7 @@ def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burd
             tips[i] -= height * normals[i]
         contact_jacobian(tree, frames, tips, normals, tree.palm, J)
         hand[:] = J[:, :, tree.arm :]
-        contacts = Contacts(points, normals, hand, limit, friction[goal], middle, down, shape.torsion)
+        contacts = Contacts(points, normals, hand, limit, friction[goal], middle, down, shape.model)
         out[m] = squeeze_estimate(contacts, ENOUGH, room)
     return out
 

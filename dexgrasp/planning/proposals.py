@@ -95,7 +95,7 @@ class SurfaceProposals(ProposalSource):
         if len(triples) > judged:
             triples = triples[rng.choice(len(triples), judged, replace=False)]
         contacts, at = points[triples], normals[triples]
-        margin = margins(contacts, at, settings.friction, settings.torsion)
+        margin = margins(contacts, at, settings.friction, settings.model)
         if (closed := margin > 0.0).any():  # the sweep's pyramids reach beyond the cones
             triples, contacts, at, margin = triples[closed], contacts[closed], at[closed], margin[closed]
         chosen = best_shared(triples, robustness(contacts, at, margin, target), settings.triples)

@@ -7,6 +7,7 @@ from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle
 from dexgrasp.geometry.parts import MOST_PARTS
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.thresholds import FROZEN, Thresholds, frozen_for, planned_friction
+from dexgrasp.mechanics.contact_models import ContactModel, contact_model
 from dexgrasp.mechanics.contacts import Shape, shape_of
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.robot.cell import Cell
@@ -90,9 +91,14 @@ class PlannerSettings(Thresholds):
         return replace(self, tip_radius=hand.tip_radius, fingers=len(hand.grasp), torsion=hand.torsion, **own)
 
     @property
+    def model(self) -> ContactModel:
+        """Contact model of the fingertips."""
+        return contact_model(self.torsion)
+
+    @property
     def proposed(self) -> Shape:
         """Of the contacts that are proposed: two or three; further fingers follow these."""
-        return shape_of(min(self.fingers, 3), self.torsion)
+        return shape_of(min(self.fingers, 3), self.model)
 
     @property
     def tip_height(self) -> float:
@@ -130,7 +136,7 @@ class GraspProblem:
     @property
     def shape(self) -> Shape:
         """Shape of the contacts that the grasping fingers make."""
-        return shape_of(len(self.tree.tip_body), self.tree.torsion)
+        return shape_of(len(self.tree.tip_body), self.tree.model)
 
     @property
     def obstacles(self) -> tuple[Obstacle, Obstacle]:

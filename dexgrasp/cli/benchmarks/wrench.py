@@ -7,8 +7,8 @@ import numpy as np
 import trimesh
 
 from dexgrasp.cli.benchmarks.timing import seconds_of
-from dexgrasp.mechanics.checks import rms_radius
 from dexgrasp.mechanics.closure import closure_sweep
+from dexgrasp.mechanics.equilibrium import rms_radius
 from dexgrasp.mechanics.margin import margins
 from dexgrasp.mechanics.wrench import solve_wrench_qp
 from dexgrasp_env.arrays import Array, Fields

@@ -194,7 +194,7 @@ def _free_loads(
     room, out = empty_room(shape, 9), np.empty(len(triples))
     for m in range(len(triples)):
         t = triples[m]
-        contacts = Contacts(points[t], normals[t], J, limit, friction[t], centre, gravity, 0.0)
+        contacts = Contacts(points[t], normals[t], J, limit, friction[t], centre, gravity, shape.model)
         out[m] = squeeze_estimate(contacts, most, room)
     return out
 

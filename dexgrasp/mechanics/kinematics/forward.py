@@ -204,7 +204,7 @@ def body_frames(q: Array, tree: RobotTree) -> Frames:
 
 def hand_contact_jacobian(q: Array, points: Array, normals: Array, tree: RobotTree) -> Array:
     """Return `contact_jacobian` (g, c, n - arm) at `q` (n,) rad, by the hand's joints."""
-    J = np.zeros((len(points), 4 if tree.torsion else 3, len(q)))
+    J = np.zeros((len(points), len(tree.model.parts), len(q)))
     contact_jacobian(tree, body_frames(q, tree), points, normals, tree.palm, J)
     return J[:, :, tree.arm :]
 

@@ -1,11 +1,12 @@
 """The robot as flat arrays that compiled code can walk, taken once from the simulation's own model."""
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 import mujoco
 import numpy as np
 
+from dexgrasp.mechanics.contact_models import ContactModel, contact_model
 from dexgrasp.mechanics.kinematics.pairs import meeting_pairs, told_apart
 from dexgrasp.mechanics.kinematics.sphere_cover import (
     Spheres,
@@ -77,6 +78,17 @@ class RobotTree(_Links):
     stiffness: Array  # (n - arm,) Nm/rad, of the hand's servos, with what follows them
     tip_radius: float  # m
     starts: Array  # (k, arm) rad, where inverse kinematics begins; first joints less the goal's direction
+
+    @property
+    def model(self) -> ContactModel:
+        """Contact model of the fingertips."""
+        return contact_model(self.torsion)
+
+    def _replace(self, /, **changed: Any) -> Self:
+        """Return a tree with other links; a NamedTuple's own would lose what plain code alone asks."""
+        tree = super()._replace(**changed)
+        vars(tree).update(vars(self))
+        return tree
 
 
 @lru_cache(maxsize=8)
