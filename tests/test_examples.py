@@ -1,0 +1,50 @@
+"""The examples run, each in a folder and a process of its own, and use what the page of the public API names."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+LONG = {
+    "own_hand",
+    "sb3_training",
+    "grasp_dataset",
+    "score_grasp_file",
+    "export_trajectory",
+    "demonstrations",
+}
+"""Examples that take more than some seconds."""
+
+
+def marked(path):
+    return pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in LONG else [])
+
+
+@pytest.mark.parametrize("example", list(map(marked, EXAMPLES)))
+def test_an_example_runs(example, tmp_path):
+    done = subprocess.run([sys.executable, example], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_is_short_and_of_the_public_api(example):
+    text = example.read_text()
+    page = (ROOT / "docs" / "public-api.md").read_text()
+    assert len(text.splitlines()) < 60
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith("dexgrasp"):
+            assert all(
+                re.search(rf"`(?:{node.module}\.|[\w(), ]*){alias.name}\b", page) for alias in node.names
+            )
+
+
+def test_there_are_ten_to_fifteen_and_their_list_has_each():
+    page = (ROOT / "examples" / "README.md").read_text()
+    assert 10 <= len(EXAMPLES) <= 15
+    assert sorted(re.findall(r"\]\((\w+\.py)\)", page)) == [path.name for path in EXAMPLES]
