@@ -65,7 +65,14 @@ def evaluate(
         check_rendering()
     if stop_level is not None:  # round by round, so that it can stop between rounds
         planned.sort(key=lambda spec: spec.trial)
-    run = _Run(planned, TrialStore(folder, identity), runner, backend, progress, stop_level)
+    run = _Run(
+        planned,
+        TrialStore(folder, identity, robot=settings.robot_path),
+        runner,
+        backend,
+        progress,
+        stop_level,
+    )
     run.check_rows()
     try:
         with kept():

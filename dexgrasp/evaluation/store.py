@@ -146,15 +146,15 @@ def trial_name(row: Fields) -> str:
 class TrialStore:
     """Finished trials of one evaluation; a second process on the same folder is refused."""
 
-    def __init__(self, folder: Path, identity: Fields) -> None:
-        """Open or make the folder.
+    def __init__(self, folder: Path, identity: Fields, **beside: str | None) -> None:
+        """Open or make the folder; a new one's run.json holds `beside` as well.
 
         Raises:
             InputError: if the folder holds another evaluation or a damaged one, or cannot be written, or is being
                 written to.
         """
         self.folder = folder
-        self._lock = _run_folder(folder).claim(identity)
+        self._lock = _run_folder(folder).claim(identity, **beside)
         try:
             self._lines = Lines(folder / _TRIALS, "trial", row_fault)
         except BaseException:
