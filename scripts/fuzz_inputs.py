@@ -29,7 +29,7 @@ WORDS = [
     "~nosuchuser/x.obj", "/dev/null", "/dev/full", "/proc/self/mem", "/nowhere/x", "x.obj", "a" * 300, "\udcff",
     "é", "--json", "--help", "--seed", "--out", "--mesh-scale", "--mesh-mass", "--friction", "--mount",
     "palm_normal", "--trials", "--video", "failures", "--protocol", "lift", "lift-v0", "--agent", "--agents",
-    "--objects", "--object", "--quick", "--workers", "--verify", "--power",
+    "--objects", "--object", "--quick", "--workers", "--verify",
 ]  # fmt: skip
 
 

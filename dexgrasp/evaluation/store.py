@@ -124,7 +124,7 @@ def row_fault(row: object) -> str | None:
     return None
 
 
-def fell_short(row: Fields) -> bool:
+def failed_or_disturbed(row: Fields) -> bool:
     """Whether a trial failed, or lifted the object and moved what stood around it."""
     return not row["success"] or row.get("clean") is False
 
@@ -211,7 +211,7 @@ def kept_grasps(folder: Path) -> list[Path]:
     Raises:
         InputError: if there are none, or no evaluation.
     """
-    short = {row.get("grasp") for row in read_rows(folder) if fell_short(row)}
+    short = {row.get("grasp") for row in read_rows(folder) if failed_or_disturbed(row)}
     found = sorted(
         (folder / "grasps").glob("*.json"), key=lambda file: (f"grasps/{file.name}" not in short, file.name)
     )

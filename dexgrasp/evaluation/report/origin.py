@@ -90,7 +90,7 @@ def replay_commands(folder: Path, rows: Sequence[Fields]) -> list[str]:
             "--protocol",
             row["protocol"],
             "--video",
-        )  # fmt: skip
+        )
         for row in rows
         if not row["success"]
     ][:_MOST_REPLAYS]
