@@ -104,7 +104,7 @@ def test_a_mistake_is_said_in_one_line(change, words, tmp_path):
 def test_a_file_that_is_no_cell_ends_a_command_in_two(text, tmp_path, capsys):
     path = tmp_path / "cell.yaml"
     path.write_text(text)
-    assert typed(f"verify nothing.json --cell {path}") == 2
+    assert typed(f"verify nothing.json --robot {path}") == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
@@ -161,7 +161,7 @@ def test_a_grasp_is_planned_verified_and_exported_in_its_cell_alone(lab, tmp_pat
         (["replay", f"{folder}/none", "--agent=rl", "--object=pear", "--trial=0", "--camera=left"], 2),
     ]
     for command, code in commands:
-        assert run_command([*command, "--cell", str(lab)]) == code, command
+        assert run_command([*command, "--robot", str(lab)]) == code, command
     capsys.readouterr()
     grasp, robot, seen = tmp_path / "grasp.json", tmp_path / "robot", tmp_path / "seen" / "grasp.json"
     for content in (json.loads(path.read_text()) for path in (grasp, seen)):
@@ -198,7 +198,7 @@ def test_the_default_cell_has_a_hash_too():
     assert slower.version != default_cell().version
     saved = DemoSettings.of(["pear"]).as_json()
     assert DemoSettings.of_json(saved) == DemoSettings.of(["pear"])
-    with refused("give their --cell"):
+    with refused("give theirs with --robot"):
         DemoSettings.of_json(saved | {"cell": slower.version})
 
 

@@ -157,8 +157,6 @@ def every_action(parser):
 @pytest.mark.parametrize(
     ("line", "field", "value"),
     [
-        ("evaluate --agents a --objects pear --stop-early", "stop_early", 0.05),
-        ("evaluate --agents a --objects pear --stop-early 0.1", "stop_early", 0.1),
         ("evaluate --agents a --objects pear --video failures", "video", "failures"),
         ("evaluate --agents a --objects ycb6 --protocol lift heavy", "settings.protocols", ("lift", "heavy")),
         ("evaluate --agents a --objects pear --size 320x240", "film.size", (240, 320)),

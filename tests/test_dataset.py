@@ -200,7 +200,7 @@ def test_a_cell_is_found_from_anywhere_and_no_other_is_taken_for_it(made, tmp_pa
     (folder / "manifest.json").write_text(json.dumps(manifest | {"cell": settings.cell.version}))
     assert check_sample(folder, 1)["checked"] == 1
     file.write_text("schema: 1\nname: mine\ntable_height: 0.01\n")
-    with refused("is of cell 'mine-.*': this is 'mine-.*', give its --cell"):
+    with refused("is of cell 'mine-.*': this is 'mine-.*', give its own with --robot"):
         check_sample(folder, 1)
     with refused("cell: mine-.* there, mine-.* now"):
         generate(settings, folder)

@@ -1,6 +1,7 @@
 """Evaluations: resumed, killed, in several processes, replayed; what they are of."""
 
 import json
+import shlex
 import shutil
 import signal
 import subprocess
@@ -73,6 +74,36 @@ def test_what_is_finished_is_not_run_again(finished, tmp_path):
     evaluate(SETTINGS, tmp_path)
     assert (tmp_path / "trials.jsonl").read_text().startswith("".join(lines[:2]))
     assert outcomes(tmp_path) == outcomes(finished[0])
+
+
+def test_printed_commands_run_and_a_cell_is_its_content(tmp_path, monkeypatch, capsys):
+    (tmp_path / "work").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    cell = tmp_path / "work" / "our lab.yaml"
+    cell.write_text("schema: 1\nname: our lab\ntable_height: -0.04\n")
+    again = ["evaluate", "--agents=random", "--objects=pear", "--trials=1", "--protocol", "lift", "heavy"]
+    assert main([*again, "--out", "my run", "--robot", "our lab.yaml"]) == 0
+    table = capsys.readouterr().out
+    assert "heavy" in table
+    assert "object" not in table.partition("why")[0]  # protocols are not averaged
+    assert main([*again, "--out", "my run", "--robot", str(cell)]) == 0
+    assert main(["report", "my run"]) == 0
+    lines = [
+        line.strip() for line in capsys.readouterr().out.splitlines() if line.strip().startswith("dexgrasp ")
+    ]
+    assert [shlex.split(line)[1] for line in lines] == ["evaluate", "report", "replay", "replay"]
+    for line in lines:
+        assert main([word for word in shlex.split(line)[1:] if word != "--video"]) == 0, line
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    one = ["replay", str(tmp_path / "work" / "my run"), "--agent=random", "--object=pear", "--trial=0"]
+    assert main([*one, "--protocol=lift"]) == 0
+    moved = cell.rename(tmp_path / "moved.yaml")
+    assert main([*one, "--protocol=lift"]) == 2
+    assert "pass it with --robot" in capsys.readouterr().err
+    assert main([*one, "--protocol=lift", "--robot", str(moved)]) == 0
+    assert main([*one, "--protocol=lift", "--cell", str(moved)]) == 2
+    assert "is given by --robot" in capsys.readouterr().err
 
 
 def test_killed_run_keeps_what_is_finished(tmp_path):

@@ -115,10 +115,12 @@ def test_commands_are_those_that_made_it(folder):
     line = commands(folder)[0]
     assert "--agents bilevel hardcoded --objects seen --trials 3 --seed 0 --protocol lift heavy" in line
     assert "--friction 0.5" in line
-    assert "--cell" not in line
+    assert "--robot" not in line
     run = json.loads((folder / "run.json").read_text())
-    (folder / "run.json").write_text(json.dumps(run | {"cell": "our lab-8b8c9eba"}))
-    assert "--cell CELL.yaml" in commands(folder)[0]
+    (folder / "run.json").write_text(
+        json.dumps(run | {"cell": "our lab-8b8c9eba", "robot": "/x/our lab.yaml"})
+    )
+    assert "--robot '/x/our lab.yaml'" in commands(folder)[0]
     assert "in our lab-8b8c9eba" in describe_run(folder)
 
 

@@ -1,19 +1,14 @@
-"""Statistics: coverage of intervals, power, sequential tests, success within k tries, all by simulation."""
+"""Statistics: coverage of intervals, evidence, success within k tries, all by simulation."""
 
 import numpy as np
 import pytest
-from refusals import refused
-from scipy.stats import binomtest
 from trial_rows import row
 
-from dexgrasp.evaluation import evaluate as evaluate_module
-from dexgrasp.evaluation.power import paired_power, paired_trials, power_figures, unpaired_trials
-from dexgrasp.evaluation.sequential import capital, decided_after, is_decided
-from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.statistics import (
-    compared,
+    e_value,
     object_difference_interval,
     object_interval,
+    paired_comparison,
     paired_difference_interval,
     success_within,
     wilson_interval,
@@ -101,80 +96,17 @@ def test_the_interval_of_a_difference_covers_where_scenes_are_met_often():
     for _ in range(200):
         scene = rng.random(60)[:, None]  # how hard it is, for both and under all of five conditions
         a, b = scene + 0.1 * rng.random((60, 5)) < 0.85, scene + 0.1 * rng.random((60, 5)) < 0.75
-        found = compared(
+        found = paired_comparison(
             (k, *pair) for k in range(60) for pair in zip(a[k].tolist(), b[k].tolist(), strict=True)
         )
         inside.append(found["ci95"][0] <= 0.1 <= found["ci95"][1])
     assert 0.9 < np.mean(inside) <= 1.0
 
 
-def test_power_of_mcnemar_is_what_simulation_says():
-    n, difference, discordant = 120, 0.10, 0.14
-    rng, seen = np.random.default_rng(2), 0
-    for a, b, _ in rng.multinomial(n, [0.12, 0.02, 0.86], 1500).tolist():
-        seen += a + b > 0 and binomtest(a, a + b, 0.5).pvalue <= 0.05
-    assert paired_power(n, difference, discordant) == pytest.approx(seen / 1500, abs=0.035)
-
-
-def test_trials_needed():
-    assert 760 < unpaired_trials(0.99, 0.02) < 780
-    n = paired_trials(0.05, 0.09)
-    assert paired_power(n, 0.05, 0.09) >= 0.8 > paired_power(n - 12, 0.05, 0.09)
-    figures = power_figures(0.05, 0.95, agents=2, objects=20)
-    assert figures["paired_scenes_at_least"] < figures["paired_scenes_at_most"]
-    assert figures["trials_in_all"] == 2 * 20 * figures["trials_an_object"]
-    with refused("0 < difference"):
-        power_figures(0.5, 0.4, agents=2, objects=1)
-
-
-@pytest.mark.parametrize("difference", [0.05, 0.1, 0.2])
-def test_trials_needed_below_an_agent_that_always_succeeds(difference):
-    figures = power_figures(difference, 1.0, agents=2, objects=20)
-    assert figures["paired_scenes_at_least"] == figures["paired_scenes_at_most"]
-
-
-def test_capital_is_a_martingale():
+def test_e_value_is_a_martingale():
     for a, b in [(0, 0), (3, 1), (10, 2)]:
-        assert 0.5 * (capital(a + 1, b) + capital(a, b + 1)) == pytest.approx(capital(a, b))
-    assert capital(0, 0) == 1.0
-
-
-def test_sequential_test_keeps_its_error_rate_at_any_number_of_looks():
-    """1,000 runs of 400 discordant scenes between equals, looked at after every one."""
-    heads = np.random.default_rng(3).random((1000, 400)) < 0.5
-    a = heads.cumsum(1)
-    b = np.arange(1, 401) - a
-    table = {(i, n - i): is_decided(i, n - i) for n in range(1, 401) for i in range(n + 1)}
-    wrong = np.mean([any(table[pair] for pair in zip(*row, strict=True)) for row in zip(a, b, strict=True)])
-    assert wrong <= 0.05
-
-
-def test_sequential_test_sees_a_difference():
-    rng = np.random.default_rng(4)
-    times = []
-    for _ in range(200):
-        heads = (rng.random(400) < 0.8).cumsum()
-        n = next((n for n, k in enumerate(heads.tolist(), 1) if is_decided(k, n - k)), None)
-        times.append(n)
-    assert None not in times
-    assert np.median(times) < 45
-
-
-def _row(agent, k, success, target="o"):
-    return {"agent": agent, "object": target, "trial": k, "success": success}
-
-
-def test_decided_after_looks_at_whole_rounds_only():
-    planned = [(agent, target, k) for k in range(20) for agent in "ab" for target in "op"]
-    rows = [_row(agent, k, agent == "a", target) for agent, target, k in planned]
-    n = decided_after(planned, rows, "ab", 0.05)
-    assert is_decided(2 * n, 0)
-    assert not is_decided(2 * (n - 1), 0)
-    assert decided_after(planned, rows[::-1], "ab", 0.05) == n
-    early = [row for row in rows if not (row["trial"] == n - 1 and row["agent"] == "b")]
-    assert decided_after(planned, early, "ab", 0.05) is None
-    assert decided_after(planned, rows, "a", 0.05) is None
-    assert decided_after(planned, [_row(a, k, True, t) for a, t, k in planned], "ab", 0.05) is None
+        assert 0.5 * (e_value(a + 1, b) + e_value(a, b + 1)) == pytest.approx(e_value(a, b))
+    assert e_value(0, 0) == 1.0
 
 
 def test_success_within_tries():
@@ -184,34 +116,3 @@ def test_success_within_tries():
     assert success_within(counts, 4) == pytest.approx(1.0)
     assert success_within(counts, 5) is None
     assert success_within({"a": (0, 5)}, 3) == 0.0
-
-
-def test_evaluation_stops_once_decided_and_counts_whole_rounds(tmp_path, monkeypatch):
-    """The physics is left out; what comes after the decision, begun by other workers, must not count."""
-    asked = []
-
-    def run_pool(work, tasks, backend):
-        for cell in tasks:
-            asked.append(cell)
-            row = {
-                "protocol": cell.protocol, "agent": cell.agent, "object": cell.label, "trial": cell.trial,
-                "scene_seed": cell.trial, "agent_seed": cell.trial, "success": cell.agent == "hardcoded",
-                "stable": True, "reason": None, "planning_seconds": None, "details": {}, "error": None,
-            }  # fmt: skip
-            yield row, None
-
-    monkeypatch.setattr(evaluate_module, "run_pool", run_pool)
-    settings = EvaluationSettings.of(["hardcoded", "random"], ["gelatin_box"], trials=30)
-    summary = evaluate_module.evaluate(settings, tmp_path, stop_level=0.05)
-    n = summary["sequential"]["stopped_after"]
-    assert is_decided(n, 0)
-    assert not is_decided(n - 1, 0)
-    assert len(asked) == 2 * n < 60
-    assert summary["complete"]
-    assert summary["agents"]["random"]["trials"] == n
-    again = evaluate_module.evaluate(settings, tmp_path, stop_level=0.05)
-    assert again == summary
-    assert len(asked) == 2 * n
-    whole = evaluate_module.evaluate(settings, tmp_path)
-    assert whole["agents"]["random"]["trials"] == 30
-    assert "sequential" not in whole

@@ -161,7 +161,8 @@ def _parsed(named: str, arguments: Sequence[str]) -> argparse.Namespace:
         parser.print_help(sys.stderr)
         parser.exit(BAD_INPUT)
     if unknown:
-        Parser(prog=f"dexgrasp {named}").error(f"unrecognized arguments: {' '.join(unknown)}")
+        hint = ": the file of a cell is given by --robot" if "--cell" in unknown else ""
+        Parser(prog=f"dexgrasp {named}").error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
     return args
 
 

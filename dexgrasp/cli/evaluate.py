@@ -4,13 +4,13 @@ import json
 from typing import Annotated, Literal
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, INTERRUPTED, OK
-from dexgrasp.cli.command import Answer, Command, Folder, Options, check_mesh_options
+from dexgrasp.cli.command import Answer, Command, Folder, check_mesh_options
 from dexgrasp.cli.output import note, resumable
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.video import Film
 from dexgrasp.runs import interrupt
 from dexgrasp.runs.pool import Backend
-from dexgrasp_env.valid import NATURAL, Rule, Share, check, one_of
+from dexgrasp_env.valid import NATURAL, Rule, check, one_of
 
 _VIDEOS = Rule(
     "a whole number >= 0, or failures",
@@ -19,22 +19,7 @@ _VIDEOS = Rule(
 )
 
 
-class Statistics(Options):
-    """Statistics.
-
-    Attributes:
-        power: run nothing: say how many trials it takes to see a difference of DIFF (0.05: five points).
-        expect: with --power: the better agent's rate.
-        stop_early: stop once all agents are told apart; equals are called different with a chance of at most LEVEL
-            (default 0.05), however often one looks.
-    """
-
-    power: Annotated[Share | None, "DIFF"] = None
-    expect: Annotated[Share, "RATE"] = 0.95
-    stop_early: Annotated[Share | None, "LEVEL", {"nargs": "?", "const": 0.05}] = None
-
-
-class Evaluate(Command, Statistics):
+class Evaluate(Command):
     """Score agents on objects: success rates with intervals, failure reasons, planning times.
 
     examples:
@@ -43,8 +28,6 @@ class Evaluate(Command, Statistics):
       dexgrasp evaluate --agents my_package.policies:MyPolicy --objects sugar_box --video 1
       dexgrasp evaluate --agents bilevel --objects all20 --trials 6 --out runs/tables --video failures
       dexgrasp evaluate --agents bilevel --objects scan.stl --mesh-scale 0.001 --mesh-mass 0.3
-      dexgrasp evaluate --agents bilevel hardcoded --objects all20 --power 0.05      how many trials would it take?
-      dexgrasp evaluate --agents bilevel hardcoded --objects all20 --trials 50 --stop-early
 
     Every agent meets the same scenes: trial k of an object depends on --seed, the object and k alone. A run that was
     interrupted goes on when the same command is given again; other code, meshes or checkpoints are another evaluation.
@@ -67,7 +50,6 @@ class Evaluate(Command, Statistics):
     def run(self) -> Answer | int:
         """Evaluate; 3 if it was interrupted or a worker died, with what was finished kept, 1 if trials were lost."""
         from dexgrasp.evaluation.evaluate import LostTrialsError, evaluate
-        from dexgrasp.evaluation.power import power_figures, power_sentences
         from dexgrasp.evaluation.report.tables import render_summary
         from dexgrasp.registry import check_name
         from dexgrasp_env.rendering import SHOW_CAMERAS
@@ -76,9 +58,6 @@ class Evaluate(Command, Statistics):
         settings = self.settings
         check_mesh_options(settings.objects, settings)
         check("camera", self.film.camera, one_of((*SHOW_CAMERAS, *make_cell(settings.robot).camera_names)))
-        if self.power is not None:
-            figures = power_figures(self.power, self.expect, len(settings.agents), len(settings.objects))
-            return Answer({"power": figures}, power_sentences(figures))
         for agent in settings.agents:
             check_name(agent)
         folder = self.out or settings.default_folder()
@@ -88,7 +67,6 @@ class Evaluate(Command, Statistics):
             with resumable(f"finished trials are kept in {folder}"):
                 evaluate(
                     settings, folder, backend=self.backend, videos=self.video, film=self.film,
-                    stop_level=self.stop_early,
                 )  # fmt: skip
         except KeyboardInterrupt as stop:
             interrupt.acknowledge()

@@ -1,5 +1,6 @@
 """`dexgrasp export`: a grasp as a trajectory that a robot's controllers take."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -54,7 +55,7 @@ class Export(Command, InCell):
         files = export_grasp(record, make_folder(self.out), self.format, self.stiffness, rejected)
         write_grasp(self.out / "grasp.json", as_json(record))
         lines = [f"wrote {file}" for file in files if file.suffix != ".obj"]
-        cell = f" --cell {self.robot}" if self.robot else ""
+        cell = f" --robot {shlex.quote(self.robot)}" if self.robot else ""
         lines.append(f"check it before anything moves: dexgrasp check {self.out}{cell}")
         if rejected:
             lines.insert(0, f"verify rejects this grasp, and the files say so: {', '.join(rejected)}")

@@ -22,12 +22,13 @@ class Score(Command, InCell):
       dexgrasp score mine.json --hand my_hand.xml --protocol dgb_fc         a plain JSON, another hand
       dexgrasp score leap/*.json --robot leap.yaml --protocol dgb_fc        our files of another robot
 
-    Reads our grasp files, .npy dictionaries, FRoGGeR-style .npz arrays and a plain JSON; nothing in a file is executed.
+    Reads our grasp files, .npy or .pkl dictionaries, FRoGGeR-style .npz arrays and a plain JSON. Nothing in a file is
+    executed: of a pickle arrays, numbers and texts are read, and one that holds anything else is refused.
     docs/scoring.md has formats, frames and what differs from the publications. The hand floats: no arm, no approach.
     Exit code 1 if no grasp succeeds under any of the protocols. `dexgrasp list protocols` says what each asks for.
 
     Attributes:
-        files: grasp files: .json, .npy, .npz.
+        files: grasp files: .json, .npz, .npy, .pkl.
         protocol: dgb_fc, dgb_tabletop, frogger_pick, get_a_grip, dro.
         mesh: mesh files, or folders of them, for objects that the files only name.
         mesh_scale: factor from the meshes' unit to metres.

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.evaluation.protocol import AGENT_KEYS
-from dexgrasp.evaluation.sequential import capital
-from dexgrasp.evaluation.statistics import compared, object_difference_interval
+from dexgrasp.evaluation.statistics import e_value, object_difference_interval, paired_comparison
 from dexgrasp.evaluation.store import Trials, read_rows
 from dexgrasp.evaluation.summary import grouped, judged, object_counts, present_sets, scene_of
 from dexgrasp.runs.text import text_table
@@ -131,20 +130,20 @@ def _trial(row: Fields) -> tuple[object, ...]:
 
 
 def _statistics(pairs: Trials) -> Fields:
-    """Return counts, rates, difference with intervals, the exact test and the sequential test's capital.
+    """Return counts, rates, difference with intervals, the exact test and the e-value.
 
     Args:
         pairs: trials of one agent, each with that of another on the same scene as `other`.
     """
     n = max(len(pairs), 1)
     others = object_counts([row["other"] for row in pairs])
-    counts = compared((scene_of(row), row["success"], row["other"]["success"]) for row in pairs)
+    counts = paired_comparison((scene_of(row), row["success"], row["other"]["success"]) for row in pairs)
     return {
         "rate_a": (counts["both"] + counts["only_a"]) / n,
         "rate_b": (counts["both"] + counts["only_b"]) / n,
         "ci95_objects": list(object_difference_interval(object_counts(pairs), others)),
         **counts,
-        "e_value": capital(counts["for_a"], counts["for_b"]),
+        "e_value": e_value(counts["for_a"], counts["for_b"]),
     }
 
 

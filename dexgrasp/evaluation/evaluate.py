@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Literal
 
 from dexgrasp.evaluation.replay import record
-from dexgrasp.evaluation.sequential import decided_after
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
-from dexgrasp.evaluation.store import TrialStore, check_folder, fell_short
+from dexgrasp.evaluation.store import TrialStore, check_folder, failed_or_disturbed
 from dexgrasp.evaluation.summary import bare_count, grouped, summarise
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.evaluation.video import Film, check_rendering
@@ -34,7 +33,6 @@ def evaluate(
     videos: int | Literal["failures"] = 0,
     film: Film = Film(),
     progress: bool = True,
-    stop_level: float | None = None,
 ) -> Fields:
     """Run an evaluation, or what is missing of it, and return its summary (also `summary.json` in the folder).
 
@@ -46,8 +44,6 @@ def evaluate(
             makes a trial again, so that it may be asked for after the fact.
         film: what videos are taken with.
         progress: whether to say on standard error how far it is.
-        stop_level: end as soon as every pair of agents is told apart at this level, by the test of `sequential`; the
-            summary then is of the whole rounds up to there. None runs every trial.
 
     Raises:
         InputError: for wrong settings, a mesh that cannot be used, or a folder that holds another evaluation.
@@ -55,17 +51,13 @@ def evaluate(
         WorkerDiedError: likewise.
         LostTrialsError: likewise, where fewer trials finished than were asked for.
     """
-    if stop_level is not None and len(settings.parts) > 1:
-        raise InputError("--stop-early tells agents apart under one protocol: name one")
     identity = settings.identity()
     check_folder(folder, identity)
     runner, planned = TrialRunner(settings), plan_trials(settings)
     _check(planned, runner)
     if videos:
         check_rendering()
-    if stop_level is not None:  # round by round, so that it can stop between rounds
-        planned.sort(key=lambda spec: spec.trial)
-    run = _Run(planned, TrialStore(folder, identity), runner, backend, progress, stop_level)
+    run = _Run(planned, TrialStore(folder, identity, robot=settings.robot_path), runner, backend, progress)
     run.check_rows()
     try:
         with kept():
@@ -96,7 +88,6 @@ class _Run:
     runner: TrialRunner
     backend: Backend
     progress: bool
-    stop_level: float | None
 
     def check_rows(self) -> None:
         """Refuse trials of something else.
@@ -112,9 +103,7 @@ class _Run:
             )
 
     def play(self) -> None:
-        """Run the trials that are not there, unless it is decided before."""
-        if self._stopped_after() is not None:
-            return
+        """Run the trials that are not there."""
         left = [spec for spec in self.planned if spec.key not in self.store.finished]
         told: set[tuple[str, str]] = set()
         with progress_bar("trial", "evaluate", shown=self.progress) as show:
@@ -131,8 +120,6 @@ class _Run:
                         f"{row['agent']} on {row['object']}, trial {row['trial']}: {row['reason']}\n"
                         f"{row['error'].rstrip()}"
                     )
-                if self._stopped_after() is not None:
-                    return
         if lost := {spec.key for spec in left} - self.store.finished:
             raise LostTrialsError(
                 f"{len(lost)} of {len(self.planned)} trials did not finish, the first: {', '.join(map(str, min(lost)))}"
@@ -143,7 +130,7 @@ class _Run:
         chosen = [
             row
             for row in self.store.rows
-            if (fell_short(row) if videos == "failures" else row["trial"] < int(videos))
+            if (failed_or_disturbed(row) if videos == "failures" else row["trial"] < int(videos))
         ]
         with progress_bar("video", "videos", shown=self.progress and bool(chosen)) as show:
             record(self.runner, chosen, self.store.folder, film, self.backend, show)
@@ -151,17 +138,8 @@ class _Run:
     def close(self) -> Fields:
         """Sum up what is there, and let go of it."""
         with held():
-            summary = summarise(
-                self.runner.settings, self.store.rows,
-                stopped_after=self._stopped_after(), stop_level=self.stop_level,
-            )  # fmt: skip
+            summary = summarise(self.runner.settings, self.store.rows)
             write_json(self.store.folder / "summary.json", summary)
             self.store.close()
             self.runner.close()
         return summary
-
-    def _stopped_after(self) -> int | None:
-        if self.stop_level is None:
-            return None
-        keys = [spec.key[1:] for spec in self.planned]
-        return decided_after(keys, self.store.rows, self.runner.settings.agents, self.stop_level)

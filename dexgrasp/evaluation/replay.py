@@ -13,6 +13,7 @@ from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import Show, warn
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import expand
 
 _COMPARED = ("success", "stable", "reason", "stage", "steps", "height", "slip", "tilt")
 
@@ -64,7 +65,7 @@ def replay(
     """
     row = _find(read_rows(folder), agent, target, trial, protocol)
     run = read_run(folder)
-    settings = EvaluationSettings.of_run({**run, "robot": robot or run.get("robot")})
+    settings = EvaluationSettings.of_run({**run, "robot": robot or _robot(run)})
     spec, path = _specs([row], settings)[row_key(row)], None
     if film:
         check_rendering()
@@ -76,6 +77,14 @@ def replay(
     now = settings.identity()
     stale = tuple(key for key in ("cell", "code", "files", "versions") if run.get(key) != now[key])
     return Replay(row, again, grasp, changes(row, again), stale, path)
+
+
+def _robot(run: Fields) -> str | None:
+    """Return the cell's file that a run.json names; a path, if it is one, has to be there still."""
+    path: str | None = run.get("robot")
+    if isinstance(path, str) and Path(path).suffix and not expand(path).is_file():
+        raise InputError(f"the file of the cell is not at {path} any more: pass it with --robot")
+    return path
 
 
 def record(runner: TrialRunner, rows: Trials, folder: Path, film: Film, backend: Backend, show: Show) -> None:

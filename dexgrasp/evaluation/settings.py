@@ -127,6 +127,7 @@ class EvaluationSettings:
         """Return the settings with the versions and contents they rest on, as JSON can hold them."""
         settings = jsonable(asdict(self))
         settings["protocol"] = "+".join(settings.pop("protocols"))
+        del settings["robot"]  # the cell is its content, wherever the file lies
         return {
             **settings,
             "cell": make_cell(self.robot).version,
@@ -134,6 +135,12 @@ class EvaluationSettings:
             "code": code_hash(self.agents),
             "versions": versions(),
         }
+
+    @property
+    def robot_path(self) -> str | None:
+        """Where the cell's file lies, from wherever one asks; a name of one of ours as it is."""
+        own = self.robot is not None and expand(self.robot).is_file()
+        return str(expand(self.robot).resolve()) if self.robot is not None and own else self.robot
 
     def _files(self) -> list[Path]:
         """Return the files that outcomes rest on: meshes, checkpoints and what lies beside these."""

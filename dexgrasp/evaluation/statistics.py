@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 
 import numpy as np
-from scipy.special import comb
+from scipy.special import betaln, comb
 from scipy.stats import binomtest, bootstrap, norm
 
 from dexgrasp_env.arrays import Array, Fields
@@ -43,7 +43,7 @@ def wilson_interval(successes: float, trials: float) -> Interval:
     return (0.0 if successes == 0 else middle - half), (1.0 if failures == 0 else middle + half)
 
 
-def scattered_interval(rate: float, moved: Iterable[tuple[Hashable, float]], trials: int) -> Interval:
+def cluster_interval(rate: float, moved: Iterable[tuple[Hashable, float]], trials: int) -> Interval:
     """Return a 95 % interval of a rate of trials that are not independent within a scene.
 
     Wilson's at the number of independent trials that would give the rate the same variance, from the scenes' number to
@@ -89,7 +89,7 @@ def _sign_test(a: int, b: int) -> float:
     return float(binomtest(a, a + b, 0.5).pvalue) if a + b else 1.0
 
 
-def compared(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields:
+def paired_comparison(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields:
     """Compare two agents on the same scenes, each met under one condition or several.
 
     Args:
@@ -217,3 +217,14 @@ def success_within(counts: Counts, tries: int) -> float | None:
         return None
     k, n = _columns(counts)
     return float(np.mean(1.0 - comb(n - k, tries) / comb(n, tries)))
+
+
+def e_value(only_a: int, only_b: int) -> float:
+    """Return the evidence against two agents that are equally good, of scenes that one of them alone solved.
+
+    2^(a+b) B(a + 1/2, b + 1/2) / B(1/2, 1/2): a bettor's capital by the mixture of Krichevsky and Trofimov. With equal
+    agents it reaches 1 / level with a chance of at most level, however often one looks (Ville 1939; Ramdas et al. 2023,
+    "Game-theoretic statistics and safe anytime-valid inference").
+    """
+    log = (only_a + only_b) * np.log(2.0) + betaln(only_a + 0.5, only_b + 0.5) - betaln(0.5, 0.5)
+    return float(np.exp(min(log, 700.0)))

@@ -124,7 +124,7 @@ def row_fault(row: object) -> str | None:
     return None
 
 
-def fell_short(row: Fields) -> bool:
+def failed_or_disturbed(row: Fields) -> bool:
     """Whether a trial failed, or lifted the object and moved what stood around it."""
     return not row["success"] or row.get("clean") is False
 
@@ -146,15 +146,15 @@ def trial_name(row: Fields) -> str:
 class TrialStore:
     """Finished trials of one evaluation; a second process on the same folder is refused."""
 
-    def __init__(self, folder: Path, identity: Fields) -> None:
-        """Open or make the folder.
+    def __init__(self, folder: Path, identity: Fields, **beside: str | None) -> None:
+        """Open or make the folder; a new one's run.json holds `beside` as well.
 
         Raises:
             InputError: if the folder holds another evaluation or a damaged one, or cannot be written, or is being
                 written to.
         """
         self.folder = folder
-        self._lock = _run_folder(folder).claim(identity)
+        self._lock = _run_folder(folder).claim(identity, **beside)
         try:
             self._lines = Lines(folder / _TRIALS, "trial", row_fault)
         except BaseException:
@@ -211,7 +211,7 @@ def kept_grasps(folder: Path) -> list[Path]:
     Raises:
         InputError: if there are none, or no evaluation.
     """
-    short = {row.get("grasp") for row in read_rows(folder) if fell_short(row)}
+    short = {row.get("grasp") for row in read_rows(folder) if failed_or_disturbed(row)}
     found = sorted(
         (folder / "grasps").glob("*.json"), key=lambda file: (f"grasps/{file.name}" not in short, file.name)
     )

@@ -9,10 +9,10 @@ from dexgrasp.evaluation.protocol import GROUPS, OTHER_PHYSICS
 from dexgrasp.evaluation.settings import EvaluationSettings, versions
 from dexgrasp.evaluation.statistics import (
     Counts,
-    compared,
+    cluster_interval,
     object_interval,
+    paired_comparison,
     quantiles,
-    scattered_interval,
     success_within,
 )
 from dexgrasp.evaluation.store import Trials, row_key
@@ -40,34 +40,27 @@ NOT_HELD_BEFORE = "failed_pushed@0.5"
 def summarise(
     settings: EvaluationSettings,
     rows: Trials,
-    *,
-    stopped_after: int | None = None,
-    stop_level: float | None = None,
 ) -> Fields:
     """Return the summary of the trials that are there; `complete` says whether these are all.
 
     Args:
         settings: of the evaluation.
         rows: finished trials.
-        stopped_after: trials a cell after which it was decided; later ones, begun before that was known, do not count.
-        stop_level: of the sequential test; None where there was none.
     """
-    rows = judged([row for row in rows if stopped_after is None or row["trial"] < stopped_after])
+    rows = judged(rows)
     place = {name: k for k, name in enumerate(settings.parts)}
     ordered = sorted(rows, key=lambda row: (place.get(row["protocol"], 0), row["object"], row["trial"]))
     by_agent = {agent: [row for row in ordered if row["agent"] == agent] for agent in settings.agents}
     asked = len(settings.agents) * len(settings.objects) * len(settings.parts) * settings.trials
-    sequential = {"sequential": {"level": stop_level, "stopped_after": stopped_after}}
     return {
         "schema": SCHEMA,
         "protocol": settings.protocol,
         "seed": settings.seed,
         "versions": versions(),
-        "complete": stopped_after is not None or len(rows) == asked,
-        **(sequential if stop_level is not None else {}),
+        "complete": len(rows) == asked,
         "agents": {agent: summarise_agent(own) for agent, own in by_agent.items()},
         "paired": [
-            {"a": a, "b": b, **compared(_paired(by_agent[a], by_agent[b]))}
+            {"a": a, "b": b, **paired_comparison(_paired(by_agent[a], by_agent[b]))}
             for a, b in combinations(settings.agents, 2)
         ],
     }
@@ -195,7 +188,7 @@ def pooled(parts: Iterable[tuple[Trials, float]]) -> Fields:
         total, wins = total + n, wins + k
         rate += weight * own
         moved += [(scene_of(row), weight / n * (bool(row["success"]) - own)) for row in rows]
-    ends = list(scattered_interval(rate, moved, total))
+    ends = list(cluster_interval(rate, moved, total))
     return {"trials": total, "successes": wins, "rate": rate, "ci95": ends}
 
 

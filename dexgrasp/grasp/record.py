@@ -257,7 +257,7 @@ class GraspRecord:
         )
         if planned != here:
             raise InputError(
-                f"the grasp was planned for cell {planned}, and this is {here}: give its --cell file"
+                f"the grasp was planned for cell {planned}, and this is {here}: give its file with --robot"
             )
         return self.here
 

@@ -14,7 +14,7 @@ from numpy.random import Generator
 
 import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.cli.benchmarks.timing import spread_of
-from dexgrasp.evaluation.statistics import scattered_interval
+from dexgrasp.evaluation.statistics import cluster_interval
 from dexgrasp.geometry.completion import NoTarget, target_of
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.file import record_of
@@ -142,7 +142,7 @@ def _figures(attempts: list[Attempt]) -> Fields:
     moved = [(a.scene, (a.verified - rate) / len(attempts)) for a in attempts]
     return {
         "trials": len(attempts), "verified": rate,
-        "verified_ci95": scattered_interval(rate, moved, len(attempts)),
+        "verified_ci95": cluster_interval(rate, moved, len(attempts)),
         "tried": spread_of([a.plan.log.tried for a in good]), "seconds": spread_of([a.seconds for a in good]),
         "margin": spread_of([grasp.certificate.closure_margin for grasp in grasps]),
         "epsilon": spread_of([ferrari_canny(grasp.contacts, grasp.normals, mu) for grasp in grasps]),

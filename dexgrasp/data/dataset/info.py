@@ -89,7 +89,7 @@ def check_sample(folder: Path, count: int, robot: str | None = None) -> Fields:
     thresholds = read(Thresholds, settings.get("planner"), "planner", more=True)
     cell = make_cell(robot or settings.get("robot"))
     if (made := manifest.get("cell", cell.version)) != cell.version:  # older datasets state none
-        raise InputError(f"{folder} is of cell {made!r}: this is {cell.version!r}, give its --cell")
+        raise InputError(f"{folder} is of cell {made!r}: this is {cell.version!r}, give its own with --robot")
     grasps = [(pose, k) for pose in poses for k in range(len(pose))]
     chosen = np.random.default_rng(0).permutation(len(grasps))[:count]
     passed = 0

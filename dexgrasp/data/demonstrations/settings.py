@@ -104,5 +104,5 @@ class DemoSettings:
         saved = {**saved, "robot": robot or saved.get("robot")}
         here = make_cell(saved["robot"]).version
         if (cell := saved.get("cell", here)) != here:  # before 0.2.0 none was stated
-            raise InputError(f"demonstrations of cell {cell!r}: this is {here!r}, give their --cell")
+            raise InputError(f"demonstrations of cell {cell!r}: this is {here!r}, give theirs with --robot")
         return read(cls, saved, "settings of the demonstrations:", more=True)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from dexgrasp.evaluation.reasons import sentence
 from dexgrasp.evaluation.replay import video_path
-from dexgrasp.evaluation.store import fell_short, read_rows
+from dexgrasp.evaluation.store import failed_or_disturbed, read_rows
 from dexgrasp_env.arrays import Fields
 
 _MOST = 24
@@ -25,7 +25,10 @@ class Clips(NamedTuple):
 def clips(folders: Sequence[Path]) -> Clips:
     """Return the clips of failures that are there, the first of each agent, object and protocol first."""
     failed = [
-        (row, video_path(folder, row)) for folder in folders for row in read_rows(folder) if fell_short(row)
+        (row, video_path(folder, row))
+        for folder in folders
+        for row in read_rows(folder)
+        if failed_or_disturbed(row)
     ]
     there = sorted(((row, path) for row, path in failed if path.is_file()), key=lambda pair: _rank(pair[0]))
     sizes = accumulate(path.stat().st_size for _, path in there[:_MOST])

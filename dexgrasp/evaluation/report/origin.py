@@ -1,5 +1,6 @@
 """Where figures come from: settings, versions, and the commands that make them again."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,6 +31,7 @@ class _Run:
     protocol: str = "?"
     versions: Fields = field(default_factory=dict)
     cell: Any = SIMULATED
+    robot: Any = None
     mount: Any = None
     friction: Any = None
     mesh_mass: Any = None
@@ -62,28 +64,45 @@ def commands(folder: Path) -> list[str]:
     """Return the commands that make an evaluation again, as far as its settings are known."""
     run = _run(folder)
     if run is None or not run.agents or not run.objects:
-        return [f"dexgrasp report {folder}"]
-    words = ["dexgrasp evaluate --agents", *run.agents, "--objects", *_sets(list(run.objects))]
+        return [_typed("report", folder)]
+    words = ["evaluate", "--agents", *run.agents, "--objects", *_sets(list(run.objects))]
     words += ["--trials", run.trials, "--seed", run.seed, "--protocol", *run.protocol.split("+")]
     for name in ("mount", "friction", "mesh_mass", "mesh_scale"):
         value = getattr(run, name)
         if value not in (None, getattr(_Run, name)):
             words += [f"--{name.replace('_', '-')}", value]
-    words += ["--cell CELL.yaml"] if run.own_cell else []
-    return [" ".join([*map(str, words), "--out", str(folder)]), f"dexgrasp report {folder}"]
+    words += ["--robot", run.robot] if run.robot else []
+    return [_typed(*words, "--out", folder), _typed("report", folder)]
 
 
 def replay_commands(folder: Path, rows: Sequence[Fields]) -> list[str]:
     """Return the commands that show the first failures of an evaluation again."""
     return [
-        f"dexgrasp replay {folder} --agent {row['agent']} --object {row['object']} --trial {row['trial']} --video"
+        _typed(
+            "replay",
+            folder,
+            "--agent",
+            row["agent"],
+            "--object",
+            row["object"],
+            "--trial",
+            row["trial"],
+            "--protocol",
+            row["protocol"],
+            "--video",
+        )
         for row in rows
         if not row["success"]
     ][:_MOST_REPLAYS]
 
 
+def _typed(*words: object) -> str:
+    """Return a command as a shell takes it."""
+    return shlex.join(["dexgrasp", *map(str, words)])
+
+
 def _sets(objects: list[str]) -> list[str]:
-    """The name of a set, or the path of a set file, where the objects are just its members."""
+    """Return the name of a set, or the path of a set file, where the objects are just its members."""
     for name, members in OBJECT_SETS.items():
         if list(members) == objects:
             return [name]

@@ -34,7 +34,11 @@ class Table(NamedTuple):
 def render_summary(summary: Fields) -> str:
     """Return the tables of one evaluation for a terminal."""
     agents = summary["agents"]
-    parts = [text_table(*set_table(agents)), text_table(*object_table(agents))]
+    protocols = list(dict.fromkeys(name for agent in agents.values() for name in agent["by_protocol"]))
+    if len(protocols) > 1:  # sets and objects would be averaged over all of them
+        parts = [text_table(*protocol_table(agents, protocols))]
+    else:
+        parts = [text_table(*set_table(agents)), text_table(*object_table(agents))]
     if (clutter := clutter_table(agents)).rows:
         parts.append(text_table(*clutter))
     if (failures := failure_table(agents, codes=True)).rows:

@@ -26,7 +26,7 @@ def read_candidates(path: Path, options: ReadOptions) -> list[Candidate]:
         return _BY_SUFFIX[path.suffix](path, options)
     if path.suffix != ".json":
         raise InputError(
-            f"grasp file {str(path)!r} has the wrong kind {path.suffix!r}: valid are .json, .npy, .npz"
+            f"grasp file {str(path)!r} has the wrong kind {path.suffix!r}: valid are .json, .npz, .npy and .pkl"
         )
     content = read_json_object(path, "it is no grasp file")
     return (read_plain if content.get("format") == FORMAT else read_ours)(content, path, options)
