@@ -60,7 +60,7 @@ class CheckpointAgent(Agent):
         self._policy.set_random_seed(seed)
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
-        """Nothing of the last episode is kept."""
+        """Begin an episode; nothing of the last one is kept."""
 
     def act(self, observation: Observation) -> Single:
         """Return the policy's mean action."""
@@ -129,7 +129,7 @@ def _open(path: Path, algorithm: str) -> Any:
 
 
 def _told(policy: Any) -> Fields:
-    """Return what the spaces of a policy say of its environment."""
+    """Return the environment settings that the spaces of a policy tell."""
     keys = policy.observation_space.keys()
     seen = [
         mode for mode, key in {"pointcloud": "cloud", "rgbd": "rgb", "depth": "depth"}.items() if key in keys

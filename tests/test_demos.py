@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -165,6 +166,13 @@ def test_episodes_begin_along_demonstrations_backwards_from_success(folder, cont
     assert resets.front < 0.9
     with refused("no demonstration"):
         DemoResets(folder).attach(gym.make("DexGrasp/Lift-v2", objects="soda", disable_env_checker=True))
+
+
+def test_demonstrations_of_another_robot_are_refused(folder):
+    resets = DemoResets(folder)
+    resets._settings = replace(resets._settings, robot="panda_gripper")
+    with refused("the demonstrations are of panda-.*: make some of its own"):
+        resets.attach(gym.make("DexGrasp/Lift-v2", objects="sugar_box", disable_env_checker=True))
 
 
 def test_what_is_brought_to_a_place_begins_along_them_with_their_end_as_goal(folder):

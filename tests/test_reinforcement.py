@@ -23,7 +23,7 @@ from dexgrasp.learning.reinforcement import rl_tasks
 from dexgrasp.learning.reinforcement.grasp_space import GraspSpace
 from dexgrasp.learning.reinforcement.rl_tasks import PolicyTask
 from dexgrasp.learning.reinforcement.rollout_training import RolloutTraining
-from dexgrasp.learning.reinforcement.settings import RlSettings
+from dexgrasp.learning.reinforcement.settings import GripSettings, RlSettings
 
 
 @pytest.fixture(autouse=True)
@@ -273,6 +273,23 @@ def test_a_correction_begins_at_the_clone(tmp_path, clone):
         np.testing.assert_array_equal(*actions)
         observation, *_ = env.step(actions[0])
     assert np.abs(actions[0]).max() > 0.0
+
+
+def test_policies_of_0_3_0_are_read(tmp_path):
+    settings = settings_of("ppo", action_repeat=2, action_chunk=3)
+    RolloutTraining(PolicyTask(settings), tmp_path).run(stop_after=1)
+    about, arrays = read_policy(tmp_path)
+    was = {"residual_scale": "share", "action_repeat": "hold", "action_chunk": "chunk"}
+    write_policy(tmp_path, {was.get(key, key): value for key, value in about.items()}, arrays)
+    spec = make_agent(str(tmp_path))._policy.spec
+    assert (spec.residual_scale, spec.action_repeat, spec.action_chunk) == (1.0, 2, 3)
+
+
+def test_grips_are_trained_in_the_newest_environment():
+    versions = [
+        each.version for each in gym.registry.values() if (each.namespace, each.name) == ("DexGrasp", "Lift")
+    ]
+    assert GripSettings(("pear",)).env_id == f"DexGrasp/Lift-v{max(versions)}"
 
 
 def test_clones_of_clouds_are_refused(tmp_path, clone):

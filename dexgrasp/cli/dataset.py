@@ -49,7 +49,7 @@ class Generate(Command):
 
 
 class Info(Command, InCell):
-    """Say what a dataset holds, draw it, check some of it.
+    """Summarise a dataset, draw it, check some of it.
 
     Attributes:
         folder: of the dataset.

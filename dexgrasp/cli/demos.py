@@ -18,7 +18,7 @@ from dexgrasp_env.valid import Count, one_of
 
 
 class Generate(Command):
-    """Have an agent act, and keep what succeeds.
+    """Record an agent's rollouts and keep those that succeed.
 
     examples:
       dexgrasp demos generate --objects varied-0..99 --episodes 20 --out runs/demos --workers 2
@@ -54,7 +54,7 @@ class Generate(Command):
 
 
 class Info(Command):
-    """Say how many demonstrations there are, of what, and why others failed.
+    """Count demonstrations by object, and failures by reason.
 
     Attributes:
         folder: of the demonstrations.
@@ -63,7 +63,7 @@ class Info(Command):
     folder: Argument[Folder]
 
     def run(self) -> Answer:
-        """Say it."""
+        """Return the counts."""
         from dexgrasp.data.demonstrations.info import summary
 
         figures = summary(self.folder)

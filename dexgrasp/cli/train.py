@@ -84,7 +84,7 @@ class TrainingCommand(Command):
                     **{key: shown(value) for key, value in self.figures(state.curve[-1]).items()},
                 )
 
-            training: Any = loop(task(), folder, RunOptions(self.device, **options))  # type: ignore[arg-type,call-arg]
+            training: Any = loop(task(), folder, RunOptions(self.device, **options))  # type: ignore[call-arg]
             training.run(show)
         draw_curves(training.state.curve, folder / "curves.png", training.best)
         return training
@@ -271,7 +271,7 @@ class Grip(PolicyCommand):
 
 
 class _Rl(PolicyCommand):
-    """How it begins.
+    """Reinforcement learning of a policy.
 
     Attributes:
         settings: of the training.

@@ -17,7 +17,7 @@ Weights = dict[str, Single]
 
 
 def is_policy(name: str) -> bool:
-    """Whether an agent's name is the path of such a folder."""
+    """Check if an agent's name is the path of such a folder."""
     return (expand(name) / ABOUT).is_file() if name.strip("~") else False
 
 

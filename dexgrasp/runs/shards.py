@@ -22,7 +22,7 @@ def make_missing(
     work: Callable[[T], object], pieces: Sequence[T], is_there: Callable[[T], bool], backend: Backend,
     show: Callable[[int, int], object],
 ) -> bool:  # fmt: skip
-    """Have every piece made that is not there yet, in any order; return whether any was.
+    """Make every piece that is not there yet, in any order; return true if any was made.
 
     Args:
         work: makes one, whole or not at all; see `run_pool`.
@@ -89,7 +89,7 @@ def read_shard(path: Path, key: str | None = None) -> Arrays:
 
 
 def is_shard(path: Path, key: str) -> bool:
-    """Whether a file is there, whole, and made from what `key` names."""
+    """Check that a file is there, whole, and made from what `key` names."""
     try:
         read_shard(path, key)
         return True

@@ -1,4 +1,4 @@
-"""What the files of a dataset hold (shards, rest poses, the manifest), and a dataset read back, checked against it."""
+"""The files of a dataset (shards, rest poses, the manifest), and a reader that checks them against the manifest."""
 
 import json
 import re
@@ -76,7 +76,7 @@ def read_arrays(path: Path, key: str | None = None, hashed: str | None = None) -
 
 
 def complete(path: Path, key: str, hashed: str | None = None) -> bool:
-    """Whether a file is there, whole, of this dataset, and, where its hash is known, as it was made."""
+    """Check that a file is there, whole, of this dataset, and, where its hash is known, unchanged."""
     try:
         return bool(read_arrays(path, key, hashed))
     except InputError:

@@ -1,4 +1,4 @@
-"""What is in a dataset: counts, histograms, coverage, a picture, and a sample checked by `verify`'s means."""
+"""Summary of a dataset: counts, histograms, coverage, a picture, and a sample checked by `verify`'s means."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -29,7 +29,7 @@ def _whole_path(robot: Any) -> str:
 
 @dataclass(frozen=True)
 class DatasetSettings:
-    """What a dataset is made of.
+    """Settings of a dataset.
 
     Attributes:
         objects: objects, sets or mesh files.

@@ -1,4 +1,4 @@
-"""What a folder of demonstrations holds, and whether its actions still do what they did."""
+"""Summary of a folder of demonstrations, and replay of its actions."""
 
 from itertools import groupby, islice
 from pathlib import Path

@@ -109,7 +109,7 @@ class DemoResets:
 
     @property
     def progress(self) -> Fields:
-        """What `go_on` takes."""
+        """State of the resets, for `go_on`."""
         return {"front": self.front, "recent": list(self._recent)}
 
     def go_on(self, front: float, recent: Sequence[bool]) -> None:

@@ -1,4 +1,4 @@
-"""What a set of demonstrations is made of."""
+"""Settings of a set of demonstrations."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -77,7 +77,7 @@ class DemoSettings:
 
     @property
     def env_arguments(self) -> Fields:
-        """What `gym.make` is called with for the demonstrations, objects apart."""
+        """Keywords of `gym.make` for the demonstrations, objects apart."""
         looks = {} if self.obs_mode == "state" else {"observe": self.observe}
         return {
             "obs_mode": self.obs_mode,

@@ -17,7 +17,7 @@ from dexgrasp.planning.decoder import GRASP, SCALE, NetworkSettings
 
 
 class Output(NamedTuple):
-    """What a forward pass gives; grasps as in `GRASP`, network units."""
+    """Result of a forward pass; grasps as in `GRASP`, network units."""
 
     grasp: Tensor
     mean: Tensor

@@ -1,4 +1,4 @@
-"""How the CVAE is trained; no torch is needed to say it."""
+"""Settings of the CVAE's training, without torch."""
 
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -9,7 +9,7 @@ from dexgrasp_env.valid import Count, Natural, Positive, Share
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """How the CVAE is trained.
+    """Settings of the CVAE's training.
 
     Attributes:
         epochs: of 50 steps each.

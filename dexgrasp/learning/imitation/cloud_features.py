@@ -1,4 +1,4 @@
-"""What a policy cloned from clouds looks at: one look at the object, seen along the line of each grip that is weighed.
+"""Features of a policy cloned from clouds: one cloud of the object, in the frame of each grip that is weighed.
 
 A grip is level and has an azimuth, from the thumb to the fingers. Turned about the vertical so that this line is its x
 axis, scenes that are grasped alike look alike, however the object lies: what the network is asked is whether to grip

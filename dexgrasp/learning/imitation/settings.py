@@ -1,4 +1,4 @@
-"""How a policy is cloned."""
+"""Settings of behaviour cloning."""
 
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -43,7 +43,7 @@ class GraspNetSizes:
 
 @dataclass(frozen=True)
 class BcSettings:
-    """How a policy is cloned.
+    """Settings of behaviour cloning.
 
     Attributes:
         view: `state`, which is answered by the next set-points; or `cloud`: one look, answered by a grasp.

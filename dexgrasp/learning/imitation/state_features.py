@@ -1,4 +1,4 @@
-"""What a policy cloned from the state looks at: nothing of the last action, in a frame that turns with the object.
+"""Features of a policy from the state: none reveals the previous action, in a frame that turns with the object.
 
 A policy that sees velocities, or how far the arm lags behind its set-points, learns to repeat what it did last, and
 never closes the hand. So set-points, tips and palm relative to the object, and forces are given, and the object as it
@@ -26,7 +26,7 @@ _LONGEST = 250  # control steps after which the clock stands still
 
 
 class InitialScene(NamedTuple):
-    """What is remembered of the first observation.
+    """Numbers of an episode's first observation.
 
     Attributes:
         azimuth: rad, a number, where the object lay, seen from the arm's base.

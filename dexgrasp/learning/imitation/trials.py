@@ -11,7 +11,7 @@ from dexgrasp_env.arrays import Fields
 
 @dataclass(frozen=True)
 class Trials(Tester):
-    """What a policy is tried on, under protocol `lift`.
+    """Evaluation of a policy under protocol `lift` while it learns.
 
     Attributes:
         objects: names, expanded.

@@ -1,4 +1,4 @@
-"""How a policy is trained by reinforcement, and how a clone is taught a firmer grip."""
+"""Settings of reinforcement learning: of a policy, and of a cloned policy's grip."""
 
 import math
 from dataclasses import dataclass
@@ -109,7 +109,7 @@ class RlSettings:
 
     @property
     def rollouts(self) -> tuple[int, int]:
-        """How many rollouts are a round of `ppo`, and how many looks of every environment each is."""
+        """Number of rollouts in a round of `ppo`, and looks of every environment in each."""
         least = -(-2 // self.num_envs)  # two answers are the least that an update can tell good from bad by
         number = -(-self.length // max(self.n_steps, least))
         return number, max(-(-self.length // number), least)

@@ -1,4 +1,4 @@
-"""What a training needs to go on, as safetensors: arrays and text, nothing that runs when it is read."""
+"""Checkpoints of trainings as safetensors: arrays and text, nothing that runs when it is read."""
 
 from collections.abc import Mapping
 from pathlib import Path
