@@ -15,8 +15,8 @@ from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.evaluation.protocol import get_protocol, trial_seeds
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp_env.perception.pointing import Pointing
-from dexgrasp_env.perception.segment import segment
+from dexgrasp_env.perception.pipeline import segment
+from dexgrasp_env.perception.selection import TargetSelector
 from dexgrasp_env.sensing.perception import Perception
 
 MOST = 6.0  # weights: more load counts as so much
@@ -96,7 +96,7 @@ def look(env: gym.Env[Any, Any], seed: int) -> Look:
     own, cameras = perception.robot.at(data), perception.believed
     bodies = np.where(shown >= 0, model.geom_bodyid[shown], -1)
     mask = bodies == model.body("object").id
-    true = segment(depths, cameras, np.random.default_rng(seed), own, Pointing(mask=mask))
+    true = segment(depths, cameras, np.random.default_rng(seed), own, TargetSelector(mask=mask))
     near = perception._point(data, depths, masked=False)
 
     def found() -> Outcome:
