@@ -32,9 +32,9 @@ from dexgrasp.geometry.network import LOG_SPREAD, OUTPUT, SCHEMA
 from dexgrasp.geometry.view import UNIT, WRITTEN, View
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.load import load_target
+from dexgrasp_env.perception.pipeline import segment
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.perception.segment import segment
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import default_cell

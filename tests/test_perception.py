@@ -10,8 +10,8 @@ from refusals import refused
 from robots import CELL
 
 from dexgrasp.cli.benchmarks.cloud_accuracy import measure_accuracy
+from dexgrasp_env.perception.pipeline import segment
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
-from dexgrasp_env.perception.segment import segment
 from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.sensor import SensorModel
 
@@ -163,7 +163,7 @@ def test_a_few_points_are_too_few_and_nan_does_no_harm(monkeypatch):
     )
     depths = perception.measure(data, rng)
     with monkeypatch.context() as strict:
-        strict.setattr("dexgrasp_env.perception.segment.MIN_POINTS", 10**6)
+        strict.setattr("dexgrasp_env.perception.pipeline.MIN_POINTS", 10**6)
         assert segment(depths, perception.cameras, rng).reason == "too_few_points"
     holes = depths.copy()
     holes[rng.random(holes.shape) < 0.3] = np.nan

@@ -10,7 +10,7 @@ from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
 from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.pointing import mask_of, point_of_pixel
+from dexgrasp_env.perception.selection import mask_of, point_of_pixel
 
 PLACES = ((0.5, 0.12), (0.5, -0.02), (0.5, -0.2))
 

@@ -4,7 +4,7 @@ from dexgrasp.evaluation.reasons import REASONS, explain, sentence
 from dexgrasp.evaluation.trial import NOT_HELD
 from dexgrasp.geometry import completion
 from dexgrasp.planning import cvae_source, planner, proposals
-from dexgrasp_env.perception.segment import REASONS as UNSEEN
+from dexgrasp_env.perception.reasons import REASONS as UNSEEN
 
 PLANNERS = [
     planner.NO_POSTURE,

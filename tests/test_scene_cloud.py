@@ -9,11 +9,11 @@ from refusals import refused
 from robots import CELL
 
 from dexgrasp.cli.plan import scan_name
-from dexgrasp_env.perception import recorded
-from dexgrasp_env.perception.pointing import Pointing
-from dexgrasp_env.perception.recorded import find_object
+from dexgrasp_env.perception import reasons
+from dexgrasp_env.perception.pipeline import find_object
 from dexgrasp_env.perception.scan import cloud_of, read_cameras, read_scan
 from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.perception.selection import TargetSelector
 
 
 @pytest.fixture
@@ -44,8 +44,8 @@ def scene_points(rng, *centres):
 
 
 def find(points, cell=CELL, **pointing):
-    pointing = Pointing(**{name: np.array(value) for name, value in pointing.items()})
-    return find_object(cloud_of(points), np.random.default_rng(0), cell, pointing=pointing)
+    selector = TargetSelector(**{name: np.array(value) for name, value in pointing.items()})
+    return find_object(cloud_of(points), np.random.default_rng(0), cell, selector=selector)
 
 
 def test_the_object_is_found_and_the_table_is_not_part_of_it(rng):
@@ -65,19 +65,19 @@ def test_the_same_cloud_and_seed_give_the_same_points(rng):
 def test_what_is_wrong_is_named(rng):
     good = scene_points(rng, (0.5, 0.1))
     cases = {
-        recorded.EMPTY: good[:5],
-        recorded.UNIT: 1000.0 * good,
-        recorded.UPSIDE_DOWN: good * [1.0, 1.0, -1.0],
-        recorded.TABLE_HEIGHT: good + np.array([0.0, 0.0, 0.12]),
-        recorded.NO_OBJECT: table(rng),
-        recorded.NO_TABLE: box(rng, (0.5, 0.1)) + np.array([0.0, 0.0, 0.2]),
-        recorded.SEVERAL: scene_points(rng, (0.5, 0.15), (0.5, -0.15)),
-        recorded.OUT_OF_REACH: scene_points(rng, (0.82, 0.46)),
+        reasons.EMPTY: good[:5],
+        reasons.UNIT: 1000.0 * good,
+        reasons.UPSIDE_DOWN: good * [1.0, 1.0, -1.0],
+        reasons.TABLE_HEIGHT: good + np.array([0.0, 0.0, 0.12]),
+        reasons.NO_OBJECT: table(rng),
+        reasons.NO_PLANE: box(rng, (0.5, 0.1)) + np.array([0.0, 0.0, 0.2]),
+        reasons.SEVERAL: scene_points(rng, (0.5, 0.15), (0.5, -0.15)),
+        reasons.OUT_OF_REACH: scene_points(rng, (0.82, 0.46)),
     }
     for reason, points in cases.items():
         found = find(points)
         assert found.reason == reason, (reason, found.reason)
-        assert recorded.WORDS[reason] in found.sentence
+        assert reasons.WORDS[reason] in found.sentence
 
 
 def tilted(points, degrees, about=(0.0, 0.0, 0.0)):
@@ -104,13 +104,13 @@ def test_a_table_that_is_too_steep_and_none_are_said(rng):
     good = scene_points(rng, (0.5, 0.1))
     for degrees in (25.0, 35.0):
         found = find(tilted(good, degrees))
-        assert found.reason == recorded.TILTED
+        assert found.reason == reasons.TILTED
         assert f"({degrees:.0f} degrees)" in found.sentence
     alone = box(rng, (0.5, 0.1))
     low = alone[alone[:, 2] < 0.008]
-    assert find(np.concatenate([alone, low, low])).reason == recorded.NO_TABLE
+    assert find(np.concatenate([alone, low, low])).reason == reasons.NO_PLANE
     several = np.concatenate([box(rng, place) for place in ((0.5, 0.12), (0.55, -0.1))])
-    assert find(several, near=(0.5, 0.12, 0.03)).reason == recorded.NO_TABLE
+    assert find(several, near=(0.5, 0.12, 0.03)).reason == reasons.NO_PLANE
 
 
 def test_a_table_at_another_height_is_where_the_cell_has_it(rng):
@@ -131,7 +131,7 @@ def test_a_point_near_the_object_chooses_it(rng):
     found = find(points, near=(0.5, -0.15, 0.03))
     assert found.reason is None
     assert found.target.points[:, 1].mean() < -0.1
-    assert find(points, near=(0.3, -0.4, 0.3)).reason == recorded.NOTHING_NEAR
+    assert find(points, near=(0.3, -0.4, 0.3)).reason == reasons.NOTHING_NEAR
 
 
 def test_what_stands_around_is_seen(rng):
@@ -157,8 +157,8 @@ def test_masks_and_boxes_choose(rng):
         found = find(points, **pointing)
         assert found.target.points[:, 1].max() < -0.1
         assert len(found.neighbours) == 1
-    assert find(points, mask=np.zeros(len(points), bool)).reason == recorded.NOTHING_MARKED
-    assert find(points, box=[[0.4, 0.3, 0.0], [0.6, 0.4, 0.2]]).reason == recorded.NOTHING_MARKED
+    assert find(points, mask=np.zeros(len(points), bool)).reason == reasons.NOTHING_MARKED
+    assert find(points, box=[[0.4, 0.3, 0.0], [0.6, 0.4, 0.2]]).reason == reasons.NOTHING_MARKED
     with refused("one value each of 12000"):
         find(points, mask=mask[1:])
     with refused("box is empty"):

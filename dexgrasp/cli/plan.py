@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from dexgrasp.planning.result import PlanResult, Progress
     from dexgrasp.planning.scene_setup import Look
     from dexgrasp_env.perception.cloud import Cloud
+    from dexgrasp_env.perception.detected import DetectedObject
     from dexgrasp_env.perception.scene import Scene as PerceivedScene
-    from dexgrasp_env.perception.segment import Seen
 
 
 class Plan(Command, Scan, Scene):
@@ -139,7 +139,7 @@ class Plan(Command, Scan, Scene):
         """Plan on a cloud; return what came of it, and the same as JSON."""
         from dexgrasp.planning.plan_scene import default_planner, plan_scene
         from dexgrasp.planning.settings import PlannerSettings
-        from dexgrasp_env.perception.recorded import SEVERAL
+        from dexgrasp_env.perception.reasons import SEVERAL
 
         planner = default_planner(self.cell, PlannerSettings.of(self.friction, self.at_least))
         scene, seen = self._look(scan)
@@ -163,13 +163,13 @@ class Plan(Command, Scan, Scene):
         )
         return found, found.as_json(scan_name(Path(str(self.cloud)))) | {"seen": seen}
 
-    def _look(self, scan: "Cloud") -> "tuple[PerceivedScene, list[Seen]]":
+    def _look(self, scan: "Cloud") -> "tuple[PerceivedScene, list[DetectedObject]]":
         """Return the scene of a cloud, and the objects that are seen there."""
         from dexgrasp.planning.plan_scene import scene_of
-        from dexgrasp_env.perception.segment import listed
+        from dexgrasp_env.perception.detected import detected_objects
 
-        scene = scene_of(scan, self.pointing(), seed=self.seed, cell=self.cell)
-        return scene, listed(scene, self.cell.base)
+        scene = scene_of(scan, self.selector(), seed=self.seed, cell=self.cell)
+        return scene, detected_objects(scene, self.cell.base)
 
     def _list(self, scan: "Cloud") -> Answer:
         """Say which objects are seen, with a picture where there is a folder for it."""

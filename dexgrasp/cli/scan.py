@@ -8,8 +8,8 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Positive
 
 if TYPE_CHECKING:
-    from dexgrasp_env.perception.pointing import Pointing
-    from dexgrasp_env.perception.segment import Seen
+    from dexgrasp_env.perception.detected import DetectedObject
+    from dexgrasp_env.perception.selection import TargetSelector
 
 _DOUBT = "may be two objects, or a part of the next"
 _BESIDE = 0.15  # m from the object within which it is said what stands there
@@ -51,7 +51,7 @@ class Scan(Options):
             if name != "cloud" and getattr(self, name) not in (None, False, "m")
         ]
 
-    def pointing(self) -> "Pointing":
+    def selector(self) -> "TargetSelector":
         """Return what is pointed at.
 
         Raises:
@@ -59,7 +59,7 @@ class Scan(Options):
         """
         import numpy as np
 
-        from dexgrasp_env.perception.pointing import Pointing, point_of_pixel, read_mask
+        from dexgrasp_env.perception.selection import TargetSelector, point_of_pixel, read_mask
 
         if sum(way is not None for way in (self.object_near, self.box, self.mask, self.pixel)) > 1:
             raise InputError("point in one way: --object-near, --box, --mask or --pixel")
@@ -72,10 +72,10 @@ class Scan(Options):
                 raise InputError(f"--pixel {camera} {u} {v}: valid is a camera's name, a column and a row")
             near = point_of_pixel(Path(str(self.cloud)), camera, int(u), int(v))
         box = None if self.box is None else np.reshape(self.box, (2, 3))
-        return Pointing(near, box, None if self.mask is None else read_mask(self.mask, self.label))
+        return TargetSelector(near, box, None if self.mask is None else read_mask(self.mask, self.label))
 
 
-def list_lines(seen: "list[Seen]") -> list[str]:
+def list_lines(seen: "list[DetectedObject]") -> list[str]:
     """Return a line for each object."""
     lines = []
     for one in seen:
@@ -94,7 +94,7 @@ def tilt_line(tilt: float) -> str:
     )
 
 
-def chosen_line(seen: "list[Seen]") -> str:
+def chosen_line(seen: "list[DetectedObject]") -> str:
     """Return what is planned for, and what stands beside it."""
     first, *others = seen
     beside = [one for one in others if one.apart < _BESIDE]

@@ -19,11 +19,11 @@ from dexgrasp.planning.settings import GRASPS, PlannerSettings
 from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import Cloud
-from dexgrasp_env.perception.pointing import Pointing, mask_of
-from dexgrasp_env.perception.recorded import find_object
+from dexgrasp_env.perception.pipeline import find_object
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.perception.selection import TargetSelector, mask_of
 from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import Robot
@@ -136,14 +136,14 @@ def plan_cloud(
     q = check("start", home if start is None else start, array(len(home)))
     corners = None if box is None else check("box", box, array(6)).reshape(2, 3)
     where = None if near is None else check("near", near, array(3))
-    pointing = Pointing(where, corners, None if mask is None else mask_of(mask, label))
-    scene = scene_of(points, pointing, seed=seed, start=q, cell=planner.cell)
+    selector = TargetSelector(where, corners, None if mask is None else mask_of(mask, label))
+    scene = scene_of(points, selector, seed=seed, start=q, cell=planner.cell)
     return plan_scene(planner, scene, seed, q, mass=mass, count=count)
 
 
 def scene_of(
     points: Any,
-    pointing: Pointing | None = None,
+    selector: TargetSelector | None = None,
     *,
     seed: int = 0,
     start: Array | None = None,
@@ -153,7 +153,7 @@ def scene_of(
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
     cell = cell or default_cell()
     data = posed(compiled_robot(cell), cell.robot.home if start is None else start)
-    return find_object(cloud, np.random.default_rng(seed), cell, pointing=pointing, own=_shape(cell).at(data))
+    return find_object(cloud, np.random.default_rng(seed), cell, selector=selector, own=_shape(cell).at(data))
 
 
 @lru_cache(maxsize=8)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.arrays import Array, Fields, Index, Mask
 from dexgrasp_env.files import plain_text
 from dexgrasp_env.poses import frame_of_z
 
@@ -42,8 +42,8 @@ def load_file(data: bytes, kind: str) -> Any:
         data = _with_triangles(plain_text(data).decode("utf-8", "replace")).encode()
     elif kind == "ply":
         data = plain_text(data)
-    options = {"skip_materials": True} if kind == "obj" else {}
-    loaded = trimesh.load(io.BytesIO(data), file_type=kind, process=False, **options)
+    options: Fields = {"skip_materials": True} if kind == "obj" else {}
+    loaded: Any = trimesh.load(io.BytesIO(data), file_type=kind, process=False, **options)
     polygons = _ply_polygons(loaded) if kind == "ply" else None
     if polygons is not None:
         pieces = [piece for own in split_concave(loaded.vertices, polygons) for piece in own]
@@ -64,7 +64,7 @@ def split_concave(vertices: Array, polygons: Sequence[Sequence[int]]) -> list[li
         rows = np.flatnonzero(sizes == size)
         corners = np.asarray(vertices)[np.array([polygons[row] for row in rows])]
         concave = _is_concave(corners)
-        for row, own in zip(rows[concave], corners[concave], strict=True):
+        for row, own in zip(rows[concave].tolist(), corners[concave], strict=True):
             pieces[row] = [[polygons[row][i] for i in piece] for piece in _ears(own)]
     return pieces
 

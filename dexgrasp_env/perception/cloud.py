@@ -13,6 +13,10 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.neighbourhoods import have_neighbours, local_planes
 from dexgrasp_env.robot.camera import Camera
 
+MIN_POINTS = 40
+"""Fewer raw points are no object."""
+WORKSPACE_LOW, WORKSPACE_HIGH = (0.28, -0.40, -0.03), (0.78, 0.40, 0.30)
+"""Corners, m, of the box in which objects are looked for."""
 _SUPPORT, _SUPPORTS = 0.015, 3  # m of depth within which a neighbour supports a pixel, and how many it needs
 _MOST_POINTS = 6_000_000  # of 250 bytes each until they are thinned
 _FEWEST = 8  # points of a neighbourhood that is smoothed: with fewer the radius is doubled once

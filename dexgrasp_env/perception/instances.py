@@ -1,4 +1,4 @@
-"""Things that stand close told apart: by gaps, by creases, by surfaces that face each other.
+"""Instance segmentation: things that stand close, told apart by gaps, creases and surfaces that face each other.
 
 Points are thinned and gathered into patches. Patches are joined, the surest seam first, until what is left between
 them looks like seams of two objects; a seam is judged by all pairs of points across it, so that one narrow bridge
@@ -39,8 +39,8 @@ _HOLLOW, _SHARE = 0.15, 0.25  # m, side of things whose hulls are one where they
 _FEW = 10  # points of such a hull
 
 
-class Parting(NamedTuple):
-    """Which thing each point belongs to.
+class Instances(NamedTuple):
+    """The things in a cloud.
 
     Attributes:
         labels: (M,) numbers from 0 on.
@@ -50,16 +50,26 @@ class Parting(NamedTuple):
     labels: Index
     doubtful: Mask
 
-    def with_marked(self, marked: Mask) -> tuple["Parting", int]:
+    def with_marked(self, marked: Mask) -> tuple["Instances", int]:
         """Return it with the points of a mask (M,) as one more thing, which is beyond doubt, and its number."""
         number = len(self.doubtful)
-        return Parting(np.where(marked, number, self.labels), np.append(self.doubtful, False)), number
+        return Instances(np.where(marked, number, self.labels), np.append(self.doubtful, False)), number
+
+    def objects(self, cloud: Cloud) -> list[int]:
+        """Return the numbers of those things on the table that are objects, the largest first."""
+        counts = np.bincount(self.labels)
+        found = [
+            k
+            for k in np.flatnonzero(counts >= LEAST_POINTS).tolist()
+            if LEAST_EXTENT <= longest_side(cloud.points[self.labels == k]) <= MOST_EXTENT
+        ]
+        return sorted(found, key=lambda k: -counts[k])
 
 
-def parted(cloud: Cloud, plane: Plane) -> Parting:
+def segment_instances(cloud: Cloud, plane: Plane) -> Instances:
     """Tell the things in a cloud apart, table and robot being removed."""
     if len(cloud) < LEAST_POINTS:
-        return Parting(np.zeros(len(cloud), np.int64), np.zeros(1, bool))
+        return Instances(np.zeros(len(cloud), np.int64), np.zeros(1, bool))
     cell = _cell_of(cloud.points)
     points, normals = smooth(cloud, cloud, plane.rms, _SMOOTHED)
     _, which = np.unique(cells_of(points, cell), return_inverse=True)
@@ -73,7 +83,7 @@ def parted(cloud: Cloud, plane: Plane) -> Parting:
     labels = _with_walls(_with_crumbs(cloud.points, things), cloud, _LINK * cell)
     _, labels = np.unique(labels, return_inverse=True)
     biggest = [np.bincount(things[labels == k]).argmax() for k in range(labels.max() + 1)]
-    return Parting(labels, doubtful[biggest])
+    return Instances(labels, doubtful[biggest])
 
 
 def _cell_of(points: Array) -> float:
@@ -176,7 +186,7 @@ def _join(
     cells = np.bincount(patches)
 
     def bridge(mean: float, i: int, j: int, link: int) -> bool:
-        """Whether a seam between patches is of stray points alone; the sides of a sheet are joined by few, too."""
+        """Return true for a seam of stray points alone; the sides of a sheet are joined by few, too."""
         few = min(cells[i], cells[j])
         if mean < _WEAK or few < LEAST_POINTS or link > _NARROW * few:
             return False
@@ -257,7 +267,7 @@ def longest_side(points: Array) -> float:
 
 
 def _is_sheet(points: Array) -> bool:
-    """Whether points (N, 3) lie in an upright sheet."""
+    """Return true for points (N, 3) in an upright sheet."""
     if len(points) < LEAST_POINTS or longest_side(points) < _SHEET[1]:
         return False
     across = np.linalg.svd(points - points.mean(0), full_matrices=False)[2][2]

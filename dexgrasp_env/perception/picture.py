@@ -11,8 +11,8 @@ from dexgrasp_env.arrays import Array, middle
 if TYPE_CHECKING:
     import trimesh
 
+    from dexgrasp_env.perception.detected import DetectedObject
     from dexgrasp_env.perception.scene import Scene
-    from dexgrasp_env.perception.segment import Seen
 
 _VIEWS = (("from the front right", 25, -40), ("from the back left", 25, 140), ("from above", 90, -90))
 
@@ -60,7 +60,7 @@ def save(figure: Any, path: Path) -> Path:
     return path
 
 
-def objects_picture(path: Path, scene: "Scene", seen: "list[Seen]") -> Path:
+def objects_picture(path: Path, scene: "Scene", seen: "list[DetectedObject]") -> Path:
     """Draw the objects of a scene from above with their numbers, the robot to the left, and write them as PNG."""
     from matplotlib.figure import Figure
 

@@ -8,10 +8,10 @@ from numpy.random import Generator
 
 from dexgrasp_env.arrays import Single
 from dexgrasp_env.perception.cloud import deproject, is_valid
-from dexgrasp_env.perception.pointing import Pointing
+from dexgrasp_env.perception.pipeline import segment
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.perception.segment import segment
+from dexgrasp_env.perception.selection import TargetSelector
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel
@@ -69,14 +69,14 @@ class Perception:
         pointed = None if pointing is None else self._point(data, depths, pointing == "true")
         return segment(depths, self.believed, rng, self.robot.at(data), pointed)
 
-    def _point(self, data: "mujoco.MjData", depths: Single, masked: bool) -> Pointing:
+    def _point(self, data: "mujoco.MjData", depths: Single, masked: bool) -> TargetSelector:
         """Point at the object by its mask, or by the middle pixel of where it is seen best."""
         shown = self.rays.segment(data)
         mask = (shown >= 0) & self._of_object[shown]
         known = mask & is_valid(depths)
         if masked or not known.any():
-            return Pointing(mask=mask)
+            return TargetSelector(mask=mask)
         k = int(known.sum(axis=(1, 2)).argmax())
         pixels = np.argwhere(known[k])
         row, column = pixels[((pixels - pixels.mean(axis=0)) ** 2).sum(axis=1).argmin()]
-        return Pointing(near=deproject(depths[k], self.believed[k])[row, column])
+        return TargetSelector(near=deproject(depths[k], self.believed[k])[row, column])

@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium import spaces
 
 from dexgrasp_env.arrays import Single
-from dexgrasp_env.perception.segment import COUNT
+from dexgrasp_env.perception.pipeline import COUNT
 from dexgrasp_env.robot.robot import Robot
 
 OBS_MODES = ("state", "pointcloud", "depth", "rgbd")

@@ -11,7 +11,7 @@ from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.segment import COUNT
+from dexgrasp_env.perception.pipeline import COUNT
 from dexgrasp_env.rendering import ColourCameras
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.perception import Perception

@@ -15,7 +15,7 @@ from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import rest_poses
-from dexgrasp_env.perception import segment
+from dexgrasp_env.perception import pipeline
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.sensing.perception import Perception
@@ -25,9 +25,9 @@ from dexgrasp_env.tasks.placement import Placement
 
 _SEGMENT = (
     "remove_flying", "gather", "fit_plane", "view_corrections", "level_views", "refine_plane", "crop", "noise_depth",
-    "remove_plane", "remove_outliers", "clusters", "downsample", "smooth",
+    "remove_plane", "remove_outliers", "linked", "downsample", "smooth",
 )  # fmt: skip
-_STEPS = ((RayCameras, "render"), (SensorModel, "measure"), *((segment, name) for name in _SEGMENT))
+_STEPS = ((RayCameras, "render"), (SensorModel, "measure"), *((pipeline, name) for name in _SEGMENT))
 """What an observation calls, by the place that it finds it at."""
 OBJECT = "sugar_box"
 BUDGET_MS = 60.0

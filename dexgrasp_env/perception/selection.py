@@ -1,20 +1,25 @@
-"""Which object of a scene is meant: near a point, in a box, behind a pixel, under a mask."""
+"""Selection of the object that is meant: near a point, in a box, behind a pixel, under a mask."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Mask
+from dexgrasp_env.arrays import Array, Mask, middle
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.perception.cloud import Cloud, deproject, inside
+from dexgrasp_env.perception.cloud import WORKSPACE_HIGH, WORKSPACE_LOW, Cloud, deproject, inside
+from dexgrasp_env.perception.detected import in_words
+from dexgrasp_env.perception.reasons import NO_OBJECT, NOTHING_NEAR, OUT_OF_REACH, SEVERAL, NoTargetError
 from dexgrasp_env.perception.scan import CAMERAS_FILE, check_scan, read_cameras, understood
+
+_NEAR = 0.08  # m from the named point to the object
 
 
 @dataclass(frozen=True, eq=False)
-class Pointing:
-    """Which object is meant; with nothing said, the only one.
+class TargetSelector:
+    """The object that is meant; with nothing said, the only one.
 
     Attributes:
         near: (3,) m, a point near it.
@@ -34,19 +39,19 @@ class Pointing:
                 "the box is empty: valid is X0 Y0 Z0 X1 Y1 Z1 with each of the first below its second"
             )
 
-    def moved(self, by: Array) -> "Pointing":
+    def moved(self, by: Array) -> "TargetSelector":
         """Return it in a frame in which points lie `by` (3,) m elsewhere."""
         near, box = (None if place is None else place + by for place in (self.near, self.box))
         return replace(self, near=near, box=box)
 
-    def turned(self, cloud: Cloud, R: Array, about: Array) -> "Pointing":
+    def turned(self, cloud: Cloud, R: Array, about: Array) -> "TargetSelector":
         """Return it for a cloud that is turned about a point (3,) m; a box becomes a mask of what it holds."""
         near = None if self.near is None else (self.near - about) @ R.T + about
         mask = self.mask
         if self.box is not None:
             mask = np.zeros(np.prod(cloud.shape, dtype=int), bool)
             mask[cloud.pixel[self.marks(cloud)]] = True
-        return Pointing(near, None, mask)
+        return TargetSelector(near, None, mask)
 
     def marks(self, cloud: Cloud) -> Mask | None:
         """Return which points of a cloud are marked by box or mask (M,); None where neither is given.
@@ -64,6 +69,48 @@ class Pointing:
         if self.box is not None:
             return inside(cloud.points, *self.box)
         return None
+
+    def choose(self, found: Sequence[Cloud], points: int, base: Array) -> int:
+        """Return the index of the object that is near the point, or the only one in the workspace.
+
+        Args:
+            found: the objects.
+            points: number above the table, for people.
+            base: (3,) m, of the robot, for people.
+
+        Raises:
+            NoTargetError: where there is none, none near, or several.
+        """
+        if not found:
+            raise NoTargetError(NO_OBJECT, f"{points} points above the table")
+        reachable = [k for k, one in enumerate(found) if _is_in_reach(one)]
+        if self.near is not None:
+            gaps = [np.linalg.norm(one.points - self.near, axis=1).min() for one in found]
+            best = int(np.argmin(gaps))
+            if gaps[best] > _NEAR:
+                raise NoTargetError(NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away")
+        elif len(reachable) > 1:
+            raise NoTargetError(SEVERAL, _places([found[k] for k in reachable], base))
+        else:
+            best = reachable[0] if reachable else 0
+        check_reach(found[best], base)
+        return best
+
+
+def check_reach(cloud: Cloud, base: Array) -> None:
+    """Raise `NoTargetError` for an object outside the workspace of the arm."""
+    if not _is_in_reach(cloud):
+        raise NoTargetError(OUT_OF_REACH, _places([cloud], base))
+
+
+def _is_in_reach(cloud: Cloud) -> bool:
+    return bool(inside(middle(cloud.points[:, :2])[None], WORKSPACE_LOW[:2], WORKSPACE_HIGH[:2]).all())
+
+
+def _places(found: list[Cloud], base: Array) -> str:
+    """Return for people where things are and how large, the first few."""
+    said = [in_words(middle(one.points) - base, np.ptp(one.points, axis=0)) for one in found[:8]]
+    return "; ".join(said) + ("; ..." if len(found) > 8 else "")
 
 
 def mask_of(values: Any, label: int | None = None) -> Mask:

@@ -5,7 +5,7 @@ import pytest
 from test_scene_cloud import box
 
 from dexgrasp_env.objects.load import load_target
-from dexgrasp_env.perception.instances import parted
+from dexgrasp_env.perception.instances import segment_instances
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.poses import about_z
@@ -27,7 +27,7 @@ def rng():
 def test_boxes_that_stand_close_are_two(rng, gap):
     high = np.array([0.06, 0.08, 0.09])
     cloud = above(box(rng, (0.5, 0.0), high), box(rng, (0.56 + gap, 0.0)))
-    labels = parted(cloud, TABLE).labels
+    labels = segment_instances(cloud, TABLE).labels
     left = cloud.points[:, 0] < 0.53 + 0.5 * gap
     assert len(np.unique(labels)) == 2
     assert (labels[left] == labels[left][0]).mean() > 0.95
@@ -40,26 +40,26 @@ def test_points_that_fly_in_a_gap_join_nothing(seed):
     rng, cube = np.random.default_rng(seed), np.array([0.06, 0.06, 0.09])
     one, other = box(rng, (0.5, 0.0), cube), box(rng, (0.0, 0.0), cube)
     other = other @ about_z(np.pi / 4)[:3, :3].T + [0.543 + 0.03 * np.sqrt(2.0), 0.0, 0.0]
-    assert len(np.unique(parted(above(one, other), TABLE).labels)) == 2
+    assert len(np.unique(segment_instances(above(one, other), TABLE).labels)) == 2
 
 
 @pytest.mark.parametrize("name", ["sugar_box", "massage_ball", "castle", "hairspray_bottle"])
 def test_one_that_is_alone_is_one(rng, name):
     mesh = load_target(name).mesh
     points = mesh.sample(4000, seed=1) + rng.normal(0.0, 0.0005, (4000, 3))
-    parting = parted(above(points - [0.0, 0.0, points[:, 2].min()]), TABLE)
-    assert len(np.unique(parting.labels)) == 1
+    instances = segment_instances(above(points - [0.0, 0.0, points[:, 2].min()]), TABLE)
+    assert len(np.unique(instances.labels)) == 1
 
 
 def test_a_wall_is_one_thing_however_long(rng):
     wall = rng.uniform([0.3, 0.3, 0.0], [0.75, 0.305, 0.1], (4000, 3))
     cloud = above(wall, box(rng, (0.5, 0.245)))
-    labels = parted(cloud, TABLE).labels
+    labels = segment_instances(cloud, TABLE).labels
     of_wall = cloud.points[:, 1] > 0.2975
     assert (labels[of_wall] == np.bincount(labels[of_wall]).argmax()).mean() > 0.97
 
 
 def test_what_is_next_to_nothing_is_one_thing():
     for count in (0, 3, 49):
-        assert not parted(cloud_of(np.full((60, 3), 0.1)).select(slice(count)), TABLE).labels.any()
-    assert not parted(cloud_of(np.full((200, 3), 0.1)), TABLE).labels.any()
+        assert not segment_instances(cloud_of(np.full((60, 3), 0.1)).select(slice(count)), TABLE).labels.any()
+    assert not segment_instances(cloud_of(np.full((200, 3), 0.1)), TABLE).labels.any()

@@ -1,0 +1,220 @@
+"""The pipeline of perception: a cloud, its table, the instances that stand on it, the one that is meant.
+
+Data goes one way: depth images (`segment`) or a recorded cloud (`find_object`) -> `plane`, `support` -> `instances` ->
+`selection` -> `Scene`.
+"""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from dexgrasp_env.arrays import Array, middle, unit
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.cloud import (
+    MIN_POINTS,
+    WORKSPACE_HIGH,
+    WORKSPACE_LOW,
+    Cloud,
+    crop,
+    downsample,
+    gather,
+    remove_flying,
+    remove_outliers,
+    smooth,
+)
+from dexgrasp_env.perception.instances import Instances, segment_instances
+from dexgrasp_env.perception.neighbourhoods import linked
+from dexgrasp_env.perception.plane import (
+    Plane,
+    fit_plane,
+    level_views,
+    noise_depth,
+    refine_plane,
+    remove_plane,
+    table_clearance,
+    view_corrections,
+)
+from dexgrasp_env.perception.reasons import NO_PLANE, NOTHING_MARKED, OUT_OF_VIEW, TOO_FEW, NoTargetError
+from dexgrasp_env.perception.robot import Own
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
+from dexgrasp_env.perception.selection import TargetSelector, check_reach
+from dexgrasp_env.perception.support import find_support, near_base
+from dexgrasp_env.robot.camera import Camera
+from dexgrasp_env.robot.cell import Cell
+
+COUNT = 1024  # points of an object that is meant, at most
+SIGMAS = 4.5  # points lower than this many times the table's noise, at their depth, are table
+LINK = 0.015  # m: an object's points are linked by steps of at most this
+STRIDE = 7  # every so many-th pixel goes into the fits of the table
+_OTHERS, _REST = 300, 1000  # points of a neighbour, and of what belongs to no object, at most
+_LEAST_CLEARANCE = 0.004  # m above the table of a recorded cloud
+_AROUND = 0.25  # m beyond the workspace within which things stand in the way of a recorded object
+
+
+def segment(
+    depths: NDArray[Any],
+    cameras: tuple[Camera, ...],
+    rng: Generator,
+    own: Own | None = None,
+    selector: TargetSelector | None = None,
+) -> Scene:
+    """Return the scene that depth images show.
+
+    Args:
+        depths: (cameras, H, W) m along the optical axis; NaN, inf and values <= 0 are no measurement.
+        cameras: one to many, as believed.
+        rng: draws the plane hypotheses and the subset; the same state gives the same cloud.
+        own: tells the robot's points, see `RobotShape.at`; None where no robot is in the images.
+        selector: of the object that is meant, world frame, a mask having the images' shape; None: the largest.
+
+    Returns:
+        A scene. Whatever the images hold, no exception: `reason` says why there is no object in it.
+    """
+    depths = np.asarray(depths)
+    if depths.shape[0] != len(cameras):
+        raise InputError(f"{depths.shape[0]} depth images for {len(cameras)} cameras: valid is one each")
+    everything = gather(remove_flying(depths), cameras)
+    found = _scene_of_views(everything, len(cameras), rng, own, selector or TargetSelector())
+    return replace(found, cameras=np.stack([camera.T_world_camera for camera in cameras]))
+
+
+def _scene_of_views(
+    everything: Cloud, views: int, rng: Generator, own: Own | None, selector: TargetSelector
+) -> Scene:
+    if not len(everything):
+        return Scene(reason=OUT_OF_VIEW)
+    sparse = everything.select(slice(None, None, STRIDE))
+    plane = fit_plane(sparse.points, rng)
+    if plane is None:
+        return Scene(reason=NO_PLANE)
+    corrections = view_corrections(sparse, plane, views)
+    table = level_views(sparse, corrections)
+    plane = refine_plane(table.points, plane.normal, plane.offset) or plane
+    found = level_views(crop(everything, WORKSPACE_LOW, WORKSPACE_HIGH), corrections)
+    clearance = table_clearance(plane, found.depth, noise_depth(table, plane), SIGMAS)
+    above = isolate(found, plane, clearance, own)
+    return scene_around(above, *_selected(above, selector, plane), plane, rng)
+
+
+def _selected(cloud: Cloud, selector: TargetSelector, plane: Plane) -> tuple[Instances, int]:
+    """Return the things in a cloud, and the number of the one that is meant."""
+    marked, near = selector.marks(cloud), selector.near
+    if marked is None and near is None:  # there is but one, so that what is near it is of it
+        labels = linked(cloud.points, LINK)
+        counts = np.bincount(labels, minlength=1)
+        return Instances(labels, np.zeros(len(counts), bool)), int(counts.argmax())
+    instances = segment_instances(cloud, plane)
+    if marked is not None:
+        return instances.with_marked(marked)
+    if near is None or not len(cloud):
+        return instances, 0
+    return instances, int(instances.labels[((cloud.points - near) ** 2).sum(1).argmin()])
+
+
+def find_object(
+    cloud: Cloud,
+    rng: Generator,
+    cell: Cell,
+    *,
+    selector: TargetSelector | None = None,
+    own: Own | None = None,
+) -> Scene:
+    """Return the scene of a recorded cloud: the object that is meant, and what stands around it.
+
+    Args:
+        cloud: points in the frame of the robot's base, m; robot and table may be in it.
+        rng: draws the plane hypotheses and the subset.
+        cell: where the table and the robot's base are.
+        selector: of the object that is meant, in the frame of the base; None takes the only one in the workspace.
+        own: tells the robot's points, see `RobotShape.at`; None removes none.
+
+    Returns:
+        The scene in the world, or why there is no object: a key of `WORDS`; all that are seen are neighbours then.
+
+    Raises:
+        InputError: for a mask that is not the cloud's.
+    """
+    selector, objects = (selector or TargetSelector()).moved(cell.base), list[tuple[Cloud, bool]]()
+    selector.marks(cloud)  # a mask of something else is a mistake whatever the cloud shows
+    try:
+        cloud = near_base(cloud)
+        cloud = cloud.moved(cloud.points + cell.base)
+        support = find_support(cloud, rng, cell)
+        if support.tilt:
+            selector = selector.turned(cloud, support.rotation, support.about)
+        plane = support.plane
+        above = isolate(support.cloud, plane, max(_LEAST_CLEARANCE, SIGMAS * plane.rms), own)
+        above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND)
+        instances = segment_instances(above, plane)
+        numbers = instances.objects(above)
+        objects = [(above.select(instances.labels == k), bool(instances.doubtful[k])) for k in numbers]
+        if (marked := selector.marks(above)) is not None:
+            instances, number = instances.with_marked(marked)
+            found = above.select(marked)
+            if len(found) < MIN_POINTS:
+                raise NoTargetError(NOTHING_MARKED, f"{len(found)} points")
+            check_reach(found, cell.base)
+        else:
+            number = numbers[selector.choose([one for one, _ in objects], len(above), cell.base)]
+    except NoTargetError as refused:
+        seen = tuple(
+            object_cloud(one, None, COUNT, doubtful, cameras_known=False) for one, doubtful in objects
+        )
+        return Scene(reason=refused.reason, sentence=refused.sentence, neighbours=seen)
+    return replace(scene_around(above, instances, number, plane, rng, cameras_known=False), tilt=support.tilt)
+
+
+def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None) -> Cloud:
+    """Return the points of a cloud that are neither the table's, `clearance` m high, nor the robot's, nor alone."""
+    cloud = remove_plane(cloud, plane, clearance)
+    if own is not None:
+        cloud = cloud.select(~own(cloud.points))
+    return remove_outliers(cloud)
+
+
+def scene_around(
+    cloud: Cloud, instances: Instances, number: int, plane: Plane, rng: Generator, *,
+    cameras_known: bool = True,
+) -> Scene:  # fmt: skip
+    """Return the scene in which one of the things in an isolated cloud is the target, and the others stand around."""
+    numbers = [number, *(k for k in instances.objects(cloud) if k != number)]
+    target, *others = (cloud.select(instances.labels == k) for k in numbers)
+    doubtful, *doubts = map(bool, instances.doubtful[numbers])
+    seen = partial(object_cloud, plane=plane, cameras_known=cameras_known)
+    around = Scene(
+        plane=plane,
+        neighbours=tuple(
+            seen(one, count=_OTHERS, doubtful=doubt) for one, doubt in zip(others, doubts, strict=True)
+        ),
+        rest=seen(cloud.select(~np.isin(instances.labels, numbers)), count=_REST),
+    )
+    if len(target) < MIN_POINTS:
+        return replace(around, reason=TOO_FEW if len(target) else OUT_OF_VIEW)
+    return replace(around, target=seen(target, count=COUNT, doubtful=doubtful, rng=rng))
+
+
+def object_cloud(
+    cloud: Cloud,
+    plane: Plane | None,
+    count: int,
+    doubtful: bool = False,
+    rng: Generator | None = None,
+    *,
+    cameras_known: bool = True,
+) -> ObjectCloud:
+    """Return a cloud as `count` smoothed points at most, in single precision, as observations hold them.
+
+    Without a generator the same points are drawn each time. Where it is not known who saw a point, it counts as seen
+    from outside, from the middle of the cloud.
+    """
+    if not len(cloud):
+        return ObjectCloud()
+    if not cameras_known:
+        cloud = replace(cloud, views=unit(cloud.points - middle(cloud.points)))
+    chosen = cloud.select(downsample(cloud.points, count, rng or np.random.default_rng(len(cloud))))
+    points, normals = smooth(cloud, chosen, 0.0 if plane is None else plane.rms)
+    return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubtful)
