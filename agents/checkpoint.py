@@ -43,10 +43,10 @@ class CheckpointAgent(Agent):
             raise InputError(f"checkpoint {path} does not exist: valid is a .zip file of Stable-Baselines3")
         self._policy = _open(path, algorithm or _guess(path))
         self._counted = counted(path)
-        told, beside = _told(self._policy), path.with_suffix(".json")
+        known, beside = _env_settings_of(self._policy), path.with_suffix(".json")
         if beside.is_file():
-            told |= read_json_object(beside, 'it holds environment settings, e.g. {"obs_mode": "state"}')
-        self.env_settings = told  # type: ignore[misc]  # of the instance here
+            known |= read_json_object(beside, 'it holds environment settings, e.g. {"obs_mode": "state"}')
+        self.env_settings = known  # type: ignore[misc]  # of the instance here
 
     def seed(self, seed: int) -> None:
         """Seed the policy's own draws."""
@@ -114,14 +114,14 @@ def _open(path: Path, algorithm: str) -> Any:
     return policy
 
 
-def _told(policy: Any) -> Fields:
+def _env_settings_of(policy: Any) -> Fields:
     """Return what the spaces of a policy say of its environment."""
     keys = policy.observation_space.keys()
     seen = [
         mode for mode, key in {"pointcloud": "cloud", "rgbd": "rgb", "depth": "depth"}.items() if key in keys
     ][:1]
-    known = ["state"] if "object_pose" in keys or "observation" in keys or not seen else []
+    state = ["state"] if "object_pose" in keys or "observation" in keys or not seen else []
     return {
-        "obs_mode": "+".join(known + seen),
+        "obs_mode": "+".join(state + seen),
         "control_mode": getattr(policy.action_space, "control_mode", "joint_delta"),
     }
