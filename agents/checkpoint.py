@@ -44,16 +44,16 @@ class CheckpointAgent(Agent):
             raise InputError(f"checkpoint {path} does not exist: valid is a .zip file of Stable-Baselines3")
         self._policy = _open(path, algorithm or _guess(path))
         self._counted = counted(path)
-        told, beside = _told(self._policy), path.with_suffix(".json")
+        known, beside = _env_settings_of(self._policy), path.with_suffix(".json")
         if beside.is_file():
-            told |= read_json_object(beside, 'it holds environment settings, e.g. {"obs_mode": "state"}')
-        if "control_mode" not in told:
+            known |= read_json_object(beside, 'it holds environment settings, e.g. {"obs_mode": "state"}')
+        if "control_mode" not in known:
             raise InputError(
                 f"{path} was trained on actions that a wrapper changed, or elsewhere, and does not tell their meaning: "
                 f'write {{"control_mode": "joint_delta"}} into {beside} if that is what they are, or name an agent of '
                 "your own, package.module:Class"
             )
-        self.env_settings = told  # type: ignore[misc]  # of the instance here
+        self.env_settings = known  # type: ignore[misc]  # of the instance here
 
     def seed(self, seed: int) -> None:
         """Seed the policy's own draws."""
@@ -128,14 +128,14 @@ def _open(path: Path, algorithm: str) -> Any:
     return policy
 
 
-def _told(policy: Any) -> Fields:
+def _env_settings_of(policy: Any) -> Fields:
     """Return the environment settings that the spaces of a policy tell."""
     keys = policy.observation_space.keys()
     seen = [
         mode for mode, key in {"pointcloud": "cloud", "rgbd": "rgb", "depth": "depth"}.items() if key in keys
     ][:1]
     known = ["state"] if "object_pose" in keys or "observation" in keys or not seen else []
-    space, told = policy.action_space, {"obs_mode": "+".join(known + seen)}
+    space, stated = policy.action_space, {"obs_mode": "+".join(known + seen)}
     usual = {"control_mode": None, "frame_skip": CONTROL_STEPS, "action_scale": 1.0}
     own = {key: getattr(space, key, value) for key, value in usual.items()}
-    return told | {key: value for key, value in own.items() if value != usual[key]}
+    return stated | {key: value for key, value in own.items() if value != usual[key]}

@@ -1,4 +1,4 @@
-"""Reader of Stable-Baselines3 checkpoints that runs nothing of what their authors put in.
+"""Reader of Stable-Baselines3 checkpoints, without running anything that its author put in.
 
 Its zip has tensors, which torch reads as such (`weights_only`), and settings as JSON, some of them pickled. Stable-
 Baselines3 would unpickle these whatever they are; here only spaces, policies and schedules of known libraries and of

@@ -35,12 +35,12 @@ class PlacingAgent(Agent):
 
     @property
     def report(self) -> Report:
-        """What the agent says of its grasp."""
+        """Report of the agent on its grasp."""
         return self.agent.report
 
     @report.setter
     def report(self, report: Report) -> None:
-        """Have the agent say another."""
+        """Replace the report of the agent."""
         self.agent.report = report
 
     def seed(self, seed: int) -> None:
@@ -48,7 +48,7 @@ class PlacingAgent(Agent):
         self.agent.seed(seed)
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
-        """Have the agent plan, and note where the object is and where it is to be."""
+        """Plan with the agent, and note the place of the object and its goal."""
         self.agent.reset(observation, info)
         points = Scene.of_observation(observation, info).target.points
         self._middle = 0.5 * (points.max(0) + points.min(0)) if len(points) else np.zeros(3)

@@ -111,14 +111,14 @@ class TakeHold(Stage):
     """Approach, close, and press: of the object, or of a neighbour that is set aside then."""
 
     motion: GuardedGrasp
-    aside: Rearrangement | None = None
+    rearrangement: Rearrangement | None = None
 
     def next(self, observation: Observation) -> Stage:
         """Return the stage that carries what the hand has."""
         if not self.motion.done:
             return self
-        if self.aside is not None:
-            return PutAside(self.state, CarryAside(self.motion, self.aside))
+        if self.rearrangement is not None:
+            return PutAside(self.state, CarryAside(self.motion, self.rearrangement))
         (episode, plan, *_), grasp, turn = self.state, self.motion.grasp, None
         if episode.turns and plan.target is not None:
             turn = plan_turn(grasp, self.motion.script, GraspProblem(plan.target, grasp.cell, plan.settings))
@@ -209,14 +209,14 @@ class GoHome(Stage):
             state = state._replace(
                 plan=plan, looks=looks if plan.found else 0
             )  # what is not found so far is not there
-        told = {"touching": pushed} if pushed else {"moves": episode.moves - moves + 1} if way else {}
+        details = {"touching": pushed} if pushed else {"moves": episode.moves - moves + 1} if way else {}
         news = News(
             plan,
             time.perf_counter() - began,
             again=way is not None or state.looks > 0,
             # Moves may have shifted the object: a grasp is then not of the pose that files state.
             as_seen=moves == episode.moves and not pushed,
-            details=told | ({"regrasps": tries} if tries else {}),
+            details=details | ({"regrasps": tries} if tries else {}),
         )
         if way is not None:
             return replace(way, news=news)
@@ -245,13 +245,13 @@ def first_stage(
         return None
     start, began = episode.start(observation), time.perf_counter()
     stage: Stage | None = make_way(state, episode.observe(observation, info), start)
-    told = {} if stage is None else {"moves": 1}
+    details = {} if stage is None else {"moves": 1}
     if stage is None and state.looks:
         if slide := plan_slide(episode.planner, plan.target, episode.seed, start):
             stage = SlideToEdge(state._replace(moves=0), slide)
         elif home := way_home(state, observation):
             stage = GoHome(state, home)
-    news = News(plan, time.perf_counter() - began, again=True, as_seen=False, details=told)
+    news = News(plan, time.perf_counter() - began, again=True, as_seen=False, details=details)
     return None if stage is None else replace(stage, news=news)
 
 

@@ -179,7 +179,7 @@ def _load(spec: str) -> Any:
 
 
 def _look_here() -> None:
-    """Have modules of the current directory found, as with `python -m`."""
+    """Add the current directory to the path of modules, as `python -m` does."""
     here = os.getcwd()
     if here not in sys.path and "" not in sys.path:
         sys.path.append(here)

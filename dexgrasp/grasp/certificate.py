@@ -10,7 +10,7 @@ from dexgrasp_env.arrays import Fields
 
 @dataclass(frozen=True)
 class Certificate:
-    """What a planner claims of a grasp; `verify` computes all of it again by another way. NaN is no claim.
+    """Claims of a planner about a grasp; `verify` computes all of it again by another way. NaN is no claim.
 
     Attributes:
         distances_cm: signed distance of each tip (centre of the compliant sphere less its radius), as the contacts.

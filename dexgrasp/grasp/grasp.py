@@ -58,5 +58,5 @@ class Grasp:
 
     @property
     def fingers(self) -> tuple[str, ...]:
-        """Whose tips make the contacts, in their order: those of the hand's file."""
+        """Names of the fingers that make the contacts, in their order: those of the hand's file."""
         return self.cell.robot.hand.grasp

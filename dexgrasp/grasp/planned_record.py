@@ -1,4 +1,4 @@
-"""A planned grasp as its file will hold it."""
+"""Record of a planned grasp, as its file will hold it."""
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -33,7 +33,7 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 @dataclass(frozen=True)
 class Origin:
-    """Who planned a grasp, with which seed, and in how many seconds: provenance, nothing that can be checked."""
+    """Provenance of a grasp: agent, seed and seconds, nothing that can be checked."""
 
     agent: str = ""
     seed: int = 0
@@ -42,7 +42,7 @@ class Origin:
 
 @dataclass(frozen=True)
 class ObjectPose:
-    """Where the true object is: the planner has not seen it, but the file lets everybody check what it took it for.
+    """Pose of the true object: the planner has not seen it, but the file lets everybody check what it took it for.
 
     Attributes:
         surface: of the object.

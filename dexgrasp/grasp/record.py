@@ -84,7 +84,7 @@ class Phase:
 
 @dataclass(frozen=True)
 class Script:
-    """What is executed open loop: approach and lift; between them fingers close and press on feedback."""
+    """Motion that is executed open loop: approach and lift; between them fingers close and press on feedback."""
 
     lift_height: Annotated[float, number(gt=0, le=0.5)]
     phases: Annotated[tuple[Phase, ...], list_of(Phase, 2, 2, more=True)]
@@ -116,7 +116,7 @@ class Chance:
 
 @dataclass(frozen=True)
 class HoldsProbability:
-    """How likely the grasp holds, as a model says that was fitted on episodes (`probability.probability_of`).
+    """Probability that the grasp holds, as a model says that was fitted on episodes (`probability.probability_of`).
 
     Attributes:
         model: hash of its file.
@@ -219,7 +219,7 @@ class GraspRecord:
 
     @property
     def fingers(self) -> tuple[str, ...]:
-        """Whose tips make the contacts."""
+        """Names of the fingers that make the contacts."""
         return tuple(contact.finger for contact in self.contacts)
 
     @property

@@ -30,7 +30,7 @@ TOLD_MASS, TOLD_CENTRE = 0.01, 0.002
 
 @dataclass(frozen=True)
 class Thresholds:
-    """What every certified grasp keeps; lengths in m, angles in rad, forces in N.
+    """Limits of every certified grasp; lengths in m, angles in rad, forces in N.
 
     Attributes:
         friction: coefficient that closure is proved with.
@@ -69,7 +69,7 @@ class Thresholds:
         return min(self.contact_height, CONTACT_SHARE * top)
 
     def is_low(self, top: float) -> bool:
-        """Whether an object `top` m high is lower than two tips' radii or so: contacts may be lower than on others."""
+        """Return True for an object `top` m high, lower than two tips' radii or so, whose contacts may be lower."""
         return self.lowest_contact(top) < self.contact_height
 
     def off_table(self, top: float) -> float:

@@ -1,4 +1,4 @@
-"""How much grasps of one scene differ: distances between hands, and principal components as DexGraspBench has them."""
+"""Variety of the grasps of one scene: distances between hands, and principal components as DexGraspBench has them."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation

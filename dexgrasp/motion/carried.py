@@ -108,7 +108,7 @@ def let_go(held: Array, opened: Array) -> Array:
 
 
 class Rearrangement(NamedTuple):
-    """What follows the lift of what is set aside."""
+    """Set-points that follow the lift of a neighbour that is set aside."""
 
     there: Array  # (m, n) rad, set-points with the object in the hand, one a control step
     away: Array  # (k, n) rad, the same of the open hand

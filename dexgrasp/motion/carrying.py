@@ -47,17 +47,17 @@ class GuardedCarry(Motion):
 
     @property
     def lost(self) -> bool:
-        """Whether the object has left the hand, as far as the joints can tell."""
+        """True once the object has left the hand, as far as the joints can tell."""
         return self._lost_steps >= (_LOST_LIFTING if self.lifting else _LOST_STEPS)
 
     @property
     def lifting(self) -> bool:
-        """Whether the hand is still on its way up."""
+        """True while the hand is on its way up."""
         return self._step <= self._hold_start
 
     @property
     def overdue(self) -> bool:
-        """Whether an episode in which the object was held would have ended."""
+        """True once an episode in which the object was held would have ended."""
         return self._step >= len(self._held.script.targets) + _LATE
 
     def _next(self, q: Array) -> Array:
@@ -89,7 +89,7 @@ class GuardedCarry(Motion):
         return pressing_torques(q, grasp.normals @ R.T, forces, self.tree)
 
     def _nothing_to_press(self, q: Array) -> bool:
-        """Whether fingers no longer lag behind their set-points as they should, or have come closer to the thumb.
+        """Return True where fingers no longer lag as they should behind set-points, or have come closer to the thumb.
 
         On the way up one of them tells. What hangs may have shifted and hang from two: it is lost when all are free.
         """

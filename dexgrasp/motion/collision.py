@@ -1,4 +1,4 @@
-"""Whether configurations of the whole robot are free of the object, the table and the robot itself."""
+"""Checks that configurations of the whole robot are free of the object, the table and the robot itself."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -72,7 +72,7 @@ class CollisionChecker:
         self._needed = np.full((bodies, bodies + 2), margin)
 
     def allow(self, q: Array) -> None:
-        """Let a path begin or end at `q` (n,) though bodies are nearer there than the margin.
+        """Allow a path to begin or end at `q` (n,) though bodies are nearer there than the margin.
 
         They may come as near as there, but no nearer than the covering spheres can be wrong (8 mm); shapes may touch.
         """
@@ -84,7 +84,7 @@ class CollisionChecker:
             self._needed[pair] = max(apart, 0.0) - _CLOSER
 
     def free(self, *path: Array) -> bool:
-        """Whether a configuration (n,) rad is free, or the straight joint line between two."""
+        """Return True for a free configuration (n,) rad, or the straight joint line between two."""
         return self.first_contact(np.stack(path)) is None
 
     def first_contact(self, path: Array, slack: float = 0.0) -> Contact | None:
@@ -144,7 +144,7 @@ def _moved_into(target: GraspTarget, origin: Array, poses: Iterable[tuple[Array,
 
 
 class _Watch(NamedTuple):
-    """What is to be kept clear of, and what is known of clearances along a path: none changes by more than bodies move.
+    """Obstacles to keep clear of, and what is known of clearances along a path: none changes by more than bodies move.
 
     A clearance is measured again when what the bodies have moved since could have used it up.
     """

@@ -1,4 +1,4 @@
-"""What carries something out, a control step at a time; and why a grasp cannot be carried out."""
+"""Motions, carried out a control step at a time, and the reason why a grasp cannot be carried out."""
 
 from abc import ABC, abstractmethod
 
@@ -40,7 +40,7 @@ class Played(Motion):
 
     @property
     def done(self) -> bool:
-        """Whether all have been played."""
+        """True once all have been played."""
         return self._step >= len(self._rows)
 
     def _next(self, q: Array) -> Array:

@@ -56,7 +56,7 @@ class GuardedGrasp(Motion):
 
     @property
     def done(self) -> bool:
-        """Whether the hand has the object."""
+        """True once the hand has the object."""
         return self._squeeze_count >= _SQUEEZE_STEPS
 
     def _next(self, q: Array) -> Array:

@@ -69,7 +69,7 @@ class Slide(Played):
 
 
 def can_push(cell: Cell) -> bool:
-    """Whether the cell's hand is the one whose fingers are known to push."""
+    """Return True where the cell's hand is the one whose fingers are known to push."""
     return cell.robot.hand.mjcf == default_cell().robot.hand.mjcf
 
 

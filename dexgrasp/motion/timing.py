@@ -1,4 +1,4 @@
-"""When to be where: time-optimal within the limits, by reachability analysis (TOPP-RA)."""
+"""Timing of paths: time-optimal within the limits, by reachability analysis (TOPP-RA)."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -90,13 +90,13 @@ def _time_smooth(points: Array, at: Array, tree: RobotTree, speed: float) -> Arr
 
 
 def within_limits(start: Array, samples: Array, tree: RobotTree) -> bool:
-    """Whether set-points (T, n) that follow `start` (n,) keep the velocity limits of the control step."""
+    """Return True if set-points (T, n) that follow `start` (n,) keep the velocity limits of the control step."""
     steps = np.abs(np.diff(samples, axis=0, prepend=start[None]))
     return bool((steps <= tree.velocity * CONTROL_PERIOD + 1e-9).all())
 
 
 def _gentle(start: Array, samples: Array, tree: RobotTree, speed: float) -> bool:
-    """Whether set-points, from rest to rest, keep the limits of velocity and acceleration."""
+    """Return True if set-points, from rest to rest, keep the limits of velocity and acceleration."""
     rest = np.vstack([start, start, samples, samples[-1]])
     change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2
     return bool((change <= _EXCESS * speed * tree.acceleration).all()) and within_limits(start, samples, tree)

@@ -151,7 +151,7 @@ def _pressing(q: Array, tree: RobotTree, pairs: Index) -> Mask:
 
 @njit
 def _clear_of_itself(q: Array, tree: RobotTree, pairs: Index) -> Mask:
-    """Whether pairs of bodies keep `_APART` m from each other (N,)."""
+    """Return which postures keep pairs of bodies at `_APART` m from each other (N,)."""
     frames, clear = empty_frames(tree), np.ones(len(q), np.bool_)
     for k in range(len(q)):
         forward(q[k], tree, frames)

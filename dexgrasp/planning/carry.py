@@ -1,4 +1,4 @@
-"""How an object is carried once it is off the table: turned so that contacts bear it rather than their friction.
+"""Plan the turn of an object once it is off the table, so that contacts bear it rather than their friction.
 
 As it lies, the line between thumb and fingers is level, and friction bears the weight and whatever pushes downwards.
 Turned about a level axis, some of that presses on fingertips instead. Of a few turns the one is taken after which the

@@ -1,4 +1,4 @@
-"""What the planner claims of a grasp: the certificate, from configuration, forces and object alone."""
+"""Builder of the certificate of a grasp, from configuration, forces and object alone."""
 
 import numpy as np
 

@@ -48,7 +48,7 @@ class Candidate(NamedTuple):
 
 
 class NoGrasp(Exception):  # noqa: N818  (it is an outcome, not a defect)
-    """What a configuration lacks: a word that can be counted, and by how much, where that is a number."""
+    """Reason why a configuration is no grasp: a word that can be counted, and by how much, where that is a number."""
 
 
 def certified(candidate: Candidate, with_closure: bool) -> Grasp:
@@ -105,7 +105,7 @@ def _mendable(missed: Array, q: Array, tree: RobotTree) -> Array:
 
 
 def _is_open(pregrasp: Array, q: Array, problem: GraspProblem) -> bool:
-    """Whether a hand is clear where it is open, and of neighbours until it has closed to `q` (n,) rad."""
+    """Return True for a hand that is clear where it is open, and of neighbours until it has closed to `q` (n,) rad."""
     return (
         not len(too_near(pregrasp, problem, OPEN_CLEARANCE))
         and shapes_apart(pregrasp, problem.cell)

@@ -68,7 +68,7 @@ class Evaluation(NamedTuple):
 
 
 class _Touch(NamedTuple):
-    """How the fingertips stand to the object."""
+    """Contacts of the fingertips on the object, with gradients."""
 
     contacts: Array  # (g, 3) m, the surface's points nearest to the tip centres
     normals: Array  # (g, 3) out of the object

@@ -146,7 +146,7 @@ _decoder = lru_cache(maxsize=4)(read_decoder)
 
 
 class LearnedFirst(ProposalSource):
-    """What the network proposes for convex objects, which it was made for; where that is nothing, the surface."""
+    """Proposals of the network for convex objects, which it was made for; where there are none, of the surface."""
 
     def __init__(self) -> None:
         """Prepare.

@@ -22,7 +22,7 @@ _LEAST_ANGLE = 0.02  # rad, of a cone that has been narrowed to nothing
 
 
 class GraspForces(NamedTuple):
-    """A squeeze and how much it is worth."""
+    """Forces that hold an object, and how much they bear."""
 
     contacts: Contacts
     distances: Array  # (N,) m, of the tips' centres from the surface
@@ -34,7 +34,7 @@ class GraspForces(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the forces balance the assumed weight."""
+        """True where the forces balance the assumed weight."""
         return self.share >= 1.0
 
 

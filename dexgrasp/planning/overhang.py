@@ -1,4 +1,4 @@
-"""What lies too flat to be pinched: slid until it sticks out over the table's edge, and pinched there.
+"""Plan the slide of an object too flat to be pinched over the table's edge, and the pinch there.
 
 There the table is one of the things that stand around the object, and the floor is the table: the planner of a cell
 whose table is lower plans the grasp, and its certificate says that the hand keeps clear of the real one.

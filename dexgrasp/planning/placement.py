@@ -29,7 +29,7 @@ def assignments(count: int) -> Index:
 
 
 class Goals(NamedTuple):
-    """Where the first two or three fingertips are to go: K places, or one."""
+    """Goals of the first two or three fingertips: K places, or one."""
 
     centres: Array  # (K, n, 3) m, tip centres, world frame
     inward: Array  # (K, n, 3) into the object
@@ -112,7 +112,7 @@ def _align(goal: Array, goal_frame: Array, tips: Array, tip_frame: Array, R: Arr
 
 @njit
 def _facing(inward: Array, posture: Tips, R: Array) -> float:
-    """How squarely the tips face where they press; -1 where one would touch with its back."""
+    """Return the squareness of the tips to where they press; -1 where one would touch with its back."""
     facing = 2.0
     for i in range(len(inward)):
         on_axis, on_pad = 0.0, 0.0

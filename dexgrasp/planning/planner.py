@@ -158,7 +158,7 @@ class Planner:
         return certified(candidate, self._with_closure)
 
     def out_of_time(self, log: SearchLog) -> bool:
-        """Whether a search has taken as long as it may, which is noted then."""
+        """Return True, and note it, once a search has taken as long as it may."""
         over = self.settings.seconds is not None and sum(log.seconds.values()) > self.settings.seconds
         if over:
             log.block(BUDGET)
@@ -207,7 +207,7 @@ class Search:
         return result
 
     def _firm(self, settings: PlannerSettings, patient: bool) -> bool:
-        """Whether a round gave a firm grasp that can be carried out; what is feasible but weaker goes to the pool.
+        """Return True if a round gave a firm grasp that can be carried out; weaker feasible ones go to the pool.
 
         Postures come firmest first, so that a batch without a firm one is the last that is looked at, unless `patient`.
         """
@@ -230,7 +230,7 @@ class Search:
         yield from self.planner.candidates(starts, self.log)
 
     def take(self, enough: Callable[[GraspForces], bool]) -> bool:
-        """Whether a candidate that is good enough can be carried out; it is found then, and failures leave the pool."""
+        """Return True if a candidate that is good enough can be carried out: found then; failures leave the pool."""
         # What holds the weight comes before what does not, though its merit with less friction may be lower; of many
         # that have none, those that hold more of it.
         self.pool.sort(key=lambda one: (not one.hold.holds, -one.hold.robust_load, -one.hold.share))
@@ -240,7 +240,7 @@ class Search:
         return False
 
     def carried_out(self, candidate: Candidate, holding: bool = False) -> bool:
-        """Whether a candidate can be certified and approached; it is found then, and what it lacks noted else.
+        """Return True if a candidate can be certified and approached; it is found then, and what it lacks noted else.
 
         Args:
             candidate: the configuration.

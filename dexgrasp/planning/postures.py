@@ -64,10 +64,10 @@ def atlas_postures(proposals: Proposals, problem: GraspProblem) -> Iterator[Post
     settings, tree = problem.settings, problem.tree
     orders = assignments(settings.proposed.contacts)[: 1 if proposals.assigned else None]
     placed = place_on_atlas(proposals.contacts, proposals.normals, problem, orders, settings.neighbours)
-    merit = loads_on(placed, problem) + _POSE * placed.scores
+    rank = loads_on(placed, problem) + _POSE * placed.scores
     tried: set[int] = set()
     found = 0
-    for k in _by_room(placed, merit, problem):
+    for k in _by_room(placed, rank, problem):
         # Where the arm does not reach at all, it should not be asked about every posture there is.
         if found == settings.postures or len(tried) == _REACH_ATTEMPTS * settings.postures:
             return
@@ -78,18 +78,18 @@ def atlas_postures(proposals: Proposals, problem: GraspProblem) -> Iterator[Post
         q[tree.arm :] = hand_atlas(problem.cell).joints[placed.which[k]]
         if reach_palm(q, placed.rotations[k], placed.positions[k], tree) and _has_room(q, problem):
             found += 1
-            yield Posture(q, problem, int(placed.triple[k]) // len(orders), float(merit[k]))
+            yield Posture(q, problem, int(placed.triple[k]) // len(orders), float(rank[k]))
 
 
-def _by_room(placed: Placements, merit: Array, problem: GraspProblem) -> Index:
-    """Return placements, the likeliest first: by merit (M,), those set back in which neighbours crowd the hand."""
+def _by_room(placed: Placements, rank: Array, problem: GraspProblem) -> Index:
+    """Return placements, the likeliest first: by rank (M,), those set back in which neighbours crowd the hand."""
     if problem.target.field is not None:
         robot, tree = problem.cell.robot, problem.tree
         bodies = [robot.bodies.index(name) for finger in robot.grasping for name in finger.bodies]
         joints = hand_atlas(problem.cell).joints
         rooms = _rooms(placed, joints, tree, np.array([tree.palm, *bodies]), problem.target.field)
-        merit = merit - _CROWDED * (_ROOM - np.minimum(rooms, _ROOM))
-    return np.argsort(-merit, kind="stable")
+        rank = rank - _CROWDED * (_ROOM - np.minimum(rooms, _ROOM))
+    return np.argsort(-rank, kind="stable")
 
 
 @njit
@@ -111,7 +111,7 @@ def _rooms(placed: Placements, joints: Array, tree: RobotTree, bodies: Index, fi
 
 
 def _has_room(q: Array, problem: GraspProblem) -> bool:
-    """Whether neighbours leave a posture room that the optimiser can find.
+    """Return True if neighbours leave a posture room that the optimiser can find.
 
     Idle fingers that lack it are folded: `q` (n,) is changed in place.
     """
@@ -148,7 +148,7 @@ def loads_on(placed: Placements, problem: GraspProblem, friction: Array | None =
 
 
 class _Burden(NamedTuple):
-    """What a squeeze has to bear, and by what; a contact is `height` from its tip's centre."""
+    """Load of a squeeze, and its limits; a contact is `height` from its tip's centre."""
 
     height: float  # m
     centre: Array  # (3,) m

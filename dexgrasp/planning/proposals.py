@@ -1,5 +1,5 @@
-"""Where fingertips could go: contact triples or pairs of a surface, the interface that learned sources share, and one
-ranking of all: which contacts bear errors best.
+"""Proposals of contacts: triples or pairs of a surface, the interface of learned sources, and one ranking of all by how
+well they bear errors.
 """
 
 from abc import ABC, abstractmethod

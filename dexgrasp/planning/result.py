@@ -1,4 +1,4 @@
-"""What came of planning: certified grasps with the way to each, or why there is none, and what the search did."""
+"""Result of planning: certified grasps with the way to each, or why there is none, and what the search did."""
 
 import time
 from collections import Counter
@@ -33,7 +33,7 @@ class Planned(NamedTuple):
 
 @dataclass
 class SearchLog:
-    """What a search did.
+    """Record of a search.
 
     Attributes:
         seconds: time by stage.
@@ -110,7 +110,7 @@ class PlanResult:
 
     @property
     def neighbours(self) -> ConvexDistance | None:
-        """What stands around the object and must not be touched; None where there is nothing, or no object."""
+        """Obstacles around the object, which must not be touched; None where there is nothing, or no object."""
         return None if self.target is None else self.target.around
 
     @property
@@ -130,7 +130,7 @@ class PlanResult:
 
     @property
     def success(self) -> bool:
-        """Whether there are as many grasps as were asked for."""
+        """True with as many grasps as were asked for."""
         return len(self.found) == (self.asked or 1)
 
     @property
@@ -230,7 +230,7 @@ class PlanResult:
 
 @runtime_checkable
 class PlansGrasps(Protocol):
-    """What agents that plan certified grasps offer beside `Agent`.
+    """Members that agents which plan certified grasps offer beside those of `Agent`.
 
     Attributes:
         settings: of the planner.

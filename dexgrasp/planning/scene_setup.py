@@ -20,7 +20,7 @@ class Subject(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What an agent's `reset` takes, and where it comes from: an environment that was reset, not yet stepped."""
+    """Arguments of an agent's `reset`, and their source: an environment that was reset, not yet stepped."""
 
     env: gym.Env[Any, Any]
     observation: Observation

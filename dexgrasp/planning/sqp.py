@@ -29,7 +29,7 @@ TOLERANCE = 1e-6  # m: a constraint violated by less is met
 
 @dataclass(frozen=True)
 class Solution:
-    """Where the optimiser ended.
+    """Outcome of the optimiser.
 
     Attributes:
         q: (n,) rad.

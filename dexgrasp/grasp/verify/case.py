@@ -58,12 +58,12 @@ class Case:
 
     @cached_property
     def hold(self) -> "ForceBalance":
-        """What the planned forces do."""
+        """Effect of the planned forces."""
         return ForceBalance(self)
 
 
 class ForceBalance:
-    """What the planned forces do about the centre of mass, in weights: balance, friction and torque that they use.
+    """Effect of the planned forces about the centre of mass, in weights: balance, friction and torque that they use.
 
     `compliance` (c N, c N) m/N is how contacts give way to forces where set-points stand still.
     """

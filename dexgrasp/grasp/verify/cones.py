@@ -32,7 +32,7 @@ class Residual(NamedTuple):
     forces: Array
 
     def closed(self, tolerance: float = 1e-6) -> bool | None:
-        """Whether the least residual is below `tolerance`, N^2: True and False are proved, None is open."""
+        """Compare the least residual with `tolerance`, N^2: True and False are proved, None is open."""
         return True if self.upper < tolerance else False if self.lower >= tolerance else None
 
 

@@ -1,4 +1,4 @@
-"""How far a push goes before a contact force leaves its friction cone: followed along rays, many directions at once."""
+"""Length of a push before a contact force leaves its friction cone: followed along rays, many directions at once."""
 
 import numpy as np
 

@@ -21,7 +21,7 @@ PLINTH_BODIES = 3  # links 0 to 2 stand on the arm's plinth, not over the table
 
 @dataclass(frozen=True)
 class Touch:
-    """Where the tips of a configuration are, and what of the object's parts is nearest to each of the N.
+    """Places of the tips of a configuration, and what of the object's parts is nearest to each of the N.
 
     Attributes:
         tips: (N, 3) m, centres.
@@ -157,7 +157,7 @@ class Scene:
         }
 
     def _may_meet(self, a: int, b: int, excluded: set[frozenset[int]]) -> bool:
-        """Whether two geoms are not of one body, of neighbours, or excluded by the model."""
+        """Return True for two geoms that are not of one body, of neighbours, or excluded by the model."""
         model = self.model
         bodies = model.geom_bodyid[[a, b]]
         one, two = model.body_weldid[bodies]

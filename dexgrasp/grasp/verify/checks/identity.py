@@ -65,7 +65,7 @@ def _object_checks(case: Case) -> list[Check]:
 
 
 def _told_checks(case: Case, model: ObjectModel) -> list[Check]:
-    """What the planner was told is the object's; nobody else knows what a bare mesh file weighs."""
+    """Check mass and centre that the planner was told; nobody else knows what a bare mesh file weighs."""
     stated, T, found = case.record.object, case.record.T_world_object, []
     if has_own_size(str(stated.source)):
         if stated.known_mass is not None:
