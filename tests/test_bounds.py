@@ -112,15 +112,9 @@ def test_every_reader_bounds_what_it_reads(kind, tmp_path):
 
 DAMAGE = {
     "empty": b"", "text": b"hello, I am nothing of the kind\n", "zeros": bytes(40), "cut off": b'{"a": [1, ',
-    "lying": b"\x93NUMPY\x01\x00\x02\x00{}", "a zip of nothing": b"PK\x05\x06" + bytes(18),
+    "lying": b"\x93NUMPY\x01\x00\x02\x00{}",
 }  # fmt: skip
-UNFINISHED = (
-    "empty",
-    "zeros",
-    "cut off",
-    "lying",
-    "a zip of nothing",
-)  # a last line without its end is left out
+UNFINISHED = ("empty", "zeros", "cut off", "lying")  # a last line without its end is left out
 FINE = {"yaml": ("empty", "text"), "jsonl": UNFINISHED, "lines.jsonl": UNFINISHED}
 
 
