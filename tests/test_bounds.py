@@ -110,6 +110,28 @@ def test_every_reader_bounds_what_it_reads(kind, tmp_path):
         READERS[kind](sparse(tmp_path / f"x.{kind}"))
 
 
+DAMAGE = {
+    "empty": b"", "text": b"hello, I am nothing of the kind\n", "zeros": bytes(40), "cut off": b'{"a": [1, ',
+    "lying": b"\x93NUMPY\x01\x00\x02\x00{}",
+}  # fmt: skip
+UNFINISHED = ("empty", "zeros", "cut off", "lying")  # a last line without its end is left out
+FINE = {"yaml": ("empty", "text"), "jsonl": UNFINISHED, "lines.jsonl": UNFINISHED}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize("kind", READERS)
+def test_every_reader_refuses_what_is_damaged_in_one_line(kind, damage, tmp_path):
+    (tmp_path / f"x.{kind}").write_bytes(DAMAGE[damage])
+    if damage in FINE.get(kind, ()):
+        READERS[kind](tmp_path / f"x.{kind}")
+    elif kind == "npz":  # whose callers say what is wrong
+        with pytest.raises(ValueError, match="no archive of plain arrays"):
+            read_npz(tmp_path / "x.npz")
+    else:
+        with refused(rf"x\.{kind}"):
+            READERS[kind](tmp_path / f"x.{kind}")
+
+
 def test_text_is_bounded_closer_than_what_is_binary(tmp_path):
     path = tmp_path / "m.ply"
     path.write_bytes(b"ply\nformat ascii 1.0\n")

@@ -109,13 +109,6 @@ def test_dictionaries_of_arrays_pass_whatever_the_pickle_protocol(tmp_path, prot
     assert (found["b"], found["c"], found["d"], found["e"]) == (2.5, "text", [1, (2, None)], b"x")
 
 
-@pytest.mark.parametrize("data", [b"", b"\x93NUMPY", b"\x80\x04.", b"hello", b"\x93NUMPY\x01\x00\x02\x00{}"])
-def test_damaged_files_are_one_line(tmp_path, data):
-    (tmp_path / "bad.npy").write_bytes(data)
-    with refused(r"bad\.npy"):
-        read_dictionary(tmp_path / "bad.npy")
-
-
 def test_plain_arrays_are_no_dictionary(tmp_path):
     with refused("no dictionary"):
         read_dictionary(saved(tmp_path / "a.npy", np.zeros(3)))
