@@ -18,7 +18,7 @@ from dexgrasp.planning import constraints
 from dexgrasp_env.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
-ROOMS = ("dexgrasp/planning", "dexgrasp/motion", "dexgrasp/shape", "dexgrasp_env/perception")
+ROOMS = ("dexgrasp/planning", "dexgrasp/motion", "dexgrasp/geometry", "dexgrasp_env/perception")
 SECTION, ROW = re.compile(r"## `(.*\.py)`"), re.compile(r"\| `(\w+)` \| `(.*?)` \|")
 PLAIN = re.compile(r"\| `(.*\.py)` \| (.*) \|")
 
@@ -109,7 +109,7 @@ def test_constants_are_named_by_file_or_name_and_scenes_are_of_single_objects(va
     apart = varying.table(("planning", "shape"), ("_APART",))
     assert {name for _, name in apart} == {"_APART"}
     assert len(apart) > 2
-    assert {file for file, _ in varying.table(("shape",), ("around",))} == {"dexgrasp/geometry/around.py"}
+    assert {file for file, _ in varying.table(("shape",), ("around",))} == {"dexgrasp/geometry/neighbours.py"}
     with pytest.raises(InputError, match="no constant 'guarded' in these rooms"):
         varying.table(("shape",), ("guarded",))
     assert len(varying.Vary(out="vary.json").objects) == 20

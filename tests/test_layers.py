@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 FLOORS = (
-    "dexgrasp_env", "runs agent", "geometry mechanics", "grasp", "motion export viewer", "planning", "registry",
+    "dexgrasp_env", "runs agent", "geometry", "mechanics", "grasp", "motion export viewer", "planning", "registry",
     "evaluation", "data", "learning", "agents", "cli",
 )  # fmt: skip
 """Rooms from the ground up: a room imports from its own and from those below, whatever stands beside it on a floor."""
