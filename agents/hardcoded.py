@@ -9,7 +9,7 @@ import numpy as np
 from dexgrasp.agent import BY_CLOUD, Agent, Observation, Report, cell_of
 from dexgrasp.geometry.completion import NO_VOLUME, NoTarget, target_of
 from dexgrasp.geometry.hull import standing_hull
-from dexgrasp.geometry.samples import triangle_samples
+from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.palm_ik import hanging_palm, solve_palm

@@ -28,8 +28,8 @@ from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, File, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.geometry.network import LOG_SPREAD, OUTPUT, SCHEMA
-from dexgrasp.geometry.view import UNIT, WRITTEN, View
+from dexgrasp.geometry.completion_network import LOG_SPREAD, OUTPUT, SCHEMA
+from dexgrasp.geometry.visible_side import UNIT, WRITTEN, VisibleSide
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.load import load_target
 from dexgrasp_env.perception.pipeline import segment
@@ -102,7 +102,7 @@ def example(scene: Scene, hull: Array, mirror: bool) -> tuple[Array, Array]:
     side = _MIRROR if mirror else np.ones(3)
     assert scene.plane is not None
     plane = Plane(scene.plane.normal * side, scene.plane.offset, scene.plane.rms, 0)
-    view = View.of(scene.target.points * side, scene.target.normals * side, plane)
+    view = VisibleSide.of(scene.target.points * side, scene.target.normals * side, plane)
     whole = (((hull * side - view.origin) @ view.R.T / UNIT) @ WRITTEN.T).max(0)
     return view.features(), (whole - view.seen()) * UNIT / OUTPUT
 

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from oracles import box_distance
 from refusals import refused
 
-from dexgrasp.geometry.exact import closest_on_mesh
+from dexgrasp.geometry.mesh_distance import closest_on_mesh
 
 SIDES = np.array([0.06, 0.08, 0.1])
 

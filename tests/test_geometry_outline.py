@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from dexgrasp.geometry.outline import outline
+from dexgrasp.geometry.quickhull import extreme_points
 
 
 def ball(count, seed=0):
@@ -19,14 +19,14 @@ def cube(n):
 
 def test_corners_come_before_what_tells_nothing():
     points = cube(7)
-    found = points[outline(points, 24)]
+    found = points[extreme_points(points, 24)]
     assert ConvexHull(found).volume == pytest.approx(1e-3, rel=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_each_point_brings_most_of_what_is_left(seed):
     points = ball(400, seed)
-    chosen = outline(points, 40)
+    chosen = extreme_points(points, 40)
     assert len(set(chosen.tolist())) == 40
     for n in (10, 20, 39):
         hull = ConvexHull(points[chosen[:n]])
@@ -37,9 +37,9 @@ def test_each_point_brings_most_of_what_is_left(seed):
 def test_ends_where_the_hull_of_fewer_holds_all():
     octahedron = np.concatenate([np.eye(3), -np.eye(3)])
     inside = 0.2 * ball(50) / 0.05
-    assert sorted(outline(np.concatenate([octahedron, inside]), 30)) == list(range(6))
+    assert sorted(extreme_points(np.concatenate([octahedron, inside]), 30)) == list(range(6))
 
 
 def test_the_same_points_give_the_same_choice():
     points = cube(5)
-    np.testing.assert_array_equal(outline(points, 30), outline(points.copy(), 30))
+    np.testing.assert_array_equal(extreme_points(points, 30), extreme_points(points.copy(), 30))

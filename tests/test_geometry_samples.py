@@ -5,8 +5,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from scipy.spatial import cKDTree
 
-from dexgrasp.geometry.exact import closest_on_mesh
-from dexgrasp.geometry.samples import triangle_samples
+from dexgrasp.geometry.mesh_distance import closest_on_mesh
+from dexgrasp.geometry.surface_samples import triangle_samples
 
 
 @pytest.fixture(scope="module")

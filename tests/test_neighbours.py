@@ -11,10 +11,10 @@ from robots import CELL, HOME
 from dexgrasp.agent import public_info
 from dexgrasp.agents import bilevel, stages
 from dexgrasp.agents.bilevel import BilevelAgent
-from dexgrasp.geometry.around import SEEN, UNSEEN, columns, neighbours_of
 from dexgrasp.geometry.completion import target_of
 from dexgrasp.geometry.convex_kernel import NOTHING
-from dexgrasp.geometry.field import field_at, field_of
+from dexgrasp.geometry.distance_grid import field_at, field_of
+from dexgrasp.geometry.neighbours import SEEN, UNSEEN, columns, neighbours_of
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.planned_record import planned_record
 from dexgrasp.grasp.verify.scene import Scene as Judge

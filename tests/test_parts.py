@@ -6,8 +6,8 @@ import trimesh
 from planned import hammer
 
 from dexgrasp.geometry.completion import target_of
+from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
 from dexgrasp.geometry.hull import cloud_corners
-from dexgrasp.geometry.parts import MOST_PARTS, parts_within
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.proposals import graspable_points
 from dexgrasp.planning.settings import PlannerSettings

@@ -14,7 +14,7 @@ from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 
 from dexgrasp.cli.benchmarks.proposals import UniformProposals
 from dexgrasp.geometry.convex_kernel import NOTHING
-from dexgrasp.geometry.exact import closest_on_mesh
+from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.verify.cones import conic_margin, conic_residual
 from dexgrasp.mechanics.contacts import shape_of

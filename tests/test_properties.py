@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from dexgrasp.cli.parsing import reader
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.geometry.exact import closest_on_mesh
+from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.grasp.file import record_of
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.margin import cone_margin

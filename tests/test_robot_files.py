@@ -16,7 +16,7 @@ from dexgrasp.agent import public_info
 from dexgrasp.cli.commands import run_command
 from dexgrasp.evaluation.scoring.hand import find_hand
 from dexgrasp.geometry.convex_kernel import NOTHING
-from dexgrasp.geometry.exact import closest_on_mesh
+from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.mechanics.kinematics.clearance import SELF, clearance_rows, empty_rows

@@ -9,9 +9,9 @@ from refusals import refused
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.geometry.completion import NoTarget, completed_corners, target_of
+from dexgrasp.geometry.completion_network import read_network
 from dexgrasp.geometry.hull import cloud_corners
-from dexgrasp.geometry.network import read_network
-from dexgrasp.geometry.view import ONE_SIDED, one_sidedness
+from dexgrasp.geometry.visible_side import ONE_SIDED, one_sidedness
 from dexgrasp.planning.holding import narrowed_friction
 from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp.planning.settings import PlannerSettings

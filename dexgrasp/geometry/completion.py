@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from dexgrasp.geometry.completion_network import CompletionNetwork, shipped_network
+from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
 from dexgrasp.geometry.hull import cloud_corners
-from dexgrasp.geometry.network import CompletionNetwork, shipped_network
-from dexgrasp.geometry.parts import MOST_PARTS, parts_within
 from dexgrasp.geometry.target import GraspTarget, Spread
-from dexgrasp.geometry.view import ONE_SIDED, UNIT, WRITTEN, View, one_sidedness
+from dexgrasp.geometry.visible_side import ONE_SIDED, UNIT, WRITTEN, VisibleSide, one_sidedness
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.plane import Plane
@@ -65,7 +65,7 @@ def completed_corners(
     """
     points, normals = cloud.points, cloud.normals
     if plane is not None and len(points) >= _LEAST_POINTS and one_sidedness(normals) >= ONE_SIDED:
-        view = View.of(points, normals, plane)
+        view = VisibleSide.of(points, normals, plane)
         support, spread = (network or shipped_network()).complete(view)
         corners = _corners(support)
         if corners is not None:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distances
-from dexgrasp.geometry.outline import outline
+from dexgrasp.geometry.quickhull import extreme_points
 from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import check
@@ -125,6 +125,6 @@ def _simplify(vertices: Array, max_faces: int) -> ConvexDistance:
     Those that stick out most are taken, until the faces are used up. The result lies inside the hull of all; the error
     is the farthest vertex, where the two hulls are farthest apart.
     """
-    chosen = outline(vertices, max_faces // 2 + 2)  # n corners make 2 n - 4 triangles
+    chosen = extreme_points(vertices, max_faces // 2 + 2)  # n corners make 2 n - 4 triangles
     inner = ConvexDistance(*_hull(vertices[chosen])[:2])
     return replace(inner, error=max(float(inner.distance(vertices).max()), 0.0))

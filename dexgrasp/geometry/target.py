@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.geometry.field import Field, field_of
+from dexgrasp.geometry.distance_grid import Field, field_of
 from dexgrasp.geometry.hull import REACH
 from dexgrasp.geometry.volume import volume_and_centre
 from dexgrasp.geometry.walls import walls_of
@@ -36,7 +36,7 @@ Parts = tuple[Array, ...]
 
 
 class Spread(NamedTuple):
-    """How far a surface may be from where it is believed to be, by direction."""
+    """Expected error of a surface that was guessed, by direction."""
 
     directions: Array  # (K, 3) unit, world frame
     errors: Array  # (K,) m, mean absolute error of the support in each
@@ -48,7 +48,7 @@ class Spread(NamedTuple):
 
 @dataclass(frozen=True)
 class GraspTarget:
-    """What is grasped: a union of convex parts, mostly one.
+    """The object to grasp: a union of convex parts, mostly one.
 
     The meshes are made when asked for: planning does without, and the import of trimesh takes as long as three plans.
 
@@ -110,7 +110,7 @@ class GraspTarget:
 
     @property
     def is_convex(self) -> bool:
-        """Whether there is but one part."""
+        """True where there is but one part."""
         return len(self.distance.parts) == 1
 
     def guessed(self, normals: Array) -> float:

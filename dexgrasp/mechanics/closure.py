@@ -1,4 +1,4 @@
-"""Which triples of contacts can be in equilibrium: Eq. 4 in closed form, millions of triples a second.
+"""Sweep of contact triples for force closure: Eq. 4 in closed form, millions of triples a second.
 
 A triple is **feasible** when the least value of Eq. 4, |sum f|^2 + |sum (p - c) x f / L|^2 with f_min = 1,
 pyramid cones (Eq. 2) and c the centroid of the three contacts, is below `TOLERANCE`.
@@ -58,7 +58,7 @@ class _Cloud(NamedTuple):
 
 @njit
 def _balances(p: Programme, cloud: _Cloud, triple: tuple[int, int, int]) -> bool:
-    """Whether forces in the cones of a triple, 1 N or more pressing, have a wrench |w|^2 below TOLERANCE.
+    """Return True where forces in a triple's cones, 1 N or more pressing, have a wrench |w|^2 below TOLERANCE.
 
     The last unknown t is at most -u . w for directions u, those of axes and of wrenches found: none is less than -t.
     """

@@ -41,7 +41,7 @@ def _wedge(mu: float, T: Array, i: int, j: int, k: int, m: int) -> tuple[float, 
 
 @njit
 def _meets(bl: float, bu: float, cl: float, cu: float, L: float, H: float) -> bool:
-    """Whether some b > 0 in [bl, bu] has [L b, H b] and [cl, cu] in common."""
+    """Return True where some b > 0 in [bl, bu] has [L b, H b] and [cl, cu] in common."""
     lo, hi = max(bl, 0.0), bu
     if not L <= H:
         return False
@@ -71,7 +71,7 @@ def _box_meets(bl: float, bu: float, cl: float, cu: float, w: tuple[float, float
 
 @njit
 def closed_form(mu: float, E: Array, T: Array, i: int, j: int, k: int) -> bool:
-    """Whether non-zero forces in the Eq. 2 cones of contacts i, j, k balance exactly.
+    """Return True where non-zero forces in the Eq. 2 cones of contacts i, j, k balance exactly.
 
     `E[i, j]` is p_j - p_i as (press, u, v) in frame i, and `T[i, j]` is `E[j, i]`: k runs fastest in both.
     """

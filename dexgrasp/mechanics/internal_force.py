@@ -1,4 +1,4 @@
-"""The squeeze that bears the largest push: which internal forces to press with.
+"""Internal forces of a grasp: the squeeze that bears the largest push.
 
 All forces at contacts that balance gravity are f = s hold + N x: `hold` bears the weight, s is the share of it that is
 borne, and x are the internal forces, of three points those along the sides of their triangle. A push, any force through
@@ -53,7 +53,7 @@ class Squeeze(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """How a squeeze is looked for."""
+    """Parameters of the search for a squeeze."""
 
     press: float  # N, least of each contact
     reserved: float  # weights, see `RESERVED`

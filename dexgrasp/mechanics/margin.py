@@ -1,4 +1,4 @@
-"""How far a grasp is from losing force closure, with gradients.
+"""Closure margin: the distance of a grasp from losing force closure, with gradients.
 
 The **margin** is the min-weight metric (Shaw Cortez; FRoGGeR, 2023) taken to the exact cone (Eq. 1). Forces
 in equilibrium at n contacts are their internal forces (see `equilibrium`); with N_i the pressing and f_t,i the
@@ -39,7 +39,7 @@ _NOTHING = 1e-7  # N that internal forces of 1 N press with
 
 
 class _Room(NamedTuple):
-    """What a margin and its gradients are worked out in."""
+    """Work arrays of a margin and its gradients."""
 
     programme: Programme
     torsion: float | None  # of the contact model

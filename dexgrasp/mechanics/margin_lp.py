@@ -119,7 +119,7 @@ def _each_along(p: Programme, plane: Plane, forces: Array, i: int, k: int) -> fl
 
 @partial(njit, inline="always")
 def _asked(p: Programme, i: int, plane: Plane) -> float:
-    """How far the worst push of 1 moves the force of contact i against a plane."""
+    """Return how far the worst push of 1 moves the force of contact i against a plane."""
     total = 0.0
     for k in range(3):
         total += _each_along(p, plane, p.answers, i, k) ** 2
@@ -168,7 +168,7 @@ def _moves(jacobians: Array, i: int, j: int) -> bool:
 
 @partial(njit, inline="always")
 def _moves_first(jacobians: Array, i: int, j: int) -> bool:
-    """Whether contact i is the first of those that joint j moves."""
+    """Return True where contact i is the first that joint j moves."""
     first = 0
     while first < i and not _moves(jacobians, first, j):
         first += 1

@@ -1,4 +1,4 @@
-"""How strong a grasp is: the push that planned forces bear, and the push that any forces could.
+"""Load and capacity of a grasp: the push that planned forces bear, and the push that any forces could.
 
 A push is a force w through the centre of mass. The contacts answer it by df = -G^+ (w, 0), the least forces that do, G
 the grasp matrix about the centre of mass with torques over the contacts' rms radius: as they do where all give way
@@ -125,7 +125,9 @@ def capacity_of(contacts: Contacts, stop: float = 0.0, pushes: Array | None = No
             grasps alike are refused at once.
     """
     shape = shape_of(len(contacts.points), contacts.model)
-    return float(_capacity(contiguous(contacts), shape, cube_directions() if pushes is None else pushes, stop))
+    return float(
+        _capacity(contiguous(contacts), shape, cube_directions() if pushes is None else pushes, stop)
+    )
 
 
 @njit

@@ -5,8 +5,8 @@ import time
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.geometry.parts import parts_within
-from dexgrasp.geometry.samples import triangle_samples
+from dexgrasp.geometry.convex_parts import parts_within
+from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.planned_record import ObjectPose

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.agent import Observation
-from dexgrasp.geometry.around import neighbours_of
 from dexgrasp.geometry.completion import NoTarget, target_of
+from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.diverse import plan_many, with_success_probability
 from dexgrasp.planning.planner import Planner, warm_up

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.geometry.field import Field, field_at
+from dexgrasp.geometry.distance_grid import Field, field_at
 from dexgrasp.mechanics.contacts import Contacts, Shape
 from dexgrasp.mechanics.internal_force import empty_room, squeeze_estimate
 from dexgrasp.mechanics.kinematics.forward import (

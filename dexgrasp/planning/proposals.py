@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp.geometry.samples import triangle_samples
+from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.mechanics.closure import closure_sweep, opposed_pairs
 from dexgrasp.mechanics.margin import margins, margins_to

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.geometry.around import neighbours_of
+from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import RAISED
 from dexgrasp.grasp.trajectory import ActionScript

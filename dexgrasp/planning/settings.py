@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from math import inf
 
 from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle
-from dexgrasp.geometry.parts import MOST_PARTS
+from dexgrasp.geometry.convex_parts import MOST_PARTS
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.thresholds import FROZEN, Thresholds, frozen_for, planned_friction
 from dexgrasp.mechanics.contact_models import ContactModel, contact_model

@@ -67,7 +67,7 @@ def measure_accuracy(
 
 def surface_distance(points: Array, mesh: "trimesh.Trimesh", T_world_object: Array) -> Array:
     """Return distances (M,) m of world points (M, 3) to the surface of a mesh at a pose."""
-    from dexgrasp.geometry.exact import closest_on_mesh
+    from dexgrasp.geometry.mesh_distance import closest_on_mesh
 
     local = (points - T_world_object[:3, 3]) @ T_world_object[:3, :3]
     return np.abs(closest_on_mesh(mesh, local).distances)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.data.dataset.settings import DatasetSettings
-from dexgrasp.geometry.samples import triangle_samples
+from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.mechanics.closure import closure_sweep
 from dexgrasp.planning.holding import narrowed_friction

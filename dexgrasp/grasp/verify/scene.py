@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dexgrasp.geometry.exact import Closest, closest_on_mesh
+from dexgrasp.geometry.mesh_distance import Closest, closest_on_mesh
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.robot.cell import Cell

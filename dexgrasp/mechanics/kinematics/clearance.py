@@ -306,7 +306,7 @@ def _self_rows(cover: Cover, activation: float, rows: Rows, n: int) -> int:
 
 @njit
 def _along(direction: Array, a: Array, b: Array) -> float:
-    """How far b is from a along a direction."""
+    """Return the distance from a to b along a direction."""
     return direction[0] * (b[0] - a[0]) + direction[1] * (b[1] - a[1]) + direction[2] * (b[2] - a[2])
 
 

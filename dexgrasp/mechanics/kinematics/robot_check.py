@@ -45,7 +45,7 @@ def check_robot(cell: Cell) -> list[Finding]:
 
 
 def _told(good: bool, what: str, mend: str, level: str = "error") -> Finding:
-    """Say of something that it is good, or how to mend it."""
+    """Report of something that it is good, or how to mend it."""
     return Finding("info", what) if good else Finding(level, what, mend)
 
 
@@ -154,7 +154,7 @@ def _authority(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
 
 
 def _moved(home: mujoco.MjData, column: Array, push: float) -> Array:
-    """How far joints (n,) go when set-points move by `push` along a column (n,), in shares of it."""
+    """Return how far joints (n,) go when set-points move by `push` along a column (n,), in shares of it."""
     data = _at(home.model, home.qpos)
     data.ctrl[:] += push * column
     mujoco.mj_step(home.model, data, _STEPS)
@@ -174,7 +174,7 @@ def _tips(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
 
 
 def _surface(data: mujoco.MjData, geom: int, centre: Array, way: Array) -> float:
-    """How far a geom reaches from a point along a direction, m: what a ray from outside meets."""
+    """Return how far a geom reaches from a point along a direction, m: what a ray from outside meets."""
     model, normal, far = data.model, np.zeros(3), 0.1
     start = centre + far * way
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
@@ -251,7 +251,7 @@ def _gaps(first: Array, own: Array, other: Array, theirs: Array) -> Array:
 
 
 def _strength(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
-    """What a finger can press with, and what the arm has left of its torque at home."""
+    """Report the press of a finger, and what the arm has left of its torque at home."""
     robot, J = cell.robot, np.zeros((3, home.model.nv))
     for finger in robot.grasping:
         body = home.body(finger.bodies[-1])
@@ -264,7 +264,7 @@ def _strength(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
 
 
 def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
-    """What the arm needs of its torque to bear itself and the hand, at home and over the table."""
+    """Report the share of its torque that the arm needs to bear itself and the hand, at home and over the table."""
     arm = cell.robot.arm_columns
     postures = [cell.robot.home, *_palms_down(cell)]
     share = np.max([np.abs(_at(model, q).qfrc_bias[arm]) for q in postures], axis=0) / cell.robot.torque[arm]

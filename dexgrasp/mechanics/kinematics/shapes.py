@@ -25,7 +25,7 @@ class _Pair(NamedTuple):
 
 
 def shapes_apart(q: Array, cell: Cell) -> bool:
-    """Whether the shapes of those bodies keep `LEAST` from each other at `q` (n,) rad."""
+    """Return True where the shapes of those bodies keep `LEAST` from each other at `q` (n,) rad."""
     return next(near_shapes(q[None], cell), None) is None
 
 

@@ -25,7 +25,7 @@ _SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, w
 
 
 class _Links(NamedTuple):
-    """What compiled code takes of a robot: each array more that it is told of makes every call dearer.
+    """The links of a robot as compiled code takes them: each array more makes every call dearer.
 
     Bodies in topological order, base first; nb bodies, n joints of which `arm` are the arm's, g tips, ns spheres.
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.geometry.exact import closest_on_mesh
+from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.grasp.identity import surface_hash
 from dexgrasp.grasp.thresholds import (
     CONTACT_INSIDE,

@@ -26,7 +26,7 @@ class _Faces(NamedTuple):
     seen: Index  # (n, n): the last point that saw a face with the edge from one corner to another
 
 
-def outline(points: Array, count: int) -> Index:
+def extreme_points(points: Array, count: int) -> Index:
     """Return up to `count` of points: three that span much, then always the one farthest outside the faces so far.
 
     Fewer where their hull holds all. For the choice the points are joggled, so that no four lie in a plane and no
@@ -41,11 +41,11 @@ def outline(points: Array, count: int) -> Index:
     local = joggled - joggled[first]
     second = (local**2).sum(1).argmax()
     third = (np.cross(local, local[second]) ** 2).sum(1).argmax()
-    return _outline(joggled, np.array([first, second, third]), count)
+    return _extreme_points(joggled, np.array([first, second, third]), count)
 
 
 @njit
-def _outline(points: Array, start: Index, count: int) -> Index:
+def _extreme_points(points: Array, start: Index, count: int) -> Index:
     """Continue from the two sides of a triangle."""
     chosen, corners, n, size = np.empty(count, np.int64), np.empty((count, 3)), 3, 2 * count + 4
     chosen[:n], corners[:n] = start, points[start]

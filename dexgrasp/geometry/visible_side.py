@@ -37,7 +37,7 @@ WRITTEN = even_directions(40, (-50.0, -25.0, -10.0, 0.0, 10.0, 20.0, 30.0, 45.0,
 """(361, 3) directions in which the whole object is written."""
 
 
-class View(NamedTuple):
+class VisibleSide(NamedTuple):
     """Points and normals in the frame of the view: origin on the table amid the points, z up, x along a face.
 
     x is the level direction, within 45 degrees of the viewer's, that normals favour up to quarter turns: the walls of a
@@ -51,7 +51,7 @@ class View(NamedTuple):
     viewer: float  # rad, where the normals point on the whole, from x
 
     @classmethod
-    def of(cls, points: Array, normals: Array, plane: Plane) -> "View":
+    def of(cls, points: Array, normals: Array, plane: Plane) -> "VisibleSide":
         """Look at points (N, 3) m with outward normals (N, 3), both in the world frame."""
         level = normals[:, :2]
         length = np.linalg.norm(level, axis=1)

@@ -62,7 +62,7 @@ def parts_within(
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """What of the cloud lies within half-spaces n . x <= offset, and how much air its hull may hold."""
+    """The part of a cloud within half-spaces n . x <= offset, with its hull."""
 
     points: Array  # (N, 3) m, those that cuts are tried on
     within: Array  # (K, 4) half-spaces: normals and offsets, m
@@ -106,7 +106,7 @@ class _Piece:
 
 
 def _held(points: Array, within: Array) -> Mask:
-    """Whether points (M, 3) lie within half-spaces (K, 4), or next to them (M,)."""
+    """Return which points (M, 3) lie within half-spaces (K, 4), or next to them (M,)."""
     return np.asarray((points @ within[:, :3].T <= within[:, 3] + _OVERLAP).all(1))
 
 

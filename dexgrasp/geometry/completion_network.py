@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dexgrasp.geometry.view import READ, UNIT, WRITTEN, View
+from dexgrasp.geometry.visible_side import READ, UNIT, WRITTEN, VisibleSide
 from dexgrasp.runs.arrays import Layer, layers_of, read_arrays, relu, through
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.assets import asset_path
@@ -32,7 +32,7 @@ class CompletionNetwork:
     scale: Single
     layers: tuple[Layer, ...]
 
-    def complete(self, view: View) -> tuple[Array, Array]:
+    def complete(self, view: VisibleSide) -> tuple[Array, Array]:
         """Return the whole object's support (361,) in the directions `WRITTEN`, UNIT, and its spread (361,), m.
 
         The spread is the mean absolute error that the network expects of itself.

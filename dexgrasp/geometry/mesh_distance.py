@@ -20,7 +20,7 @@ _TOUCHING = 1e-12
 
 
 class Closest(NamedTuple):
-    """What of a surface is closest to each of N points."""
+    """Closest points of a surface to N points."""
 
     distances: Array
     """(N,) [m], negative inside."""

@@ -1,4 +1,4 @@
-"""What stands around the target as convex parts: hulls of objects, columns of walls."""
+"""Convex parts of the neighbours of a target: hulls of objects, columns of walls."""
 
 from contextlib import suppress
 
