@@ -22,7 +22,6 @@ from dexgrasp.data.demonstrations import generate as generation
 from dexgrasp.data.demonstrations.convert import to_action
 from dexgrasp.data.demonstrations.generate import generate
 from dexgrasp.data.demonstrations.info import replay_all, summary
-from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
 from dexgrasp.data.demonstrations.minari_format import read_episodes, write_minari
 from dexgrasp.data.demonstrations.rollout import Recorder, intended, replay
 from dexgrasp.data.demonstrations.settings import DemoSettings
@@ -247,47 +246,6 @@ def test_the_lerobot_layout_holds_the_same_steps(folder):
     pandas = pytest.importorskip("pandas")
     tasks = pandas.read_parquet(folder / "lerobot/meta/tasks.parquet")
     assert tasks.iloc[0].name == "lift sugar_box"
-
-
-def test_lerobots_policies_find_their_inputs(folder):
-    import pyarrow.parquet as pq
-
-    features = json.loads((folder / "lerobot/meta/info.json").read_text())["features"]
-    rows = pq.read_table(folder / "lerobot/data/chunk-000/file-000.parquet").to_pydict()
-    seen = next(read_episodes(folder)).observations
-    about = np.concatenate([seen[key][0] for key in seen if key.startswith("object_")])
-    assert features["observation.environment_state"]["shape"] == [len(about)]
-    assert_allclose(rows["observation.environment_state"][0], about, atol=1e-6)
-
-
-def test_pictures_are_images_of_lerobot_and_described_by_colour(settings, folder, tmp_path):
-    import imageio.v3 as iio
-    import pyarrow.parquet as pq
-
-    episode, rng = next(read_episodes(folder)), np.random.default_rng(0)
-    size = len(episode) + 1
-    episode.observations["rgb"] = rng.integers(0, 256, (size, 2, 12, 16, 3), dtype=np.uint8)
-    episode.observations["depth"] = rng.random((size, 2, 12, 16)).astype(np.float32)
-    write_lerobot(tmp_path, settings, [episode])
-    info, stats = (
-        json.loads((tmp_path / f"lerobot/meta/{name}.json").read_text()) for name in ("info", "stats")
-    )
-    assert info["features"]["observation.images.view_1"]["shape"] == [12, 16, 3]
-    first = pq.read_table(tmp_path / "lerobot/data/chunk-000/file-000.parquet").to_pylist()[0]
-    kept = iio.imread(first["observation.images.view_1"]["bytes"])
-    assert_array_equal(kept, episode.observations["rgb"][0, 1])
-    assert np.shape(stats["observation.images.view_1"]["mean"]) == (3, 1, 1)
-    assert 0.4 < np.mean(stats["observation.images.view_1"]["mean"]) < 0.6
-    assert np.shape(stats["observation.depth"]["mean"]) == (1,)
-    assert_allclose(stats["observation.depth"]["mean"], episode.observations["depth"][:-1].mean(), atol=1e-6)
-
-
-def test_minaris_environment_has_every_object(settings, folder, tmp_path):
-    minari = pytest.importorskip("minari")
-    both = DemoSettings.of(["sugar_box", "pear"], agent=settings.agent)
-    write_minari(tmp_path, both, list(read_episodes(folder))[:1])
-    env = minari.MinariDataset(tmp_path / "data").recover_environment()
-    assert list(env.unwrapped.settings.objects) == ["sugar_box", "pear"]
 
 
 @pytest.mark.slow

@@ -72,10 +72,16 @@ class PolicyTask(RolloutTask):
         """Make the environments; features are scaled as the cloned policy's, or by random actions."""
         s = self.settings
         envs = SB3VecEnv(
-            s.env_id, s.num_envs, ("is_success",), objects=list(s.objects), randomisation=ranges(s.randomise),
-            backend=s.backend, device="cpu" if (s.backend, place.type) == ("warp", "cpu") else None, **self.env,
+            s.env_id,
+            s.num_envs,
+            ("is_success",),
+            objects=list(s.objects),
+            randomisation=ranges(s.randomise),
+            backend=s.backend,
+            device="cpu" if (s.backend, place.type) == ("warp", "cpu") else None,
+            **self.env,
             **({"max_episode_steps": s.episode_steps} if s.episode_steps else {}),
-        )  # fmt: skip
+        )
         if self._resets:
             self._resets.attach(envs.envs)
         scale = s.residual_scale or (0.2 if self.clone else 1.0)

@@ -152,9 +152,12 @@ class Training(ABC):
         torch.set_num_threads(self.settings.threads)
         options = self.options
         run = {
-            "schema": 1, **self.task.identity(), "settings": asdict(self.settings), "minutes": options.minutes,
+            "schema": 1,
+            **self.task.identity(),
+            "settings": asdict(self.settings),
+            "minutes": options.minutes,
             "trials": options.tester and asdict(options.tester),
-        }  # fmt: skip
+        }
         with RunFolder(self.out, self.task.about, "training").claim(run), self.open:
             self.begin()
             self._go_on(progress, stop_after)
