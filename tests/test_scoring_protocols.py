@@ -151,7 +151,7 @@ def test_metrics_of_a_known_case(tmp_path):
 
 
 def test_unknown_protocol_and_hand():
-    with refused("valid are dgb_fc, dgb_tabletop, frogger_pick, get_a_grip, dro"):
+    with refused("valid are dgb_fc, dgb_tabletop, frogger_pick, get_a_grip"):
         get_grasp_protocol("lift")
     with refused("valid are allegro"):
         find_hand("shadow")

@@ -11,7 +11,7 @@ from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.grasp.planned_record import Origin, planned_record
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.viewer.film import Film, carried, palm_poses
+from dexgrasp.viewer.film import GraspPlayback, carried, palm_poses
 from dexgrasp_env.objects.load import load_object
 
 
@@ -35,7 +35,7 @@ def film():
     record = planned_record(
         "gelatin", grasp, GraspTarget.of(mesh), PlannerSettings(), origin=Origin("a.b:<Firm>")
     )
-    return Film(record, states, carried(states, 2, T, CELL), shape, mesh.vertices)
+    return GraspPlayback(record, states, carried(states, 2, T, CELL), shape, mesh.vertices)
 
 
 def test_the_object_rests_until_it_is_lifted_and_then_follows_the_palm(film):

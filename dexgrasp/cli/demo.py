@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from dexgrasp.cli.command import Answer, Command, Folder, Scene
 from dexgrasp.cli.output import note
 from dexgrasp.cli.plan import check_target
-from dexgrasp.evaluation.video import Film
+from dexgrasp.evaluation.video import VideoSettings
 from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.arrays import Fields
 
@@ -45,7 +45,7 @@ class Demo(Command, Scene):
     agent: Annotated[str, "AGENT"] = "bilevel"
     out: Folder = Path("out/demo")
     no_video: bool = False
-    film: Film = Film()
+    film: VideoSettings = VideoSettings()
 
     def run(self) -> Answer:
         """Run the demo; return outcome and times."""

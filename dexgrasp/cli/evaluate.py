@@ -7,7 +7,7 @@ from dexgrasp.cli.codes import ANSWER_IS_NO, INTERRUPTED, OK
 from dexgrasp.cli.command import Answer, Command, Folder, check_mesh_options
 from dexgrasp.cli.output import note, resumable
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.video import Film
+from dexgrasp.evaluation.video import VideoSettings
 from dexgrasp.runs import interrupt
 from dexgrasp.runs.pool import Backend
 from dexgrasp_env.valid import NATURAL, Rule, check, one_of
@@ -44,7 +44,7 @@ class Evaluate(Command):
     settings: EvaluationSettings
     out: Folder | None = None
     video: Annotated[int | Literal["failures"], _VIDEOS, "K|failures"] = 0
-    film: Film = Film()
+    film: VideoSettings = VideoSettings()
     backend: Backend = Backend()
 
     def run(self) -> Answer | int:

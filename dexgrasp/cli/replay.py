@@ -4,7 +4,7 @@ from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell
 from dexgrasp.cli.output import note
-from dexgrasp.evaluation.video import Film
+from dexgrasp.evaluation.video import VideoSettings
 from dexgrasp_env.valid import Natural
 
 
@@ -33,7 +33,7 @@ class Replay(Command, InCell):
     trial: Annotated[Natural, "K"]
     protocol: Annotated[str | None, "PROTOCOL"] = None
     video: bool = False
-    film: Film = Film()
+    film: VideoSettings = VideoSettings()
 
     def run(self) -> Answer:
         """Replay, say what is different."""

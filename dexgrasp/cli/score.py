@@ -29,7 +29,7 @@ class Score(Command, InCell):
 
     Attributes:
         files: grasp files: .json, .npz, .npy, .pkl.
-        protocol: dgb_fc, dgb_tabletop, frogger_pick, get_a_grip, dro.
+        protocol: dgb_fc, dgb_tabletop, frogger_pick, get_a_grip.
         mesh: mesh files, or folders of them, for objects that the files only name.
         mesh_scale: factor from the meshes' unit to metres.
         hand: allegro, or the path of a hand's MJCF or of a robot's file, for files of others.

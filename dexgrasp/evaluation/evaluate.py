@@ -10,7 +10,7 @@ from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_tri
 from dexgrasp.evaluation.store import TrialStore, check_folder, failed_or_disturbed
 from dexgrasp.evaluation.summary import bare_count, grouped, summarise
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.evaluation.video import Film, check_rendering
+from dexgrasp.evaluation.video import VideoSettings, check_rendering
 from dexgrasp.runs.interrupt import held, kept
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import progress_bar, warn
@@ -31,7 +31,7 @@ def evaluate(
     *,
     backend: Backend = Backend(),
     videos: int | Literal["failures"] = 0,
-    film: Film = Film(),
+    film: VideoSettings = VideoSettings(),
     progress: bool = True,
 ) -> Fields:
     """Run an evaluation, or what is missing of it, and return its summary (also `summary.json` in the folder).
@@ -125,7 +125,7 @@ class _Run:
                 f"{len(lost)} of {len(self.planned)} trials did not finish, the first: {', '.join(map(str, min(lost)))}"
             )
 
-    def record(self, videos: int | str, film: Film) -> None:
+    def record(self, videos: int | str, film: VideoSettings) -> None:
         """Record the first so many trials of each agent and object, or those that failed."""
         chosen = [
             row

@@ -8,7 +8,7 @@ from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_tri
 from dexgrasp.evaluation.store import Key, Trials, read_rows, read_run, row_key, trial_name
 from dexgrasp.evaluation.summary import grouped
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.evaluation.video import Film, check_rendering
+from dexgrasp.evaluation.video import VideoSettings, check_rendering
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import Show, warn
 from dexgrasp_env.arrays import Fields
@@ -46,7 +46,7 @@ def replay(
     trial: int,
     *,
     protocol: str | None = None,
-    film: Film | None = None,
+    film: VideoSettings | None = None,
     robot: str | None = None,
 ) -> Replay:
     """Make a trial of an evaluation again, from the seeds that its line holds.
@@ -87,7 +87,9 @@ def _robot(run: Fields) -> str | None:
     return path
 
 
-def record(runner: TrialRunner, rows: Trials, folder: Path, film: Film, backend: Backend, show: Show) -> None:
+def record(
+    runner: TrialRunner, rows: Trials, folder: Path, film: VideoSettings, backend: Backend, show: Show
+) -> None:
     """Make trials again and record them, but for those whose videos are there; `show` is told how many are."""
     left = {row_key(row): row for row in rows if not video_path(folder, row).is_file()}
     specs = [

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import dexgrasp_env
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, TrialSeeds, get_protocol, parts
 from dexgrasp.evaluation.store import Key
-from dexgrasp.evaluation.video import Film
+from dexgrasp.evaluation.video import VideoSettings
 from dexgrasp.registry import agent_files, agent_sources
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.arrays import Fields
@@ -176,7 +176,7 @@ class TrialSpec:
     trial: int
     protocol: str = DEFAULT_PROTOCOL
     video: Path | None = None
-    film: Film = Film()
+    film: VideoSettings = VideoSettings()
     seeds: TrialSeeds | None = None
 
     @property

@@ -11,7 +11,7 @@ from dexgrasp.agent import Env
 from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_seeds
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec
 from dexgrasp.evaluation.trial import run_trial
-from dexgrasp.evaluation.video import Film, Video
+from dexgrasp.evaluation.video import Video, VideoSettings
 from dexgrasp.registry import make_agent, placing_agent
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -27,7 +27,7 @@ class TrialRunner:
     def __init__(self, settings: EvaluationSettings) -> None:
         self.settings = settings
         self._agents: dict[tuple[str, bool], Any] = {}
-        self._envs: dict[tuple[str, str, str, Film | None], Env] = {}
+        self._envs: dict[tuple[str, str, str, VideoSettings | None], Env] = {}
 
     def run(self, spec: TrialSpec) -> tuple[Fields, Fields | None]:
         """Run one trial; return its line of `trials.jsonl` and the certified grasp, for agents that have one.

@@ -32,7 +32,7 @@ _SIZE = Rule("a size like 640x480: even numbers from 16 to 4096", _size, _size_o
 
 
 @dataclass(frozen=True)
-class Film:
+class VideoSettings:
     """What videos are taken with.
 
     Attributes:

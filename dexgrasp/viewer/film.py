@@ -17,7 +17,7 @@ _CLOSING = 12  # states from open to closed, and from closed to pressing
 
 
 @dataclass(frozen=True, eq=False)
-class Film:
+class GraspPlayback:
     """One grasp as it would be carried out. NB: kinematic, with the object fixed to the palm in the lift.
 
     Attributes:
@@ -46,7 +46,7 @@ class Film:
         return {"planned by": record.agent or "unknown"} | figures_of(record.certificate.as_json())
 
 
-def film_of(record: GraspRecord, cloud: Array | None = None) -> Film:
+def film_of(record: GraspRecord, cloud: Array | None = None) -> GraspPlayback:
     """Return the film of a grasp: approach, close, squeeze, lift.
 
     Args:
@@ -68,7 +68,7 @@ def film_of(record: GraspRecord, cloud: Array | None = None) -> Film:
     states = np.concatenate([approach, closing, pressing, lift])
     poses = carried(states, len(states) - len(lift), np.eye(4) if pose is None else pose, cell)
     model = None if pose is None else record.object.load()
-    return Film(record, states, poses, model, cloud)
+    return GraspPlayback(record, states, poses, model, cloud)
 
 
 def carried(states: Array, first_lifted: int, T_world_object: Array, cell: Cell) -> Array:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import jinja2
 
-from dexgrasp.viewer.film import Film
-from dexgrasp.viewer.stage import Stage
+from dexgrasp.viewer.film import GraspPlayback
+from dexgrasp.viewer.stage import ViserScene
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
@@ -32,7 +32,7 @@ padding:8px 12px;background:rgba(255,255,255,.88);border-radius:8px;font:13px/1.
 """The certificates as a panel over the scene."""
 
 
-def page(films: Sequence[Film]) -> str:
+def page(films: Sequence[GraspPlayback]) -> str:
     """Return one page with the films side by side, played from approach to hold with a slider; nothing is fetched."""
     server = start_server(port=0, quiet=True)
     try:
@@ -51,7 +51,7 @@ def page(films: Sequence[Film]) -> str:
     return text.replace("</body>", facts + "</body>", 1)
 
 
-def serve(films: Sequence[Film], port: int) -> None:
+def serve(films: Sequence[GraspPlayback], port: int) -> None:
     """Show the films on a local server until interrupted: a slider for the time, the certificates beside it."""
     server = start_server(port=port, quiet=False)
     stages, count = _staged(server, films)
@@ -68,9 +68,9 @@ def serve(films: Sequence[Film], port: int) -> None:
             slider.value = (int(slider.value) + 1) % count
 
 
-def _staged(server: "viser.ViserServer", films: Sequence[Film]) -> tuple[list[Stage], int]:
+def _staged(server: "viser.ViserServer", films: Sequence[GraspPlayback]) -> tuple[list[ViserScene], int]:
     """Return the films side by side, and how many states the longest has."""
-    stages = [Stage(server, film, f"film {k}", -_APART * k) for k, film in enumerate(films)]
+    stages = [ViserScene(server, film, f"film {k}", -_APART * k) for k, film in enumerate(films)]
     return stages, max(len(film.states) for film in films)
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dexgrasp.mechanics.cones import cone_edges
-from dexgrasp.viewer.film import Film
+from dexgrasp.viewer.film import GraspPlayback
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.hulls import colour_of
 from dexgrasp_env.robot.model import compiled_robot
@@ -22,10 +22,10 @@ _CONE, _RAYS = 0.03, 24  # m, height of the cones that are drawn
 _VISUAL = 2  # group of the geoms that are shown
 
 
-class Stage:
+class ViserScene:
     """One film in a scene, at an offset so that several stand side by side."""
 
-    def __init__(self, server: "viser.ViserServer", film: Film, name: str, offset: float) -> None:
+    def __init__(self, server: "viser.ViserServer", film: GraspPlayback, name: str, offset: float) -> None:
         """Draw everything at the film's first state.
 
         Args:

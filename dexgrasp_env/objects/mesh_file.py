@@ -42,7 +42,7 @@ def load_file(data: bytes, kind: str) -> Any:
         data = _with_triangles(plain_text(data).decode("utf-8", "replace")).encode()
     elif kind == "ply":
         data = plain_text(data)
-    options: Fields = {"skip_materials": True} if kind == "obj" else {}
+    options: Any = {"skip_materials": True} if kind == "obj" else {}
     loaded: Any = trimesh.load(io.BytesIO(data), file_type=kind, process=False, **options)
     polygons = _ply_polygons(loaded) if kind == "ply" else None
     if polygons is not None:
@@ -62,7 +62,7 @@ def split_concave(vertices: Array, polygons: Sequence[Sequence[int]]) -> list[li
     sizes = np.array([len(polygon) for polygon in polygons], dtype=int)
     for size in np.unique(sizes[sizes > 3]):
         rows = np.flatnonzero(sizes == size)
-        corners = np.asarray(vertices)[np.array([polygons[row] for row in rows])]
+        corners = np.asarray(vertices)[np.array([polygons[row] for row in rows.tolist()])]
         concave = _is_concave(corners)
         for row, own in zip(rows[concave].tolist(), corners[concave], strict=True):
             pieces[row] = [[polygons[row][i] for i in piece] for piece in _ears(own)]
