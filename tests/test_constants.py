@@ -158,7 +158,7 @@ def test_an_object_among_others_is_no_longer_told_apart_where_patches_reach_too_
     varying, tmp_path, capsys
 ):
     scenes = {"objects": ("soda",), "trials": 1, "protocol": "clutter_dense", "out": tmp_path / "looks.json"}
-    constants = "parting._AROUND", "parting._TALL"
+    constants = "instances._AROUND", "instances._TALL"
     assert varying.Vary(rooms=("perception",), constants=constants, **scenes).run() == 0
     around, tall = map(json.loads, capsys.readouterr().out.splitlines())
     assert around["x2"]["merit"] < -0.3
