@@ -10,7 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from numba.core import caching, config, types
+from numba.core import caching, types
+from numba.core import config as numba_config
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
@@ -18,6 +19,7 @@ from dexgrasp_env.files import cache_dir, note_unwritable, temporary_cache_dir, 
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+config: Any = numba_config  # its names are made at run time
 _LEVEL = type(config.OPT)("2")  # of LLVM's optimisation
 
 
@@ -55,7 +57,7 @@ class _Kernel(CPUDispatcher):
         with global_compiler_lock:  # numba asks for the levels while it compiles, and has no option for them
             before = config.OPT, config.LOOP_VECTORIZE
             if "NUMBA_OPT" not in os.environ:
-                config.OPT, config.LOOP_VECTORIZE = _LEVEL, 0  # type: ignore[assignment]
+                config.OPT, config.LOOP_VECTORIZE = _LEVEL, 0
             try:
                 return super().compile(sig)
             finally:

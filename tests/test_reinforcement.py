@@ -46,7 +46,9 @@ def settings_of(algorithm, **more):
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_path, clone):
-    more = {"adaptive": True, "log_std_final": -3.0} if algorithm == "ppo" else {}  # what is kept between updates
+    more = (
+        {"adaptive": True, "log_std_final": -3.0} if algorithm == "ppo" else {}
+    )  # what is kept between updates
     settings = settings_of(algorithm, **more)
     base = clone if algorithm == "ppo" else None
     task = partial(PolicyTask, settings, base)

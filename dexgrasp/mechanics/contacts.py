@@ -74,7 +74,7 @@ def checked(contacts: Contacts) -> Contacts:
 
 def contiguous(contacts: Contacts) -> Contacts:
     """Return contacts with arrays as compiled code knows them: C-contiguous and writeable."""
-    return Contacts(*(np.array(part, order="C") for part in contacts[:-1]), contacts.model)
+    return Contacts._make([*(np.array(part, order="C") for part in contacts[:-1]), contacts.model])
 
 
 def _positive(name: str, values: Numbers, count: int) -> Array:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from dexgrasp_env.arrays import Array, Fields, Index, Mask
+from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.files import plain_text
 from dexgrasp_env.poses import frame_of_z
 
