@@ -1,4 +1,4 @@
-"""Robot files: what there is, one made of MJCF, one tested before anything is planned with it.
+"""Robot files: list them, make one of URDF or MJCF, test one before anything is planned with it.
 
 examples:
   dexgrasp robot list
@@ -40,7 +40,7 @@ class ListRobots(Command):
 
 
 class Make(Command):
-    """Make a robot file of MJCF: of a hand, of an arm, or of both; what is not given is ours, Panda or Allegro.
+    """Make a robot file of URDF or MJCF: of a hand, of an arm, or of both; what is not given is ours, Panda or Allegro.
 
     examples:
       dexgrasp robot make --hand leap_hand/right_hand.xml --out leap.yaml
@@ -48,13 +48,13 @@ class Make(Command):
       dexgrasp robot make --arm ur5e.xml --out ur5e_allegro.yaml
 
     Palm, fingers, tips and limits are read from the descriptions, the open posture and the arm's home are searched.
-    What an MJCF does not say is assumed, and said: put in what the maker states. The hand's and the arm's files stand
+    What they do not say is assumed, and printed: put in what the maker states. The hand's and the arm's files stand
     beside the robot's; the descriptions stay where they are.
 
     Attributes:
         out: the file to be.
-        hand: MJCF of a hand alone, which does not float; or a hand's file (default: our Allegro).
-        arm: MJCF of an arm alone; or an arm's file (default: our Panda).
+        hand: URDF or MJCF of a hand, or of an arm and a hand; or a hand's file (default: our Allegro).
+        arm: URDF or MJCF of an arm, or of an arm and a hand; or an arm's file (default: our Panda).
     """
 
     out: Annotated[Path, "ROBOT.yaml"]

@@ -1,1 +1,4 @@
-"""A grasp as a trajectory for a robot: rows at the controllers' rates, files, a check, a replay."""
+"""Export: a grasp as a trajectory at the controllers' rates, in files, with a check and a replay.
+
+Takes a grasp file; gives rows of joint positions over time. It plans nothing.
+"""

@@ -1,1 +1,4 @@
-"""The grasp as an artefact: what it is, its file, its picture; nothing here knows how one is found or judged."""
+"""The grasp as an artefact: values, certificate, file, picture, and `verify`, which computes every claim again.
+
+Takes a planned configuration or a grasp file; gives a file and checks. It never looks for a grasp.
+"""

@@ -1,4 +1,7 @@
-"""From a grasp configuration to actions: approach, close, squeeze, lift, hold."""
+"""Motion from a grasp configuration: approach, close, squeeze, lift, turn, hold, retreat.
+
+Takes joint angles and obstacles; gives set-points, one a control step. It never chooses contacts.
+"""
 
 from dexgrasp_env.extras import require_extra
 

@@ -1,1 +1,4 @@
-"""Objects: the catalogue, shape builders, users' own meshes, rest poses."""
+"""Objects: the catalogue, builders of shapes, users' meshes, convex parts, rest poses.
+
+Takes names, set files or meshes; gives solids with mass and inertia. It knows no robot.
+"""

@@ -1,1 +1,4 @@
-"""The robot: Panda arm and Allegro hand as MJCF, their names and limits."""
+"""The robot: descriptions of makers, robot files, cells, MuJoCo specifications.
+
+Takes URDF, MJCF and YAML; gives a `Robot` value and its specification. It solves no kinematics.
+"""
