@@ -72,7 +72,7 @@ def check_bytes(count: int, what: str, kind: str) -> None:
 
 @contextmanager
 def readable(what: object) -> Iterator[None]:
-    """Say in one line why the system gives no file.
+    """Return the system's reason for giving no file, in one line.
 
     Raises:
         InputError: for an `OSError` within.
@@ -216,7 +216,7 @@ def _write_cached(path: Path, arrays: Arrays) -> None:
 
 @cache
 def note_unwritable(folder: str, reason: str) -> None:
-    """Say once a process that nothing is kept."""
+    """Note once a process that nothing is kept."""
     print(
         f"note: the cache {folder!r} cannot be written ({reason}): going on without it, which takes longer; "
         "DEXGRASP_CACHE names another folder",

@@ -1,4 +1,4 @@
-"""What a setting may be: said once, at the field of a dataclass, and held to wherever a value comes from.
+"""Rules of settings: stated once, at the field of a dataclass, and applied wherever a value enters.
 
     size: Annotated[float, number(ge=0, le=10)] = 1.0
 
@@ -22,7 +22,7 @@ _LONGEST = 100  # characters of a wrong value in a message
 
 
 class Rule(NamedTuple):
-    """What a value may be.
+    """Rule of a value.
 
     Attributes:
         words: what is valid, for messages.
@@ -147,7 +147,7 @@ _PLAIN = {
 
 
 class Hint(NamedTuple):
-    """What the annotation of a field says.
+    """Return the rule that a field's annotation states.
 
     Attributes:
         kind: its type, without `None` and `Annotated`.

@@ -23,7 +23,7 @@ LINKS_ONLY = {"canonical", "next", "prev", "search", "index"}  # rel of <link> t
 
 
 class Page(HTMLParser):
-    """What a page loads, and where it leads."""
+    """References of a page: what it loads, and where it leads."""
 
     def __init__(self, file: Path) -> None:
         super().__init__()
@@ -67,7 +67,7 @@ def faults(site: Path) -> list[str]:
 
 
 def outside(url: str) -> bool:
-    """Whether a link leaves the site."""
+    """Return True for a link that leaves the site."""
     parts = urlsplit(url)
     return bool(parts.netloc) or parts.scheme not in ("", "data")
 

@@ -148,7 +148,7 @@ def failing(checks: Any) -> list[str]:
 
 
 def matters(mutation: Mutation) -> bool:
-    """Whether a change is larger than what its field can mean."""
+    """Return True for a change larger than the tolerance of its field."""
     return mutation.size == 0.0 or mutation.size > SMALL.get(mutation.field, 0.0)
 
 

@@ -246,7 +246,7 @@ def _strangers(model: mujoco.MjModel, end: int) -> list[tuple[int, int]]:
     weld, above = model.body_weldid, model.body_weldid[model.body_parentid[model.body_weldid]]
 
     def apart(a: int, b: int) -> bool:
-        """Whether two bodies are not to collide."""
+        """Return True for two bodies that are not to collide."""
         near = weld[a] and weld[b] and (weld[a] == above[b] or weld[b] == above[a])
         return bool(weld[a] == weld[b] or near or (a, b) in excluded or (b, a) in excluded)
 

@@ -41,7 +41,7 @@ TRIALS = "trials.jsonl"
 
 @dataclass(frozen=True)
 class Season:
-    """What is scored.
+    """Content of a season.
 
     Attributes:
         name: of the season, the file's stem.
@@ -120,7 +120,7 @@ def _git(root: Path, *words: str) -> str:
 
 
 class Record:
-    """When a season was scored, from what, on what machine, and why again."""
+    """Record of a scoring: time, source, machine, and the reason for a repeated one."""
 
     def __init__(self, season: Season, results: Path) -> None:
         """Read it, where there is one."""
@@ -151,7 +151,7 @@ class Record:
         return len(self.scorings)
 
     def finish(self) -> None:
-        """Say that every entry was scored."""
+        """Note that every entry was scored."""
         self.scorings[-1]["finished"] = _now()
         self._write()
 

@@ -45,7 +45,7 @@ RANDOMISATION = {
 
 @dataclass
 class Soak:
-    """What came up.
+    """Result of a run.
 
     Attributes:
         not_finite: how many environments had a number gone wrong, once a step.
@@ -83,7 +83,7 @@ class Soak:
 
 @dataclass
 class PlanSoak(Soak):
-    """What came of plans; a plan is a step.
+    """Results of plans; a plan is a step.
 
     Attributes:
         seconds: (plans,) of processor time, in their order.

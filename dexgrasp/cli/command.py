@@ -1,4 +1,4 @@
-"""What commands are made of: options as the fields of dataclasses, an answer.
+"""Base of commands: options as the fields of dataclasses, an answer.
 
 A field's annotation says what is valid, its default what holds where nothing is given, its line under `Attributes:` is
 the help; nothing of an option is said a second time. `Annotated` may add, as text, what the option (`"--from"`) or its
@@ -34,7 +34,7 @@ Scale = Annotated[Positive, "F"]
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command answers.
+    """Answer of a command.
 
     Attributes:
         content: as JSON; its schema is 1 unless it says another.
@@ -68,7 +68,7 @@ class Options:
 
 
 class Script(Options):
-    """What is run with its options: a file of `scripts/`, which `run_script` runs, or a command."""
+    """Base of what runs with options: a file of `scripts/` (`run_script`) or a command."""
 
     def run(self) -> Answer | int:
         """Do it; return what is to be printed, or the exit code alone."""
@@ -141,7 +141,7 @@ class Scene(InCell):
 
     @property
     def env_settings(self) -> Fields:
-        """What `gym.make` is called with."""
+        """Keywords of `gym.make` that commands share."""
         chosen = {"robot": self.robot, "mount": self.mount, "friction": self.friction}
         given = {name: value for name, value in chosen.items() if value is not None}
         return {"mesh_scale": self.mesh_scale, "mesh_mass": self.mesh_mass} | given

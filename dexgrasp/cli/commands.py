@@ -167,7 +167,7 @@ def _parsed(named: str, arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def _stopped(name: str, error: BaseException) -> int:
-    """Say in one line what is the user's to mend, of all else where it happened; return the exit code."""
+    """Print a user's mistake in one line, any other error with its place; return the exit code."""
     code = BAD_INPUT
     said: object = None
     if interrupt.requested() or isinstance(error, KeyboardInterrupt):  # libraries make other exceptions of it

@@ -126,7 +126,7 @@ def _contact_sheet(path: Path, frames: list[Any]) -> None:
 
 
 def _cloud_picture(path: Path, seen: "Look", found: "PlanResult") -> None:
-    """What was seen over what is there; only for agents that see points."""
+    """Return the share of the object's surface that was seen; only for agents that see points."""
     from dexgrasp_env.perception.picture import cloud_picture
     from dexgrasp_env.perception.scene import Scene
 

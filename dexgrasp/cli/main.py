@@ -30,7 +30,7 @@ def main(argv: "list[str] | None" = None) -> int:
 
 
 def _keep_blas_to_one_thread() -> None:
-    """Have numpy and scipy multiply in the calling thread, unless the user has set how many there are to be.
+    """Limit numpy and scipy to the calling thread, unless the user has set their threads.
 
     Matrices here are small: further threads would wait busily, which costs `plan` 40 % more of CPU time on two cores.
     """
@@ -39,7 +39,7 @@ def _keep_blas_to_one_thread() -> None:
 
 
 def _leave_cycles() -> None:
-    """Have the process end without a last search for cycles, which would take a tenth of a short command.
+    """End the process without a last search for cycles, which would take a tenth of a short command.
 
     Bindings made with nanobind look at exit whether all of theirs is gone, and print pages about what such cycles hold.
     """

@@ -1,4 +1,4 @@
-"""What commands write: one JSON object on standard output, everything else on standard error."""
+"""Output of commands: one JSON object on standard output, everything else on standard error."""
 
 import os
 import sys
@@ -34,7 +34,7 @@ def note(message: str) -> None:
 
 @contextmanager
 def resumable(kept: str) -> Iterator[None]:
-    """Let what interrupts the work say that `kept` is there, and that the same command goes on."""
+    """Add to an interruption's message that `kept` is there, and that the same command goes on."""
     from dexgrasp.runs.pool import WorkerDiedError
 
     try:

@@ -172,7 +172,7 @@ class Plan(Command, Scan, Scene):
         return scene, detected_objects(scene, self.cell.base)
 
     def _list(self, scan: "Cloud") -> Answer:
-        """Say which objects are seen, with a picture where there is a folder for it."""
+        """List the objects seen, with a picture where there is a folder for it."""
         from dexgrasp_env.perception.picture import objects_picture
 
         scene, seen = self._look(scan)
@@ -187,7 +187,7 @@ class Plan(Command, Scan, Scene):
 
 
 def check_target(target: str, agent: str, scene: Scene) -> None:
-    """Let a mistake in the names show before anything heavy is imported.
+    """Check the names before anything heavy is imported.
 
     Raises:
         InputError: for an unknown cell, mount, object or agent, a set, or options that do not apply to the object.
@@ -213,7 +213,7 @@ def plan_target(
     count: int | None = None,
     at_least: float | None = None,
 ) -> "tuple[Look, PlanResult]":
-    """Let an agent look at an object, and plan.
+    """Observe an object with an agent, and plan.
 
     Raises:
         InputError: for an unknown agent, or one that plans no grasps.

@@ -1,4 +1,4 @@
-"""What `dexgrasp plan` found: as files, and as people read it."""
+"""Results of `dexgrasp plan`: as files, and as text."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

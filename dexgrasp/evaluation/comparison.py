@@ -123,7 +123,7 @@ def _scene(row: Fields) -> tuple[object, ...]:
 
 
 def _trial(row: Fields) -> tuple[object, ...]:
-    """What makes two trials of an agent the same: the scene and, under any protocol, every number that came of it."""
+    """Key of a trial of an agent: the scene and every number of the protocol that matters."""
     played = tuple(map(row.get, _PLAYED))
     # Who did not move played alike, whatever the protocol changed.
     return _scene(row) if None in played or row["steps"] == 0 else (*_scene(row)[1:], *played)

@@ -69,7 +69,7 @@ def evaluate(
 
 
 def _check(planned: Sequence[TrialSpec], runner: TrialRunner) -> None:
-    """Let mistakes show before the first trial: agents, settings, and every mesh."""
+    """Check agents, settings, and every mesh before the first trial."""
     settings = runner.settings
     for target in settings.objects:
         if target not in CATALOGUE:

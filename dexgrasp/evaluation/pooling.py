@@ -54,7 +54,7 @@ def _legible(row: Fields) -> Fields:
 
 
 def _sample(folder: Path) -> tuple[str, Any]:
-    """What evaluations of one sample have in common, and the seed, in which they differ."""
+    """Return the settings that evaluations of one sample share, and the seed, in which they differ."""
     try:
         run = read_run(folder)
     except InputError:  # trials without their run.json are a sample of their own

@@ -31,7 +31,7 @@ class Bin(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """How well a field of the certificate orders what happened.
+    """Return how well a field of the certificate orders the outcomes.
 
     Attributes:
         trials: with a certificate.

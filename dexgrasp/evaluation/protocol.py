@@ -34,7 +34,7 @@ class Protocol:
 
     @property
     def places(self) -> bool:
-        """Whether it has goals that objects are brought to."""
+        """Flag: it has goals that objects are brought to."""
         return self.env_id.startswith("DexGrasp/Place")
 
 

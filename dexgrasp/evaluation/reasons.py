@@ -1,4 +1,4 @@
-"""What reason codes mean, in one table for `plan`, the tables of `evaluate` and the report."""
+"""Meanings of reason codes, one table for `plan`, the tables of `evaluate` and the report."""
 
 from collections import Counter
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What an evaluation is of: agents, objects, trials, seed and scene; a changed setting is another evaluation."""
+"""Settings of an evaluation: agents, objects, trials, seed and scene; a changed setting is another evaluation."""
 
 import hashlib
 from collections.abc import Iterable, Sequence
@@ -138,7 +138,7 @@ class EvaluationSettings:
 
     @property
     def robot_path(self) -> str | None:
-        """Where the cell's file lies, from wherever one asks; a name of one of ours as it is."""
+        """Return the path of the cell's file from any folder; the name of one of ours as it is."""
         own = self.robot is not None and expand(self.robot).is_file()
         return str(expand(self.robot).resolve()) if self.robot is not None and own else self.robot
 
@@ -181,7 +181,7 @@ class TrialSpec:
 
     @property
     def key(self) -> Key:
-        """What tells the trial from the others of its evaluation."""
+        """Fields that tell the trial from the others of its evaluation."""
         return self.protocol, self.agent, self.label, self.trial
 
 

@@ -30,7 +30,7 @@ _Seed = Annotated[int, number(ge=0, lt=2**32, whole=True)]
 
 @dataclass
 class Outcome:
-    """How a trial went.
+    """Outcome of a trial.
 
     Attributes:
         success: held at height by the hand alone for 3 s.
@@ -89,7 +89,7 @@ _Stages = Annotated[Fields | None, Rule("numbers by stage", lambda value: _are_n
 
 @dataclass(frozen=True)
 class _Details:
-    """What summaries read of an agent's report; the rest is the agent's own."""
+    """Fields of an agent's report that summaries read; the rest is the agent's own."""
 
     stage_seconds: _Stages = None
     stage_repeats: _Stages = None
@@ -98,7 +98,7 @@ class _Details:
 
 @dataclass(kw_only=True)
 class _Row(Outcome):
-    """What must be there, beside an outcome."""
+    """Required keys beside an outcome."""
 
     protocol: str
     agent: str
@@ -125,7 +125,7 @@ def row_fault(row: object) -> str | None:
 
 
 def failed_or_disturbed(row: Fields) -> bool:
-    """Whether a trial failed, or lifted the object and moved what stood around it."""
+    """Return True for a trial that failed, or lifted the object and moved its neighbours."""
     return not row["success"] or row.get("clean") is False
 
 
@@ -176,7 +176,7 @@ class TrialStore:
         self.rows.append(row)
 
     def close(self) -> None:
-        """Let go of the folder."""
+        """Release the folder."""
         self._lines.close()
         self._lock.close()
 

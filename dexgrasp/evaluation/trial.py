@@ -75,7 +75,7 @@ def run_trial(
 def _begin(
     env: Env, agent: Agent, seeds: TrialSeeds, outcome: Outcome, frames: Video | None
 ) -> tuple[Any, Subject]:
-    """Let the agent see the scene and plan; return the observation and the object as it lies."""
+    """Reset the agent on the scene and plan; return the observation and the object's pose."""
     observation, info = env.reset(seed=seeds.scene)
     if frames:
         frames.add(env)

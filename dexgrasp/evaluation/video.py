@@ -33,7 +33,7 @@ _SIZE = Rule("a size like 640x480: even numbers from 16 to 4096", _size, _size_o
 
 @dataclass(frozen=True)
 class VideoSettings:
-    """What videos are taken with.
+    """Settings of videos.
 
     Attributes:
         camera: grasp, close to the hand and following it, front, the whole cell, or a depth camera of the cell.

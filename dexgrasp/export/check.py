@@ -63,7 +63,7 @@ def check_trajectory(recording: Recording, cell: Cell) -> list[Check]:
 
 
 def _grasp(recording: Recording) -> list[Check]:
-    """What the files say of a grasp that was written though the judge rejects it."""
+    """Return the files' warning about a grasp that was written though `verify` rejects it."""
     rejected = recording.facts.rejected
     if not rejected:
         return []

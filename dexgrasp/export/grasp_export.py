@@ -113,7 +113,7 @@ def _scene(record: GraspRecord, cell: Cell, folder: Path) -> list[Path]:
 
 
 def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:
-    """What was planned on as an object, and its pose: where only a cloud was seen, nobody knows more."""
+    """Return the object that was planned on, and its pose: unknown where only a cloud was seen."""
     import trimesh
 
     from dexgrasp_env.objects.shapes import union

@@ -50,7 +50,7 @@ _SEGMENTS = Rule(f"a list of {', '.join(SEGMENTS)}, each with name, start and en
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """What is said beside the rows.
+    """Metadata beside the rows.
 
     Attributes:
         mount: of the hand.

@@ -25,7 +25,7 @@ HEIGHT = 0.10
 
 @dataclass(frozen=True)
 class Replay:
-    """What came of it: whether the object was held 10 cm up for 3 s, its least height meanwhile (m)."""
+    """Result of a replay: held 10 cm up for 3 s or not, and its least height meanwhile."""
 
     success: bool
     height: float

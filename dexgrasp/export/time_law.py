@@ -1,4 +1,4 @@
-"""When to be where on a path, within limits of velocity, acceleration and jerk, sampled at a controller's rate.
+"""Time law on a path within limits of velocity, acceleration and jerk, sampled at a period.
 
 The path is a spline through its points; how far along it the robot is follows a jerk-limited law (ruckig). A
 trajectory stretched in time by k has 1/k of the velocity, 1/k^2 of the acceleration and 1/k^3 of the jerk, so the

@@ -20,7 +20,7 @@ _PAUSE = 0.3  # s of rest after the approach, and before the lift
 
 
 class Waypoints(NamedTuple):
-    """What a trajectory is made of: paths in joint space, rad.
+    """Paths in joint space that a trajectory is made of, rad.
 
     Attributes:
         approach: (k, n) from where the robot stands to the pregrasp.

@@ -55,7 +55,7 @@ def acknowledge() -> None:
 
 
 def requested() -> bool:
-    """Whether somebody wants this process to stop."""
+    """Return True when this process was asked to stop."""
     return _requested
 
 
@@ -72,7 +72,7 @@ def kept() -> Iterator[None]:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Let what saves results finish; a request that comes meanwhile is raised afterwards."""
+    """Finish what saves results; a request that comes meanwhile is raised afterwards."""
     global _held
     _held += 1
     try:

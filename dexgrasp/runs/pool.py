@@ -38,7 +38,7 @@ class WorkerDiedError(RuntimeError):
 
 @dataclass(frozen=True)
 class Backend:
-    """Where it runs; what comes out does not depend on it.
+    """Backend of workers; results do not depend on it.
 
     Attributes:
         name: processes of this machine, or ray, tasks on a cluster.

@@ -1,4 +1,4 @@
-"""How far long work is, on standard error: a bar on a terminal, lines elsewhere."""
+"""Progress of long work on standard error: a bar on a terminal, lines elsewhere."""
 
 import sys
 import time

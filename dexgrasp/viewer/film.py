@@ -1,4 +1,4 @@
-"""What a viewer shows of a grasp: states of robot and object over time, what was seen, and the certificate."""
+"""Content of a viewer's grasp: states of robot and object over time, the points seen, and texts."""
 
 from dataclasses import dataclass
 
@@ -41,7 +41,7 @@ class GraspPlayback:
 
     @property
     def facts(self) -> dict[str, str]:
-        """What is shown beside the scene, by name."""
+        """Layers beside the scene, by name."""
         record = self.record
         return {"planned by": record.agent or "unknown"} | figures_of(record.certificate.as_json())
 

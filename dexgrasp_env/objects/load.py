@@ -60,7 +60,7 @@ def load_object(
 
 
 def is_ours(target: str) -> bool:
-    """Whether a target is an object of the catalogue, or `varied-N`."""
+    """Return True for an object of the catalogue, or `varied-N`."""
     return target in CATALOGUE or varied_targets(target) == (target,)
 
 
@@ -84,7 +84,7 @@ def load_target(target: str, mesh_scale: float = 1.0, mesh_mass: float | None = 
 
 
 def has_own_size(target: str) -> bool:
-    """Whether a target is of the catalogue, `varied-N` or of a set file: all but bare mesh files have size and mass."""
+    """Return True for a target of the catalogue, `varied-N` or a set file: all but bare mesh files."""
     return is_ours(target) or is_set(target)
 
 

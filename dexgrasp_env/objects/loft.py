@@ -40,7 +40,7 @@ class Section:
 
     @property
     def is_circle(self) -> bool:
-        """Whether the section is a circle."""
+        """Return True for a circular section."""
         return self.a == self.b and self.exponent == 2.0 and self.corner is None
 
     def ring(self, count: int) -> Array:
@@ -98,7 +98,7 @@ def loft_parts(sections: Sequence[Section]) -> tuple[ContactPart, ...]:
 
 
 def _is_pillar(low: Section, high: Section) -> bool:
-    """Whether a stretch is a circular cylinder at least as long as its radius."""
+    """Return True for a stretch that is a circular cylinder at least as long as its radius."""
     return low.is_circle and high.is_circle and low.a == high.a and high.z - low.z >= low.a
 
 
@@ -160,7 +160,7 @@ def _thinned(sections: list[Section]) -> list[Section]:
 
 
 def _loss(low: Section, middle: Section, high: Section) -> float:
-    """How far in metres the middle section lies off the straight line between its neighbours."""
+    """Return the distance in metres of the middle section from the line between its neighbours."""
     p, q, r = (np.array([s.a + s.b, 2 * s.z]) / 2 for s in (low, middle, high))
     along = (r - p) / max(float(np.hypot(*(r - p))), 1e-12)
     return float(abs(along[0] * (q - p)[1] - along[1] * (q - p)[0]))

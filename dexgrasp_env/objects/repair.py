@@ -116,7 +116,7 @@ def _united(shells: list[trimesh.Trimesh]) -> tuple[trimesh.Trimesh | None, list
 
 
 def _same_size(solid: trimesh.Trimesh, given: trimesh.Trimesh) -> bool:
-    """Whether the box around it is that of the surface given, within 5 % of each side or a cell of the grid."""
+    """Return True where the box around it is that of the surface given, within 5 % of each side or a cell."""
     allowed = np.maximum(_SIZE * given.extents, 1.5 * float(given.extents.max()) / GRID)
     return bool((np.abs(solid.bounds - given.bounds) <= allowed).all())
 

@@ -42,7 +42,7 @@ _SCHEMA = 2
 
 
 def stays(model: ObjectModel, up: Array) -> bool:
-    """Whether the object, put down with the vertical `up` (3,), rests within 16 degrees of it."""
+    """Return True where the object, put down with the vertical `up` (3,), rests within 16 degrees of it."""
     end = _drop_one(drop_model(model), model, up, 2e-4)
     return end is not None and bool((end[0] * up).sum() >= np.cos(MERGE_ANGLE))
 

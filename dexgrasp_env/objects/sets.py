@@ -66,7 +66,7 @@ class SetMember:
 
 
 def is_set(target: str) -> bool:
-    """Whether a target is meant as a set file or as a member of one."""
+    """Return True for a target that means a set file or a member of one."""
     return target.partition("#")[0].lower().endswith(".json")
 
 

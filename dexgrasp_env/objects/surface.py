@@ -26,14 +26,14 @@ def simplified(mesh: trimesh.Trimesh, faces: int) -> trimesh.Trimesh:
 
 
 def is_solid(mesh: trimesh.Trimesh) -> bool:
-    """Whether the mesh is closed, consistently wound, and encloses a volume."""
+    """Return True for a mesh that is closed, consistently wound, and encloses a volume."""
     return bool(
         len(mesh.faces) >= 4 and mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
     )
 
 
 def is_sound(mesh: trimesh.Trimesh) -> bool:
-    """Whether a solid's volume, centre of mass and inertia are those of some real body within its hull.
+    """Return True where a solid's volume, centre of mass and inertia are those of some real body within it.
 
     A surface that crosses itself may be closed and yet enclose parts twice or inside out.
     """

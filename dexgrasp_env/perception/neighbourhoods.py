@@ -1,4 +1,4 @@
-"""What lies around the points of a cloud: enough others, a step away, on one plane."""
+"""Neighbourhoods of a cloud's points: counts, clusters, local planes."""
 
 import numpy as np
 

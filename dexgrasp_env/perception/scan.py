@@ -110,7 +110,7 @@ def check_scan(path: Path) -> None:
 
 @contextmanager
 def understood(path: Path, kind: str) -> Iterator[None]:
-    """Say in one line that a file is no such thing: parsers of damaged ones raise whatever they trip over.
+    """Turn whatever a parser raises on a damaged file into one line.
 
     Raises:
         InputError: for any error within.

@@ -1,4 +1,4 @@
-"""What is seen of a table: the object that is meant, what stands around it, the table, the cameras.
+"""Scene of a table: the target, its neighbours, the table, the cameras.
 
 Simulated cameras, recorded clouds and observations of the environment all end in a `Scene`; planning begins with one.
 """

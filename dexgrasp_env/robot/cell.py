@@ -107,22 +107,22 @@ class Cell:
 
     @cached_property
     def version(self) -> str:
-        """What evaluations, datasets and demonstrations call it: its name, and a hash of all that it says."""
+        """Version of the cell, for evaluations, datasets and demonstrations: its name, and a hash of all its values."""
         return f"{self.name}-{content_hash(repr(self), self.robot.hash)[:8]}"
 
     @property
     def stamp(self) -> str:
-        """What grasp files call it: its version, of the default its name alone."""
+        """Name of the cell in grasp files: its version, of the default its name alone."""
         return self.name if self.name == SIMULATED else self.version
 
     @property
     def base(self) -> Array:
-        """Where the robot's base stands in the world, (3,) m."""
+        """Position of the robot's base in the world, (3,) m."""
         return np.array([0.0, 0.0, 0.0 - self.table_height])
 
     @property
     def shoulder(self) -> Array:
-        """Where the arm's reach counts from in the world, (3,) m."""
+        """Origin of the arm's reach in the world, (3,) m."""
         return self.base + self.robot.arm.shoulder
 
     @property

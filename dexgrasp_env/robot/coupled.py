@@ -20,7 +20,7 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Tendon:
-    """What one servo pulls: joints of a finger, from the palm out, by the sum of their places times `coefs`.
+    """Tendon of one servo: joints of a finger, from the palm out, by the sum of their places times `coefs`.
 
     Nothing else holds them. In free motion all turn at once; on an object all but the last stand on their lower stops,
     which bear what the tendon cannot. The last has coefficient 1.

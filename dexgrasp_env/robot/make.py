@@ -318,7 +318,7 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
 
 
 def _reach(part: Part, flange: Array, last: int, shoulder: int) -> float:
-    """How far the flange gets from a joint in random postures, m."""
+    """Return the largest distance of the flange from a joint in random postures, m."""
     local = np.linalg.inv(part.pose(last)) @ flange[:, 3]
     low, high = part.ranges().T
     drawn = np.random.default_rng(0).uniform(low, high, (4000, len(low)))

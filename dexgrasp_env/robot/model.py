@@ -62,7 +62,7 @@ def set_drives(spec: mujoco.MjSpec, hand: Hand) -> None:
 
 
 def _add_tendon(spec: mujoco.MjSpec, tendon: Tendon) -> None:
-    """Let the servo of the last joint pull a tendon; those of the others add what their set-points tell of its length.
+    """Add a tendon pulled by the servo of the last joint; the others' servos add their set-points' share of its length.
 
     So set-points are one a joint here as elsewhere. Torques are limited at the joints.
     """

@@ -114,7 +114,7 @@ class Part(Description):
         return np.concatenate(found)
 
     def hangs_on(self, body: int, other: int) -> bool:
-        """Whether a body is another, or hangs on it without a joint."""
+        """Return True where a body is another, or hangs on it without a joint."""
         while body != other and body and not self.model.body_jntnum[body]:
             body = self.model.body_parentid[body]
         return body == other
@@ -222,5 +222,5 @@ class Part(Description):
 
 
 def _both_ways(limits: Array) -> float:
-    """What a range (2,) has to both sides of 0."""
+    """Return the extent of a range (2,) to both sides of 0."""
     return float(min(-limits[0], limits[1]))

@@ -88,7 +88,7 @@ def overlapping_links(model: mujoco.MjModel, q: Array) -> tuple[tuple[str, str],
 
 
 def _together(hand: Hand, drawn: Array) -> None:
-    """Let all fingers but the opposing one bend alike, as far as they are alike."""
+    """Bend all fingers but the opposing one alike, as far as they are alike."""
     names = hand.joints.names
     source = [names.index(name) for name in hand.finger(hand.grasp[1]).joints]
     for finger in hand.fingers:
@@ -97,7 +97,7 @@ def _together(hand: Hand, drawn: Array) -> None:
 
 
 def _strain(q: Array, low: Array, high: Array) -> Array:
-    """How near each joint is to the ends of its range: 0 at the middle, 1 at an end."""
+    """Return the nearness of each joint to the ends of its range: 0 at the middle, 1 at an end."""
     return ((q - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2
 
 
@@ -156,7 +156,7 @@ def _flange_down(arm: Arm, data: mujoco.MjData, q: Array, limits: Any) -> Array 
 
 
 def _room(arm: Arm, data: mujoco.MjData) -> float:
-    """How high the lowest joint is, how freely the flange moves, how straight ahead; much less where bodies touch."""
+    """Return the score of a home posture: height of the lowest joint, dexterity, straightness; much less on contact."""
     model = data.model
     mujoco.mj_forward(model, data)
     places = np.array([data.body(name).xpos for name in arm.bodies[2:]])

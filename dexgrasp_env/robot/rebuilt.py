@@ -39,7 +39,7 @@ _SHAPES = (
 
 
 class Description:
-    """What an MJCF file describes: its bodies and shapes in the world of the file, all joints at 0.
+    """Content of a description: its bodies and shapes in the world of the file, all joints at 0.
 
     Attributes:
         path: of the file.

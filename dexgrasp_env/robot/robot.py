@@ -231,7 +231,7 @@ class Hand:
 
     @cached_property
     def stamp(self) -> str:
-        """What learned parts call the hand: its name, and a hash of its shape; limits and gains do not count."""
+        """Stamp of the hand for learned parts: its name, and a hash of its shape; limits and gains do not count."""
         shape = repr([(f, f.frame) for f in self.fingers]), self.frame, self.grasp, self.tip_radius
         return f"{self.name}-{content_hash(description_text(self.mjcf), *shape)[:8]}"
 
@@ -336,23 +336,23 @@ class Robot:
 
     @cached_property
     def stamp(self) -> str:
-        """What learned policies call the robot: names, and hashes of arm and hand; limits do not count."""
+        """Stamp of the robot for learned policies: names, and hashes of arm and hand; limits do not count."""
         arm = self.arm
         return f"{arm.name}-{content_hash(description_text(arm.mjcf), arm.frame)[:8]}-{self.hand.stamp}"
 
     @property
     def arm_columns(self) -> slice:
-        """Where the arm's joints are in a vector of joints."""
+        """Columns of the arm's joints in a vector of joints."""
         return slice(self.arm_dof)
 
     @property
     def hand_columns(self) -> slice:
-        """Where the hand's joints are in a vector of joints."""
+        """Columns of the hand's joints in a vector of joints."""
         return slice(self.arm_dof, None)
 
     @cached_property
     def columns(self) -> dict[str, slice]:
-        """Where a finger's joints are in a vector of joints."""
+        """Columns of each finger's joints in a vector of joints."""
         return {
             finger.name: slice(first := self.joints.index(finger.joints[0]), first + len(finger.joints))
             for finger in self.hand.fingers

@@ -231,7 +231,7 @@ def _drop_attribute(root: Element, message: str) -> Iterator[str]:
 
 
 def _balance(root: Element, message: str) -> Iterator[str]:
-    """Let MuJoCo mend inertias that no body has."""
+    """Set MuJoCo's balancing of inertias that no body has."""
     if "balanceinertia" in message and _compiler(root).get("balanceinertia") != "true":
         _compiler(root).set("balanceinertia", "true")
         yield "inertias that no body has (A + B < C) are made spheres'"

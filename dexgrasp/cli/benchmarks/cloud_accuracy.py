@@ -1,4 +1,4 @@
-"""How good a segmented cloud is, judged by what only the simulation knows."""
+"""Accuracy of a segmented cloud against the simulation's true shape."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What a source of proposals buys: postures and time until a verified grasp, its margin, how varied the grasps are.
+"""Benchmark of proposal sources: postures and time until a verified grasp, its margin, and the spread of grasps.
 
 Every source serves the same planner on the same perceived hulls, without planning the approach.
 """

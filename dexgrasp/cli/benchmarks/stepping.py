@@ -1,4 +1,4 @@
-"""What the environments cost over raw physics: process CPU time, side by side in one run.
+"""Benchmark of environment steps over raw physics: process CPU time, side by side in one run.
 
 The raw loops start from the same states and replay the very controls of the environment, so they make the same
 contacts; that both end in the same states is checked. They take turns every few steps, so that a busy machine slows

@@ -1,4 +1,4 @@
-"""How long calls take, and how figures spread."""
+"""Timing of calls, and statistics of repeated figures."""
 
 import gc
 import time

@@ -16,7 +16,7 @@ _LARGEST = 12_000_000
 
 
 class Clips(NamedTuple):
-    """What is said of the clips, and (mp4 file, caption) of each that is shown."""
+    """Return the words beside the clips, and (mp4 file, caption) of each that is shown."""
 
     words: str
     shown: list[tuple[Path, str]]

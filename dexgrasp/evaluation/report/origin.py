@@ -1,4 +1,4 @@
-"""Where figures come from: settings, versions, and the commands that make them again."""
+"""Origin of figures: settings, versions, and the commands that make them again."""
 
 import shlex
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ _Names = tuple[str, ...]
 
 @dataclass(frozen=True)
 class _Run:
-    """What is read of run.json; the settings of an evaluation of others are unknown."""
+    """Content of run.json; the settings of an evaluation of others are unknown."""
 
     seed: Any
     trials: Any

@@ -25,7 +25,7 @@ PLANNER = "bilevel"
 
 
 class Table(NamedTuple):
-    """What is shown in columns."""
+    """Values of a table's cells."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]

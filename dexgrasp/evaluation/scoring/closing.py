@@ -1,4 +1,4 @@
-"""How to open and to squeeze where a file gives one configuration and its contacts.
+"""Opening and squeeze where a file gives one configuration and its contacts.
 
 The squeeze presses with forces in balance: each contact at least 1 N along its normal, all in their friction cones,
 with the least wrench left over (the law of FRoGGeR's own controller); then as hard as `PRESS` at the firmest contact or

@@ -120,7 +120,7 @@ def find_hand(hand: str | Hand) -> HandModel:
 
 @dataclass(frozen=True)
 class HandStage:
-    """Where the hand is asked to be.
+    """Target of the hand.
 
     Attributes:
         T_world_hand: (4, 4) of the hand's frame; z up, the table's top at z = 0.

@@ -1,4 +1,4 @@
-"""What DexGraspBench reports beside success: how the hand touches the object, and how much grasps differ."""
+"""Metrics that DexGraspBench reports beside success: contact of the hand with the object, and penetration."""
 
 from collections.abc import Sequence
 

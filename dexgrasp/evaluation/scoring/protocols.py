@@ -32,7 +32,7 @@ _ROUND_GRAVITY = 10.0  # m/s^2, as the code of DexGraspBench has it
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came of it.
+    """Outcome of a test.
 
     Attributes:
         success: by the protocol.
@@ -103,7 +103,7 @@ class GraspProtocol(ABC):
 
 
 class DexGraspBench(GraspProtocol):
-    """What both tests of DexGraspBench (BODex, ICRA 2025) share, with the constants of its code.
+    """Base of both tests of DexGraspBench (BODex, ICRA 2025), with the constants of its code.
 
     100 g, friction 0.6 / 0.02, a pregrasp at most 10 mm deep.
     """

@@ -116,7 +116,7 @@ class FloatingScene:
         self.data.ctrl[:] = self._told(joints)
 
     def _told(self, joints: Array) -> Array:
-        """What servos are told, so that they hold joints (n,): a tendon's, all that its joints are told."""
+        """Return the set-points that hold joints (n,): a tendon's is the sum of its joints."""
         hand = self.candidate.hand
         if hand.part:
             return joints[[hand.joint_names.index(hand.model.actuator(k).name) for k in range(hand.model.nu)]]
@@ -129,7 +129,7 @@ class FloatingScene:
         self.data.xfrc_applied[self.object_body, :3] = force
 
     def run(self, seconds: float) -> None:
-        """Let time pass."""
+        """Advance the simulation."""
         mujoco.mj_step(self.model, self.data, nstep=max(1, round(seconds / self.model.opt.timestep)))
 
     def move(self, start: HandStage, end: HandStage, seconds: float) -> None:

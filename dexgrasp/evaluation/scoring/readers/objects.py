@@ -20,7 +20,7 @@ _INSIDE = ("mesh/simplified.obj", "mesh/coacd.obj", "coacd/decomposed.obj")
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """How to read files that leave something open.
+    """Options for files that leave something open.
 
     Attributes:
         hand: "allegro", or the path of an MJCF file.
