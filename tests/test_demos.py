@@ -46,8 +46,16 @@ def test_varied_objects_are_the_same_by_number_and_differ_between_numbers():
             resolve_targets([wrong])
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.7])
-@pytest.mark.parametrize("mode", ["joint_position", "joint_delta", "ee_delta"])
+@pytest.mark.parametrize(
+    ("mode", "scale"),
+    [
+        ("joint_position", 1.0),
+        ("joint_delta", 1.0),
+        ("joint_delta", 0.7),
+        ("ee_delta", 1.0),
+        ("ee_delta", 0.7),
+    ],
+)
 def test_actions_of_every_mode_follow_the_same_set_points(mode, scale):
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode=mode, action_scale=scale)
     env.reset(seed=0)

@@ -17,6 +17,7 @@ LONG = {
     "score_grasp_file",
     "export_trajectory",
     "demonstrations",
+    "clone_the_planner",
 }
 """Examples that take more than some seconds."""
 

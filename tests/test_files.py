@@ -29,7 +29,7 @@ def refuse() -> files.Arrays:
 @pytest.fixture
 def cache(tmp_path, monkeypatch) -> Path:
     monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "cache"))
-    files._note_unwritable.cache_clear()
+    files.note_unwritable.cache_clear()
     return tmp_path / "cache"
 
 

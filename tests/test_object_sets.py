@@ -3,6 +3,7 @@
 import http.server
 import io
 import json
+import shlex
 import tarfile
 import threading
 from functools import partial
@@ -137,7 +138,7 @@ def test_a_whole_set_is_named_by_its_file_in_commands(folder):
     (folder / "run.json").write_text(json.dumps(run))
     assert f"--objects {path} --trials" in commands(folder)[0]
     (folder / "run.json").write_text(json.dumps(run | {"objects": targets[:1]}))
-    assert f"--objects {targets[0]} --trials" in commands(folder)[0]
+    assert f"--objects {shlex.quote(targets[0])} --trials" in commands(folder)[0]
 
 
 def test_members_stand_upright_as_the_set_says(folder):

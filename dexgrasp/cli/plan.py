@@ -227,7 +227,10 @@ def plan_target(
     from dexgrasp.planning.result import PlansGrasps
     from dexgrasp.planning.scene_setup import look_at
     from dexgrasp.registry import agent_for
+    from dexgrasp_env.objects.load import is_ours, load_target
 
+    if not is_ours(target):  # a mesh that cannot be read is refused before anything is compiled
+        load_target(target, scene.mesh_scale, scene.mesh_mass)
     agent = agent_for(agent_name, scene.friction, at_least)
     if not isinstance(agent, PlansGrasps):
         raise InputError(

@@ -10,11 +10,12 @@ from dexgrasp_env.arrays import Array, Fields, middle
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.locales import with_decimal_points
+from dexgrasp_env.robot.couplings import couplings
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.postures import always_near, home_posture, open_posture, overlapping_links
-from dexgrasp_env.robot.rebuilt import FLANGE, about, couplings, described, placed, pose_of
+from dexgrasp_env.robot.rebuilt import FLANGE, about, described, placed, pose_of
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 
 _FILES = (".yaml", ".yml")

@@ -8,7 +8,8 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.rebuilt import DRIVES_JOINT, Description, wrapped_joints
+from dexgrasp_env.robot.couplings import DRIVES_JOINT, wrapped_joints
+from dexgrasp_env.robot.rebuilt import Description
 
 _UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model without a name
 _TORQUE = 0.7  # Nm

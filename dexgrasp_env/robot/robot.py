@@ -15,7 +15,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.robot.coupled import Coupling, Tendon
-from dexgrasp_env.robot.source import description_text
+from dexgrasp_env.robot.description_text import description_text
 from dexgrasp_env.valid import Names, Natural, Positive, Positives, Rule, Word, list_of, number, read, several
 
 Numbers = tuple[float, ...]

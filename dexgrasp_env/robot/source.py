@@ -276,18 +276,3 @@ _AFTER = (_drop_sensors, _drop_actuator, _drop_attribute, _balance, _from_shapes
 def _compiler(root: Element) -> Element:
     found = root.find("mujoco/compiler" if root.tag == "robot" else "compiler")
     return ElementTree.SubElement(root, "compiler") if found is None else found
-
-
-_FILE = re.compile(r"""<(?:include|model)\b[^>]*?\bfile\s*=\s*["']([^"']+)""")
-
-
-def description_text(path: Path) -> str:
-    """Return what a description says, then what it includes or attaches, each file once; for hashes."""
-    texts, left = dict[Path, str](), [path]
-    while left:
-        file = left.pop()
-        if file not in texts and file.is_file():
-            texts[file] = file.read_text("utf-8", "replace")
-            for name in _FILE.findall(texts[file]):
-                left += dict.fromkeys((file.parent / name, path.parent / name))
-    return "".join(texts.values())

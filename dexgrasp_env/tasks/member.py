@@ -1,7 +1,7 @@
 """Single environments inside of a vector environment, as `get_attr`, `set_attr` and `call` see them."""
 
 import copy
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import mujoco
 from numpy.random import Generator
@@ -9,9 +9,6 @@ from numpy.random import Generator
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.slots import EpisodeState
-
-if TYPE_CHECKING:
-    from dexgrasp_env.tasks.vector import LiftVectorEnv
 
 _SHARED = ("settings", "metadata", "render_mode", "spec", "compute_reward")
 
@@ -22,8 +19,8 @@ class Member:
     It has no `reset` and no `step`: environments that are side by side step together.
     """
 
-    def __init__(self, envs: "LiftVectorEnv", i: int, notes: Fields) -> None:
-        """Name the environment; `notes` are the attributes that a user has set."""
+    def __init__(self, envs: Any, i: int, notes: Fields) -> None:
+        """Name the environment of a `LiftVectorEnv`; `notes` are the attributes that a user has set."""
         self._envs, self._i, self._notes = envs, i, notes
         self.action_space, self.observation_space = envs.single_action_space, envs.single_observation_space
 
@@ -127,7 +124,7 @@ class MemberAccess:
             member.set(name, value)
 
     def _members(self) -> list[Member]:
-        return [Member(cast("LiftVectorEnv", self), i, notes) for i, notes in enumerate(self._notes)]
+        return [Member(self, i, notes) for i, notes in enumerate(self._notes)]
 
 
 def one_for_each(what: str, values: list[Any], number: int) -> list[Any]:

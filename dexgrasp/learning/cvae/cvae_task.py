@@ -11,7 +11,6 @@ from dexgrasp.data.dataset.settings import MU
 from dexgrasp.learning.cvae.cvae_network import Cvae, Losses, losses
 from dexgrasp.learning.cvae.grasp_batches import Batch, split, test_batches, training_batch
 from dexgrasp.learning.cvae.settings import TrainingSettings
-from dexgrasp.learning.cvae.wrench_layer import wrench_layer
 from dexgrasp.learning.training.checkpoint import write_tensors
 from dexgrasp.learning.training.gradient_training import GradientTask, tensors_for
 from dexgrasp.learning.training.loop import CHECKPOINT, Progress
@@ -123,5 +122,7 @@ def wrench_residual(grasp: torch.Tensor, cloud: torch.Tensor) -> torch.Tensor:
     nearest = torch.cdist(tips.detach().flatten(1, 2), cloud[..., :3]).argmin(-1)
     normals = torch.take_along_dim(cloud[..., 3:], nearest[..., None], 1).reshape(-1, 3, 3)
     points = (tips / SCALE).reshape(-1, 3, 3).cpu()
+    from dexgrasp.learning.cvae.wrench_layer import wrench_layer  # needs the extra planner
+
     _, residual = wrench_layer(points, torch.nn.functional.normalize(normals.cpu(), dim=-1), MU)
     return residual.mean().to(grasp)
