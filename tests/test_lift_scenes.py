@@ -44,7 +44,7 @@ def test_info_has_one_type_each():
     _, first = env.reset(seed=0)
     _, _, _, _, later = env.step(np.zeros(23))
     assert {k: type(first[k]) for k in later} == {k: type(v) for k, v in later.items()}
-    assert first.keys() - later.keys() == env.agent_info.keys()
+    assert first.keys() - later.keys() == env.unwrapped.agent_info.keys()
     assert not any(value is None or isinstance(value, list) for value in first.values())
 
 

@@ -25,6 +25,7 @@ from dexgrasp.learning.imitation.settings import BcSettings
 from dexgrasp.learning.reinforcement.settings import GripSettings, RlSettings
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.arrays import Fields
+from dexgrasp_env.extras import from_extra
 from dexgrasp_env.valid import Count, Natural, Positive, one_of
 
 if TYPE_CHECKING:
@@ -175,6 +176,9 @@ class Cvae(TrainingCommand):
 
     def run(self) -> Answer:
         """Train, return the losses."""
+        with from_extra():
+            import torch  # noqa: F401  (what is missing first is named)
+
         from dexgrasp.learning.cvae.cvae_task import WEIGHTS, CvaeTask
         from dexgrasp.learning.training.gradient_training import GradientTraining
 

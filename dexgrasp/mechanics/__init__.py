@@ -2,7 +2,3 @@
 
 Takes contact points, normals and joint angles; gives forces, margins and poses. It never looks for a grasp.
 """
-
-from dexgrasp_env.extras import require_extra
-
-require_extra("planner", "the physics of grasps")

@@ -10,7 +10,6 @@ rms radius, and taken about c, the contacts' centroid unless given. A zero resid
 import warnings
 from typing import NamedTuple
 
-import daqp
 import numpy as np
 
 from dexgrasp.mechanics.checks import Numbers, check_array, check_contacts, check_positive
@@ -18,6 +17,10 @@ from dexgrasp.mechanics.cones import tangent_basis
 from dexgrasp.mechanics.equilibrium import grasp_map, rms_radius
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.extras import from_extra
+
+with from_extra():
+    import daqp
 
 REGULARISER = 1e-9
 """Added to the Hessian for the QP solvers, which want one; the residual returned is computed without it."""
