@@ -168,3 +168,17 @@ def test_a_folder_of_nobody_is_one_line():
     for read in (files.expand, LearnedAgent, find_hand, load_object):
         with refused(r"no such user|does not exist"):
             read("~nobody_of_that_name/file.xml" if read is not load_object else "~nobody_of_that_name/a.obj")
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("1e-3", 1e-3), ("-2E3", -2e3), ("+.5e1", 5.0), ("1.0e-3", 1e-3)]
+)
+def test_numbers_with_exponents_are_numbers(tmp_path, text, value):
+    (tmp_path / "x.yaml").write_text(f"a: {text}\nb: '{text}'\nc: 1e-x\n")
+    assert files.read_yaml(tmp_path / "x.yaml") == {"a": value, "b": text, "c": "1e-x"}
+
+
+def test_a_key_that_stands_twice_is_refused_by_its_name(tmp_path):
+    (tmp_path / "x.yaml").write_text("limits:\n  torque: 1\n  velocity: 2\n  torque: 3\n")
+    with refused("key 'torque' stands twice in the mapping of line 2"):
+        files.read_yaml(tmp_path / "x.yaml")

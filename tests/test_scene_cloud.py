@@ -304,6 +304,14 @@ def test_depth_images_are_merged(tmp_path):
     assert abs(points[:, 0].mean() - 0.1) < 1e-6
 
 
+def test_a_key_of_a_camera_that_is_not_applied_is_named(tmp_path):
+    lens = "depth: a.npy, width: 4, height: 3, fx: 5, fy: 5, cx: 2, cy: 1"
+    pose = np.eye(4).tolist()
+    (tmp_path / "cameras.yaml").write_text(f"cameras:\n- {{{lens}, k1: 0.1, T_base_camera: {pose}}}\n")
+    with refused("k1"):
+        read_cameras(tmp_path / "cameras.yaml")
+
+
 @pytest.mark.parametrize(
     "text",
     ["", "[]", "cameras: []", "cameras: [3]", "cameras: [{depth: a.npy}]", "{", "cameras: &a [*a]"],

@@ -201,13 +201,13 @@ def read_cameras(path: Path) -> list[DepthImage]:
     of the optical frame (x right, y down, z forward) in the robot base frame, metres.
 
     Raises:
-        InputError: naming the camera and the field that is missing or wrong.
+        InputError: naming the camera and the field that is unknown, missing or wrong (lens distortion is not applied).
     """
     content = read_yaml(path)
     entries = content.get("cameras") if isinstance(content, dict) else None
     if not isinstance(entries, list) or not entries:
         raise InputError(f"{path}: valid is a mapping with `cameras`, a list of one or more")
-    return [read(DepthImage, entry, f"{path}: camera {k}", more=True) for k, entry in enumerate(entries)]
+    return [read(DepthImage, entry, f"{path}: camera {k}") for k, entry in enumerate(entries)]
 
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
