@@ -20,11 +20,12 @@ from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dictionary
 from dexgrasp.runs.arrays import read_arrays
 from dexgrasp.runs.lines import Lines, read_lines
 from dexgrasp_env import files
-from dexgrasp_env.files import read_file, read_json_object, read_npz, read_yaml, write_atomically
+from dexgrasp_env.files import read_file, read_json_object, read_npz, write_atomically
 from dexgrasp_env.objects import user_mesh
 from dexgrasp_env.objects.user_mesh import read_mesh
 from dexgrasp_env.perception import cloud
 from dexgrasp_env.perception.scan import cloud_of, read_scan
+from dexgrasp_env.yaml_file import read_yaml
 
 MOST = 1.5e9  # bytes of memory
 PEAK = """

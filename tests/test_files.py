@@ -16,6 +16,7 @@ from dexgrasp.evaluation.scoring.hand import find_hand
 from dexgrasp_env import files
 from dexgrasp_env.files import cached_arrays, read_json_object, read_npz, write_atomically
 from dexgrasp_env.objects.load import load_object
+from dexgrasp_env.yaml_file import read_yaml
 
 
 def made() -> files.Arrays:
@@ -175,10 +176,10 @@ def test_a_folder_of_nobody_is_one_line():
 )
 def test_numbers_with_exponents_are_numbers(tmp_path, text, value):
     (tmp_path / "x.yaml").write_text(f"a: {text}\nb: '{text}'\nc: 1e-x\n")
-    assert files.read_yaml(tmp_path / "x.yaml") == {"a": value, "b": text, "c": "1e-x"}
+    assert read_yaml(tmp_path / "x.yaml") == {"a": value, "b": text, "c": "1e-x"}
 
 
 def test_a_key_that_stands_twice_is_refused_by_its_name(tmp_path):
     (tmp_path / "x.yaml").write_text("limits:\n  torque: 1\n  velocity: 2\n  torque: 3\n")
     with refused("key 'torque' stands twice in the mapping of line 2"):
-        files.read_yaml(tmp_path / "x.yaml")
+        read_yaml(tmp_path / "x.yaml")

@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError, first_line
-from dexgrasp_env.files import check_bytes, check_file, plain_text, read_npz, read_yaml
+from dexgrasp_env.files import check_bytes, check_file, plain_text, read_npz
 from dexgrasp_env.perception.cloud import Cloud, check_count, gather, remove_flying
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.valid import Rule, read
+from dexgrasp_env.yaml_file import read_yaml
 
 _LINES = 1_000  # of a header
 _KINDS = {"F": "f", "I": "i", "U": "u"}  # letters of PCD, and of numpy

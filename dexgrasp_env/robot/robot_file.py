@@ -9,9 +9,10 @@ from typing import Any
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.files import check_file, expand, read_yaml
+from dexgrasp_env.files import check_file, expand
 from dexgrasp_env.robot.robot import FINGERS, Arm, Hand, Joints, Numbers, Robot
 from dexgrasp_env.valid import NAMES, WORD, Names, Word, check, read
+from dexgrasp_env.yaml_file import read_yaml
 
 SCHEMA = 1
 _HEAD = ("schema", "kind", "licence")
