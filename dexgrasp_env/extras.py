@@ -1,7 +1,6 @@
 """Optional parts of the installation: which extra brings what, and one line that says so where it is missing."""
 
 import importlib.util
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -54,8 +53,3 @@ def missing_extra(error: ImportError) -> MissingExtraError | None:
         if root in modules:
             return MissingExtraError(f"{root} is not installed: pip install 'dexgrasp[{extra}]'")
     return None
-
-
-def usable_cores() -> int:
-    """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -8,7 +8,7 @@ from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.runs.pool import Backend
-from dexgrasp_env.extras import usable_cores
+from dexgrasp_env.cores import usable_cores
 
 LEAST = {
     ("bilevel", "lift"): 19, ("bilevel", "pushed@1"): 16,

@@ -14,7 +14,7 @@ from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend, WorkerDiedError, run_pool
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp.runs.shards import is_shard, make_missing, write_shard
-from dexgrasp_env.extras import usable_cores
+from dexgrasp_env.cores import usable_cores
 
 
 def doubled(task):

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 from dexgrasp.cli.command import Answer, Argument, Command, Scale
 from dexgrasp.cli.output import coloured, note
 from dexgrasp.runs.versions import package_version
+from dexgrasp_env.cores import usable_cores
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.findings import Finding
 
 _NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "gymnasium", "numba", "trimesh", "manifold3d")

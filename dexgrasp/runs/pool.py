@@ -16,8 +16,9 @@ from typing import Annotated, Any, TypeVar
 
 from dexgrasp.runs.interrupt import not_inherited
 from dexgrasp_env.arrays import Fields
+from dexgrasp_env.cores import usable_cores
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.extras import require_extra, usable_cores
+from dexgrasp_env.extras import require_extra
 from dexgrasp_env.valid import Count, check, one_of
 
 T = TypeVar("T")

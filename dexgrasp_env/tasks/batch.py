@@ -11,7 +11,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index
-from dexgrasp_env.extras import usable_cores
+from dexgrasp_env.cores import usable_cores
 from dexgrasp_env.tasks.simulation import CONTROL, PhysicsState, Simulation
 
 

@@ -22,7 +22,7 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.benchmarks.timing import seconds_of
 from dexgrasp.motion.timing import ramp
 from dexgrasp_env.arrays import Array, Fields
-from dexgrasp_env.extras import usable_cores
+from dexgrasp_env.cores import usable_cores
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 

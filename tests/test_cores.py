@@ -1,0 +1,30 @@
+"""Cores that a process may use, by affinity and by the quota of its container."""
+
+import math
+import os
+
+import pytest
+
+from dexgrasp_env import cores
+
+OWN = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+
+
+@pytest.mark.parametrize(
+    ("files", "quota"),
+    [
+        ({"cpu.max": "150000 100000\n"}, 1.5),
+        ({"cpu.max": "max 100000\n"}, math.inf),
+        ({"cpu/cpu.cfs_quota_us": "50000\n", "cpu/cpu.cfs_period_us": "100000\n"}, 0.5),
+        ({"cpu/cpu.cfs_quota_us": "-1\n", "cpu/cpu.cfs_period_us": "100000\n"}, math.inf),
+        ({"cpu.max": "damaged"}, math.inf),
+        ({"cpu.max": "100000 0"}, math.inf),
+        ({}, math.inf),
+    ],
+)
+def test_quotas_of_both_versions_count(tmp_path, files, quota):
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert cores._quota(tmp_path) == quota
+    assert cores.usable_cores(tmp_path) == max(1, min(OWN, math.ceil(quota) if quota < math.inf else OWN))
