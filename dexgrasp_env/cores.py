@@ -15,7 +15,7 @@ def usable_cores(groups: Path = _GROUPS) -> int:
         groups: folder of the control groups, version 1 or 2.
     """
     own = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(own, math.ceil(_quota(groups))))
+    return max(1, math.ceil(min(own, _quota(groups))))
 
 
 def _quota(groups: Path) -> float:
