@@ -19,6 +19,21 @@ def unknown_name(kind: str, name: object, valid: object) -> InputError:
     return InputError(f"unknown {kind} {name!r}: valid are {', '.join(map(str, valid))}")  # type: ignore[call-overload]
 
 
+class UnknownArgumentError(InputError, TypeError):
+    """An argument that nothing takes: also the TypeError that Python raises for one, which other libraries expect."""
+
+
+def unknown_argument(name: str, valid: object) -> UnknownArgumentError:
+    """Return the error for a keyword that is not among the valid ones, in Python's own words first.
+
+    Args:
+        name: what was given.
+        valid: an iterable of the valid names.
+    """
+    words = ", ".join(map(str, valid))  # type: ignore[call-overload]
+    return UnknownArgumentError(f"got an unexpected keyword argument {name!r}: valid are {words}")
+
+
 def first_line(error: Exception) -> str:
     """Return the first line of what an error says, its kind where it says nothing."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -4,6 +4,7 @@ import atexit
 import ctypes
 import importlib
 import os
+import threading
 import weakref
 from functools import cache
 from typing import Any
@@ -87,18 +88,29 @@ def make_renderer(model: mujoco.MjModel, height: int, width: int, *, quick: bool
         raise InputError(_REMEDY)
     if backend in _OFF:
         raise InputError(f"MUJOCO_GL={backend} turns drawing off: unset it, or set it to egl or osmesa")
+    if _drew_in and os.getpid() not in _drew_in:
+        raise InputError(
+            "pictures were drawn in the process that this one was forked from: start workers with context='spawn', "
+            "in gym.make_vec by vector_kwargs={'context': 'spawn'}"
+        )
     model.vis.global_.offwidth = max(model.vis.global_.offwidth, width)
     model.vis.global_.offheight = max(model.vis.global_.offheight, height)
     try:
-        _use(backend)
-        renderer = _quick_renderer(model, height, width) if quick else mujoco.Renderer(model, height, width)
-        _open.add(renderer)
-        _close_at_exit()
+        with _lock:
+            _use(backend)
+            renderer = (
+                _quick_renderer(model, height, width) if quick else mujoco.Renderer(model, height, width)
+            )
+            _drew_in.add(os.getpid())
+            _open.add(renderer)
+            _close_at_exit()
         return renderer
     except Exception as error:
         raise InputError(f"{_REMEDY} (MUJOCO_GL={backend}: {error})") from error
 
 
+_lock = threading.Lock()  # one thread at a time settles on a backend and makes a context
+_drew_in: set[int] = set()  # processes with a GL context: it does not outlive a fork
 _open: weakref.WeakSet[mujoco.Renderer] = weakref.WeakSet()
 
 
@@ -185,8 +197,9 @@ def show_options() -> mujoco.MjvOption:
 def render(
     renderer: mujoco.Renderer, data: mujoco.MjData, camera: mujoco.MjvCamera | str | int
 ) -> NDArray[np.uint8]:
-    """Render one colour picture (H, W, 3)."""
-    renderer.update_scene(data, camera, show_options())
+    """Render one colour picture (H, W, 3): the same for the same state, whatever was drawn before."""
+    for _ in range(2):  # the light at the camera is where the camera was at the update before
+        renderer.update_scene(data, camera, show_options())
     return renderer.render()
 
 
@@ -202,7 +215,8 @@ class ColourCameras:
         """Return colour images, (cameras, H, W, 3); `data` needs current kinematics."""
         images, model = [], self.renderer.model
         extent, planes = model.stat.extent, model.vis.map
-        self.renderer.update_scene(data, scene_option=self._option)
+        for _ in range(2):  # as in `render`
+            self.renderer.update_scene(data, scene_option=self._option)
         for camera in self._cameras:
             _aim(self.renderer.scene, camera, planes.znear * extent, planes.zfar * extent)
             images.append(self.renderer.render().copy())

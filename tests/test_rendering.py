@@ -207,3 +207,23 @@ def test_nothing_is_said_at_exit():
     done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True)
     assert done.returncode == 0
     assert done.stderr == ""
+
+
+@NEEDS_GL
+def test_the_picture_of_a_state_does_not_depend_on_what_was_drawn_before():
+    env = gym.make("DexGrasp/Lift-v2", objects="soda", render_mode="rgb_array")
+    env.reset(seed=3)
+    first = env.render()
+    other = env.unwrapped.get_state()
+    env.step(env.action_space.sample())
+    env.render()
+    env.unwrapped.set_state(other)
+    assert np.array_equal(first, env.render())
+    env.close()
+
+
+@NEEDS_GL
+def test_a_process_forked_after_a_picture_is_told_to_be_spawned(monkeypatch):
+    monkeypatch.setattr(rendering, "_drew_in", {os.getpid() + 1})
+    with refused("context='spawn'"):
+        rendering.make_renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
-from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.errors import InputError, unknown_argument, unknown_name
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import Objects, has_own_size, load_target
 from dexgrasp_env.objects.model import ObjectModel
@@ -92,7 +92,7 @@ class LiftSettings:
         known = ["robot", "mount", *(entry.name for entry in fields(cls) if entry.name != "cell")]
         for key in given:
             if key not in known:
-                raise unknown_name("argument", key, known)
+                raise unknown_argument(key, known)
         cell = make_cell(given.pop("robot", None), given.pop("mount", None))
         settings = read(cls, given | {"cell": cell})
         settings.refuse_idle()
