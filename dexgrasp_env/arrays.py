@@ -23,7 +23,7 @@ def array(*shape: int | None) -> Rule:
     """Return the rule of finite numbers of a shape (None: any length); text and truth values are no numbers."""
     sizes = ", ".join("N" if size is None else str(size) for size in shape)
 
-    def admit(value: Any) -> Array:
+    def validate(value: Any) -> Array:
         """Return the array that a value states."""
         found = np.array(value, dtype=np.float64, order="C")
         fits = found.ndim == len(shape) and all(
@@ -33,7 +33,7 @@ def array(*shape: int | None) -> Rule:
             raise ValueError
         return found
 
-    return Rule(f"finite numbers below {LARGEST:.0e} of shape ({sizes})", admit)
+    return Rule(f"finite numbers below {LARGEST:.0e} of shape ({sizes})", validate)
 
 
 def _has_words(value: Any) -> bool:

@@ -26,14 +26,14 @@ class Rule(NamedTuple):
 
     Attributes:
         words: what is valid, for messages.
-        admit: returns a valid value as it is kept; raises ValueError, TypeError or AttributeError for another, or
+        validate: returns a valid value as it is kept; raises ValueError, TypeError or AttributeError for another, or
             InputError to say more.
-        parse: makes of a word of the command line what `admit` is asked of.
+        parse: makes of a word of the command line what `validate` is asked of.
         choices: the valid values, where they are few.
     """
 
     words: str
-    admit: Callable[[Any], Any]
+    validate: Callable[[Any], Any]
     parse: Callable[[str], Any] = str
     choices: tuple[str, ...] = ()
 
@@ -46,13 +46,13 @@ def number(
     signs = {">": gt, ">=": ge, "<": lt, "<=": le}
     bounds = [f"{sign} {bound:g}" for sign, bound in signs.items() if math.isfinite(bound)]
 
-    def admit(value: Any) -> float:
+    def validate(value: Any) -> float:
         """Return the number."""
         known = isinstance(value, kind) and not isinstance(value, bool) and math.isfinite(value)
         return plain(value) if known and gt < value < lt and ge <= value <= le else _refuse()
 
     noun = "a whole number" if whole else "a finite number"
-    return Rule(f"{noun} {' and '.join(bounds)}".strip(), admit, plain)
+    return Rule(f"{noun} {' and '.join(bounds)}".strip(), validate, plain)
 
 
 def one_of(names: Iterable[str]) -> Rule:
@@ -66,30 +66,30 @@ def one_of(names: Iterable[str]) -> Rule:
 def pair(each: Rule) -> Rule:
     """Return the rule of a range: two numbers that a rule admits, the first not above the second."""
 
-    def admit(value: Any) -> tuple[float, float]:
+    def validate(value: Any) -> tuple[float, float]:
         """Return the range."""
-        low, high = map(each.admit, value)
+        low, high = map(each.validate, value)
         return (low, high) if low <= high else _refuse()
 
-    return Rule(f"a pair low <= high, each {each.words}", admit)
+    return Rule(f"a pair low <= high, each {each.words}", validate)
 
 
 def several(each: Rule, count: int | None = None) -> Rule:
     """Return the rule of lists of what a rule admits, `count` long where it is given; kept as tuples."""
 
-    def admit(value: Any) -> tuple[Any, ...]:
+    def validate(value: Any) -> tuple[Any, ...]:
         """Return the values."""
         known = isinstance(value, list | tuple) and count in (None, len(value))
-        return tuple(map(each.admit, value)) if known else _refuse()
+        return tuple(map(each.validate, value)) if known else _refuse()
 
-    return Rule(f"a list of {count or 'any length'}, each {each.words}", admit)
+    return Rule(f"a list of {count or 'any length'}, each {each.words}", validate)
 
 
 def list_of(kind: type[Any], least: int = 0, most: int = 100, *, more: bool = False) -> Rule:
     """Return the rule of lists of a dataclass, each as `read` makes it; kept as tuples."""
     name = kind.__name__.lower()
 
-    def admit(value: Any) -> tuple[Any, ...]:
+    def validate(value: Any) -> tuple[Any, ...]:
         """Return what is made of each."""
         known = isinstance(value, list | tuple) and least <= len(value) <= most
         return (
@@ -98,11 +98,11 @@ def list_of(kind: type[Any], least: int = 0, most: int = 100, *, more: bool = Fa
             else _refuse()
         )
 
-    return Rule(f"a list of {least} to {most}", admit)
+    return Rule(f"a list of {least} to {most}", validate)
 
 
 def _distinct(value: Any) -> tuple[str, ...]:
-    names = several(WORD).admit(value)
+    names = several(WORD).validate(value)
     return names if 0 < len(names) == len(set(names)) else _refuse()
 
 
@@ -201,7 +201,7 @@ def check(what: str, value: Any, rule: Rule) -> Any:
         InputError: one line that says what is wrong, `what` it is and what is valid.
     """
     try:
-        return rule.admit(value)
+        return rule.validate(value)
     except InputError:
         raise
     except (AttributeError, TypeError, ValueError, OverflowError):

@@ -14,7 +14,7 @@ from dexgrasp_env.valid import NATURAL, Rule, check, one_of
 
 _VIDEOS = Rule(
     "a whole number >= 0, or failures",
-    lambda value: value if value == "failures" else NATURAL.admit(value),
+    lambda value: value if value == "failures" else NATURAL.validate(value),
     lambda text: text if text == "failures" else int(text),
 )
 

@@ -136,7 +136,7 @@ def reader(rule: Rule) -> Callable[[str], Any]:
     def parse(text: str) -> Any:
         """Return the value that a word of the command line states."""
         try:
-            return rule.admit(rule.parse(text))
+            return rule.validate(rule.parse(text))
         except (TypeError, ValueError, OverflowError) as error:
             words = error if isinstance(error, InputError) else f"{text!r} is not {rule.words}"
             raise argparse.ArgumentTypeError(str(words)) from None

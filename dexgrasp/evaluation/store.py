@@ -76,7 +76,7 @@ class Outcome:
 def _are_numbers(values: Iterable[Any]) -> None:
     for value in values:
         if value is not None:
-            number().admit(value)
+            number().validate(value)
 
 
 def _certificate(value: Any) -> None:

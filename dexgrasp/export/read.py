@@ -38,7 +38,7 @@ class Segment:
 
 
 def _segments(value: Any) -> dict[str, Segment]:
-    found = list_of(Segment, len(SEGMENTS), len(SEGMENTS), more=True).admit(value)
+    found = list_of(Segment, len(SEGMENTS), len(SEGMENTS), more=True).validate(value)
     if tuple(one.name for one in found) != SEGMENTS:
         raise ValueError
     return {one.name: one for one in found}

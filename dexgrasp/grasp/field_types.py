@@ -12,7 +12,7 @@ _MOST_VERTICES, _MOST_PARTS = 100_000, 64
 
 
 def _corners(value: Any) -> Array:
-    part: Array = array(None, 3).admit(value)
+    part: Array = array(None, 3).validate(value)
     few = not 4 <= len(part) <= _MOST_VERTICES
     if few or np.linalg.svd(part - part.mean(0), compute_uv=False)[2] < _FLAT:
         raise ValueError

@@ -27,7 +27,7 @@ _NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
 
 
 def _quaternion(value: Any) -> tuple[float, float, float, float]:
-    w, x, y, z = several(number(), 4).admit(value)
+    w, x, y, z = several(number(), 4).validate(value)
     norm = float(np.linalg.norm([w, x, y, z]))
     if abs(norm - 1.0) > 1e-3:
         raise ValueError

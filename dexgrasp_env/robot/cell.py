@@ -25,7 +25,7 @@ from dexgrasp_env.valid import Names, Rule, Word, number, read, several
 
 
 def _rows(value: Any) -> Numbers:
-    return sum(several(several(number(), 4), 4).admit(value), ())
+    return sum(several(several(number(), 4), 4).validate(value), ())
 
 
 @dataclass(frozen=True)

@@ -26,14 +26,14 @@ _FARTHEST = 0.5  # m from the arm's last link to the palm frame
 
 
 def _near(value: Any) -> Numbers:
-    position = several(number(), 3).admit(value)
+    position = several(number(), 3).validate(value)
     if np.linalg.norm(position) > _FARTHEST:
         raise ValueError
     return position
 
 
 def _unit(value: Any) -> Numbers:
-    quat = several(number(), 4).admit(value)
+    quat = several(number(), 4).validate(value)
     if abs(np.linalg.norm(quat) - 1.0) > 1e-6:
         raise ValueError
     return quat

@@ -123,7 +123,7 @@ class SensorModel:
             InputError: for an unknown name or setting, or a value out of range.
         """
         if isinstance(value, str):
-            return cls.none() if one_of(("realistic", "none")).admit(value) == "none" else cls.realistic()
+            return cls.none() if one_of(("realistic", "none")).validate(value) == "none" else cls.realistic()
         return read(cls, value, "sensor")
 
     def measure(self, depths: Single, cameras: tuple[Camera, ...], rng: Generator) -> Single:

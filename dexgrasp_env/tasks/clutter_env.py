@@ -39,7 +39,7 @@ _COUNT = number(ge=0, le=MOST_NEIGHBOURS, whole=True)
 
 
 def _counts(value: Any) -> tuple[int, int]:
-    return pair(_COUNT).admit((value, value) if np.ndim(value) == 0 else value)
+    return pair(_COUNT).validate((value, value) if np.ndim(value) == 0 else value)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -117,7 +117,7 @@ class PlaceEpisodes(Episodes):
     def _check_goal(self, goal: Any) -> Array:
         space = self._goals
 
-        def admit(value: Any) -> Array:
+        def validate(value: Any) -> Array:
             """Return the goal that a value states."""
             given: Array = np.asarray(value, dtype=np.float32)
             if not space.contains(given) or not np.isin(given[3:], (0.0, 1.0)).all():
@@ -125,7 +125,7 @@ class PlaceEpisodes(Episodes):
             return given
 
         words = f"4 numbers within {space.low} and {space.high}, the last 1 in the hand or 0 free"
-        return check("goal", goal, Rule(words, admit))
+        return check("goal", goal, Rule(words, validate))
 
     def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
         """Compute rewards, success and the observation from the goal."""

@@ -29,7 +29,7 @@ _INTO_TABLE = 0.001  # m that a given pose may reach below the table's top
 
 
 def _rest_pose(value: Any) -> str | int:
-    return value if value in ("any", "likely") else NATURAL.admit(value)
+    return value if value in ("any", "likely") else NATURAL.validate(value)
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def _stand(model: ObjectModel) -> tuple[Array, float] | None:
 
 
 def _some_pose(value: Any) -> Array:
-    pose: Array = array(7).admit(value)
+    pose: Array = array(7).validate(value)
     if np.linalg.norm(pose[3:]) < 1e-6:
         raise ValueError
     return pose

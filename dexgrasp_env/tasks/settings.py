@@ -192,13 +192,13 @@ def _views_of(cameras: tuple[str, ...]) -> Rule:
     """Return the rule of the cameras that look: names, or how many are drawn at each reset."""
     most = max(len(cameras), _VIEWS)  # a cell with fewer cameras has all of them look
 
-    def admit(value: Any) -> tuple[str, ...] | int:
+    def validate(value: Any) -> tuple[str, ...] | int:
         """Return how many cameras are drawn, or the names of those that look."""
         if isinstance(value, int):
-            return min(int(number(ge=1, le=most, whole=True).admit(value)), len(cameras))
+            return min(int(number(ge=1, le=most, whole=True).validate(value)), len(cameras))
         names = (value,) if isinstance(value, str) else tuple(value)
         if not names or len(set(names)) < len(names) or not set(names) <= set(cameras):
             raise ValueError
         return names
 
-    return Rule(f"1 to {most} cameras, or names of {', '.join(cameras)}, each once", admit)
+    return Rule(f"1 to {most} cameras, or names of {', '.join(cameras)}, each once", validate)
