@@ -136,7 +136,7 @@ class _Rebuilt(Description):
             for name in given:
                 if name not in known:
                     raise InputError(f"{self.path} has no {what} {name!r}")
-        if more := sorted(own - set(self.part.joints.names + self.held) - self._beyond()):
+        if more := sorted(own - set(self.part.joints.names + self.held) - self._beyond):
             raise InputError(f"joint {more[0]!r} of {self.path} is not named: every joint has to be")
         if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
             raise InputError(f"{self.path} has joints that are no hinges: they are not supported yet")
@@ -149,6 +149,7 @@ class _Rebuilt(Description):
             if name not in stated and name in self.part.joints.names:
                 raise InputError(f"{self.path} couples joint {name!r} to another: state it under couplings")
 
+    @cached_property
     def _beyond(self) -> set[str]:
         """Return the joints of an arm that bears this hand, or of a hand that hangs on this arm, in the same file."""
         m, found = self.model, set[str]()
@@ -172,13 +173,12 @@ class _Rebuilt(Description):
 
     def _owner(self, body: int) -> str:
         """The named body that a body is, or hangs on without a joint; empty for what the part does not begin with."""
-        beyond = self._beyond()
         while body:
             name = self.model.body(body).name
             if name in self.part.bodies:
                 return str(name)
             joints = map(self.model.joint, np.flatnonzero(self.model.jnt_bodyid == body))
-            if any(joint.name in beyond for joint in joints):
+            if any(joint.name in self._beyond for joint in joints):
                 return ""
             if any(joint.name not in self.held for joint in joints):
                 raise InputError(f"body {name!r} of {self.path} is not named")
