@@ -13,6 +13,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     ),
     "learning": ("torch", "stable_baselines3", "tensorboard"),
     "viewer": ("viser",),
+    "serve": ("msgpack", "websockets"),
     "cluster": ("ray",),
     "dm": ("dm_control", "dm_env"),
     "demos": ("h5py", "minari", "pyarrow"),

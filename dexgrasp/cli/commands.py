@@ -40,6 +40,7 @@ COMMANDS = {
     "check": "limits, timing and collisions of an exported trajectory",
     "robot": "robot files: what there is, one made of MJCF, one tested",
     "view": "a grasp in the browser, from approach to hold",
+    "serve": "planner and agents over WebSocket, warm, for other programs",
     "warmup": "compile what plans and environments need, once",
     "completion": "a script that completes commands in bash or zsh",
 }

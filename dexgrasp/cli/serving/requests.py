@@ -1,0 +1,192 @@
+"""Requests of clients: the options of `dexgrasp plan` and `verify` by name, with arrays in place of files."""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.cli.plan import Plan, check_target
+from dexgrasp_env.arrays import Fields
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.files import jsonable
+from dexgrasp_env.perception.cloud import Cloud, check_count, gather, remove_flying
+from dexgrasp_env.perception.scan import UNITS, cloud_of
+from dexgrasp_env.perception.selection import TargetSelector, mask_of
+from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
+from dexgrasp_env.valid import Rule, read
+
+_OF_SERVER = ("robot", "mount", "json", "out", "agent", "cloud", "pixel", "objects", "mask", "floating")
+"""Options of the command that a client cannot give: they are the server's, name files, or come as arrays."""
+
+_MOST_CORNERS = 200_000  # of a mesh that is sent
+
+
+def _numbers(shape: tuple[int | None, ...], words: str) -> Rule:
+    def validate(value: Any) -> NDArray[Any]:
+        """Return the array."""
+        array = np.asarray(value)
+        known = array.dtype.kind in "biuf" and array.ndim == len(shape)
+        if not known or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
+            raise ValueError
+        return array
+
+    return Rule(words, validate)
+
+
+_IMAGE = _numbers((None, None), "an array (H, W) of numbers")
+_MATRIX = _numbers((3, 3), "3 x 3 numbers")
+_POSE = _numbers((4, 4), "4 x 4 numbers")
+
+
+class _Sent(Plan):
+    """Arrays that stand in for the command's files.
+
+    Attributes:
+        name: of the object, in what is answered.
+        points: (N, 3) in the frame of the robot's base, in `unit`.
+        depth: (H, W) m, instead of points; 0 and what is not finite is no measurement.
+        K: (3, 3) the intrinsics of its camera, pixels.
+        T_base_camera: (4, 4) pose of its optical frame in the frame of the robot's base, m.
+        marked: one bool or whole number for each point or pixel: where the object is seen.
+        vertices: (V, 3) of a mesh as the target, in `mesh_scale` m, z up.
+        faces: (F, 3) rows of it, from outside anticlockwise.
+    """
+
+    name: str = ""
+    points: Any = None
+    depth: Annotated[Any, _IMAGE] = None
+    K: Annotated[Any, _MATRIX] = None
+    T_base_camera: Annotated[Any, _POSE] = None
+    marked: Any = None
+    vertices: Annotated[Any, _numbers((None, 3), "an array (V, 3) of numbers")] = None
+    faces: Annotated[Any, _numbers((None, 3), "an array (F, 3) of whole numbers")] = None
+
+    def scan(self) -> Cloud:
+        """Return the cloud that was sent."""
+        camera = (self.depth, self.K, self.T_base_camera)
+        if (self.points is None) == (self.depth is None) or len({part is None for part in camera}) > 1:
+            raise InputError("send points, or depth with K and T_base_camera")
+        if self.points is not None:
+            cloud = cloud_of(self.points)
+            return cloud.moved(cloud.points * UNITS[self.unit])
+        check_count(self.depth.size, "depth")
+        (height, width), K = self.depth.shape, np.asarray(self.K, dtype=float)
+        lens = CameraIntrinsics(width, height, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
+        depth = np.asarray(self.depth, dtype=np.float32)[None]
+        return gather(remove_flying(depth), (Camera("camera", self.T_base_camera, lens),))
+
+    def selector(self) -> TargetSelector:
+        """Return what is pointed at."""
+        if self.marked is None:
+            return super().selector()
+        if self.object_near or self.box:
+            raise InputError("point in one way: object_near, box or marked")
+        return TargetSelector(mask=mask_of(self.marked, self.label))
+
+
+def answer(message: Fields, robot: str | None) -> Fields:
+    """Return what a request is answered, as the command's `--json` prints it.
+
+    Args:
+        message: `request` is one of `REQUESTS`; the rest is its options.
+        robot: the server's cell or robot.
+
+    Raises:
+        InputError: for anything that is wrong with it.
+    """
+    options = dict(message)
+    name = options.pop("request", None)
+    if not isinstance(name, str) or name not in REQUESTS:
+        raise unknown_name("request", name, REQUESTS)
+    return jsonable({"schema": 1, **REQUESTS[name](options, robot)})
+
+
+def _sent(options: Fields, robot: str | None) -> _Sent:
+    if refused := [key for key in options if key in _OF_SERVER]:
+        raise InputError(f"{refused[0]} is not a client's to choose: valid are {', '.join(_OPTIONS)}")
+    lists = {key: tuple(value) if isinstance(value, list) else value for key, value in options.items()}
+    return read(_Sent, {**lists, "robot": robot})
+
+
+_OPTIONS = [name for name in _Sent.__dataclass_fields__ if name not in _OF_SERVER]
+
+
+def _plan(options: Fields, robot: str | None) -> Fields:
+    sent = _sent(options, robot)
+    if sent.points is not None or sent.depth is not None:
+        raise InputError("plan is of a target or a mesh: a cloud is of plan_cloud")
+    if sent.vertices is None:
+        from dexgrasp_env.objects.load import is_ours
+
+        if sent.target is None or not is_ours(sent.target):
+            raise InputError(f"no object {sent.target!r} here: send a mesh as vertices and faces")
+        return _planned(sent)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{Path(sent.name).name or 'mesh'}.ply"
+        _write_mesh(path, sent)
+        return _planned(replace(sent, target=str(path)))
+
+
+def _planned(sent: _Sent) -> Fields:
+    check_target(str(sent.target), sent.agent, sent)
+    if sent.of_cloud:
+        raise InputError(f"{sent.of_cloud[0]} is of plan_cloud")
+    return sent._plan(_silent)[1]
+
+
+def _write_mesh(path: Path, sent: _Sent) -> None:
+    import trimesh
+
+    vertices, faces = np.asarray(sent.vertices, dtype=float), np.asarray(sent.faces)
+    if sent.faces is None or faces.dtype.kind not in "iu" or not len(faces):
+        raise InputError("faces are an array (F, 3) of whole numbers")
+    if len(vertices) > _MOST_CORNERS or len(faces) > 2 * _MOST_CORNERS:
+        raise InputError(f"a mesh of {len(vertices)} corners is too large: at most {_MOST_CORNERS}")
+    if not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
+        raise InputError("a mesh has corners that are not finite, or faces of corners that it lacks")
+    trimesh.Trimesh(vertices, faces, process=False).export(path)
+
+
+def _plan_cloud(options: Fields, robot: str | None) -> Fields:
+    sent = _on_cloud(options, robot)
+    return sent._plan_scan(sent.scan(), _silent)[1]
+
+
+def _objects(options: Fields, robot: str | None) -> Fields:
+    sent = _on_cloud(options, robot)
+    return {"objects": sent._look(sent.scan())[1]}
+
+
+def _on_cloud(options: Fields, robot: str | None) -> _Sent:
+    sent = _sent(options, robot)
+    if sent.target is not None or sent.vertices is not None:
+        raise InputError("a target or a mesh is of the request plan, not of a cloud's")
+    if (sent.mesh_mass, sent.mesh_scale) != (None, 1.0):
+        raise InputError("mesh_mass and mesh_scale are of a mesh: the mass of what is seen is mass")
+    return replace(sent, cloud=Path(sent.name or "cloud"))
+
+
+def _verify(options: Fields, robot: str | None) -> Fields:
+    from dexgrasp.grasp.file import record_of
+    from dexgrasp.grasp.verify.verify import verify
+    from dexgrasp_env.robot.cell import make_cell
+
+    if set(options) != {"grasp"} or not isinstance(options["grasp"], dict):
+        raise InputError("verify takes `grasp`, the mapping of a grasp file, and nothing else")
+    checks = verify(record_of(options["grasp"], "grasp", make_cell(robot)))
+    return {"holds": all(check.holds for check in checks), "checks": checks}
+
+
+def _silent(_done: int, _of: int) -> None:
+    """Say nothing of progress."""
+
+
+REQUESTS: dict[str, Callable[[Fields, str | None], Fields]] = {
+    "plan": _plan, "plan_cloud": _plan_cloud, "objects": _objects, "verify": _verify,
+}  # fmt: skip
+"""Request -> what answers it."""
+
