@@ -30,6 +30,7 @@ _OTHER_FORMS = (
     "package.module:Class",
     "the folder of a trained policy",
     "a checkpoint's path ending in .zip",
+    "the address of a policy server, ws://HOST:PORT",
 )
 
 
@@ -38,8 +39,8 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
 
     Args:
         name: a key of `AGENTS`; `package.module:Class` of one's own, looked for in the current directory
-            too; the folder of a policy of `dexgrasp train`; or a Stable-Baselines3 checkpoint, `path.zip` or
-            `algorithm:path.zip`.
+            too; the folder of a policy of `dexgrasp train`; a Stable-Baselines3 checkpoint, `path.zip` or
+            `algorithm:path.zip`; or the address of a policy server, `ws://HOST:PORT`.
         kwargs: of the class.
 
     Raises:
@@ -47,6 +48,8 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     """
     if name in AGENTS:
         return _load(AGENTS[name])(**kwargs)
+    if is_server(name):
+        return _load("dexgrasp.agents.remote:RemoteAgent")(name, **kwargs)
     if name.endswith(".zip"):
         return _load("dexgrasp.agents.checkpoint:CheckpointAgent")(name, **kwargs)
     if is_policy(name):
@@ -104,6 +107,20 @@ def check_name(name: str) -> str:
     return name
 
 
+def is_server(name: str) -> bool:
+    """Return True for the address of a policy server."""
+    return name.startswith(("ws://", "wss://"))
+
+
+def server_identity(name: str) -> dict[str, Any]:
+    """Return what a policy server says of itself; nothing for agents of this process.
+
+    Raises:
+        InputError: where no server answers.
+    """
+    return dict(_load("dexgrasp.agents.remote:server_metadata")(name)) if is_server(name) else {}
+
+
 def agent_files(name: str) -> list[Path]:
     """Return the files, code apart, that what an agent does rests on: of a trained policy, or of a checkpoint."""
     if is_policy(name):
@@ -120,7 +137,7 @@ def agent_sources(name: str) -> list[Path]:
     weights: nothing is run for it, so a name that is put together is not seen.
     """
     module = name.partition(":")[0]
-    if ":" not in name or name.endswith(".zip"):
+    if ":" not in name or name.endswith(".zip") or is_server(name):
         return []
     _look_here()
     try:

@@ -22,7 +22,7 @@ class Serve(Command, InCell):
       dexgrasp serve                                     plan, plan_cloud, objects and verify at ws://127.0.0.1:8000
       dexgrasp serve --agent bilevel --port 8001         and an agent: observation in, actions out
       dexgrasp evaluate --agents ws://127.0.0.1:8001 --objects ycb6
-      python examples/serve_client.py scene.npy          a client that has none of this installed
+      python examples/serve_client.py ws://127.0.0.1:8000    a client that has none of this installed
 
     Messages are msgpack as the package `openpi-client` writes it: docs/serve.md. "ready" on standard error says that
     compiled code and weights are loaded. Where $DEXGRASP_TOKEN is set, clients must send it. /healthz and /metrics are

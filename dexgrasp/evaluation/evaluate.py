@@ -95,7 +95,7 @@ class _Run:
         Raises:
             InputError: naming one.
         """
-        for key in self.store.finished - {spec.key for spec in self.planned}:
+        for key in self.store.kept - {spec.key for spec in self.planned}:
             self.store.close()
             raise InputError(
                 f"{self.store.folder} holds a trial that is not of this evaluation ({', '.join(map(str, key))}): "
@@ -120,7 +120,7 @@ class _Run:
                         f"{row['agent']} on {row['object']}, trial {row['trial']}: {row['reason']}\n"
                         f"{row['error'].rstrip()}"
                     )
-        if lost := {spec.key for spec in left} - self.store.finished:
+        if lost := {spec.key for spec in left} - self.store.kept:
             raise LostTrialsError(
                 f"{len(lost)} of {len(self.planned)} trials did not finish, the first: {', '.join(map(str, min(lost)))}"
             )

@@ -10,7 +10,7 @@ import dexgrasp_env
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, TrialSeeds, get_protocol, parts
 from dexgrasp.evaluation.store import Key
 from dexgrasp.evaluation.video import VideoSettings
-from dexgrasp.registry import agent_files, agent_sources
+from dexgrasp.registry import agent_files, agent_sources, is_server, server_identity
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
@@ -128,8 +128,10 @@ class EvaluationSettings:
         settings = jsonable(asdict(self))
         settings["protocol"] = "+".join(settings.pop("protocols"))
         del settings["robot"]  # the cell is its content, wherever the file lies
+        servers = {name: server_identity(name) for name in self.agents if is_server(name)}
         return {
             **settings,
+            **({"servers": servers} if servers else {}),
             "cell": make_cell(self.robot).version,
             "files": {str(path): _file_hash(path) for path in self._files()},
             "code": code_hash(self.agents),

@@ -22,6 +22,8 @@ Key = tuple[str, str, str, int]
 """Protocol, agent, object, trial."""
 Trials = Sequence[Fields]
 """Lines of trials.jsonl."""
+SERVER_GONE = "server_gone"
+"""Reason of a trial whose policy server was not there: not a trial of the policy, so the next run makes it again."""
 
 _RUN, _TRIALS = "run.json", "trials.jsonl"
 _UNITS = ("_percent", "_margin", "_m", "_rad", "_fraction")
@@ -161,10 +163,16 @@ class TrialStore:
             self._lock.close()
             raise
         self.rows = _once_each(self._lines.rows)
+        self._again = self.kept - self.finished
 
     @property
     def finished(self) -> set[Key]:
-        """The trials that are there."""
+        """The trials that are there, but for those that met no policy server: these are run again."""
+        return {row_key(row) for row in self.rows if not _met_no_server(row)}
+
+    @property
+    def kept(self) -> set[Key]:
+        """All trials that are there."""
         return {row_key(row) for row in self.rows}
 
     def append(self, row: Fields, grasp: Fields | None = None) -> None:
@@ -173,7 +181,10 @@ class TrialStore:
             row["grasp"] = f"grasps/{trial_name(row)}.json"
             write_json(self.folder / row["grasp"], grasp)
         self._lines.append(row)
-        self.rows.append(row)
+        if row_key(row) in self._again:
+            self.rows = _once_each([*self.rows, row])
+        else:
+            self.rows.append(row)
 
     def close(self) -> None:
         """Release the folder."""
@@ -236,8 +247,14 @@ def _run_folder(folder: Path) -> RunFolder:
 
 
 def _once_each(rows: Iterable[Fields]) -> list[Fields]:
-    """Copies of a line, as merged files have them, count once: the first."""
+    """Copies of a line, as merged files have them, count once: the first, or one after it that met its server."""
     found: dict[Key, Fields] = {}
     for row in rows:
-        found.setdefault(row_key(row), row)
+        key = row_key(row)
+        if key not in found or _met_no_server(found[key]):
+            found[key] = row
     return list(found.values())
+
+
+def _met_no_server(row: Fields) -> bool:
+    return bool(row["reason"] == SERVER_GONE)

@@ -106,8 +106,9 @@ def answer(message: Fields, robot: str | None) -> Fields:
 
 
 def _sent(options: Fields, robot: str | None) -> _Sent:
-    if refused := [key for key in options if key in _OF_SERVER]:
-        raise InputError(f"{refused[0]} is not a client's to choose: valid are {', '.join(_OPTIONS)}")
+    for key in options:
+        if key not in _OPTIONS:
+            raise unknown_name("option", key, _OPTIONS)
     lists = {key: tuple(value) if isinstance(value, list) else value for key, value in options.items()}
     return read(_Sent, {**lists, "robot": robot})
 
