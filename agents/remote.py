@@ -59,7 +59,7 @@ class RemoteAgent(Agent):
         given = self.metadata.get("env_settings", {})
         if not isinstance(given, Mapping):
             raise InputError(f"{name}: env_settings must be a mapping, of {', '.join(AGENT_KEYS)}")
-        self.env_settings = dict(given)
+        self.env_settings = dict(given)  # type: ignore[misc]  # another server's may be others
 
     def seed(self, seed: int) -> None:
         """Keep the seed for the first message of the episode."""
@@ -68,7 +68,9 @@ class RemoteAgent(Agent):
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Send the first observation."""
         self._space: gym.spaces.Box = info["action_space"]
-        known = {key: value for key, value in info.items() if isinstance(value, str | int | float | bool)}
+        known: Fields = {
+            key: value for key, value in info.items() if isinstance(value, str | int | float | bool)
+        }
         cell = info.get("cell")
         known |= {"cell": cell.version} if isinstance(cell, Cell) else {}
         known["action_space"] = {"low": self._space.low, "high": self._space.high}
@@ -188,7 +190,9 @@ def _parsed(name: str) -> tuple[str, float]:
         if not parts.hostname or asked or not 0 < seconds < float("inf") or parts.port == 0:
             raise ValueError
     except ValueError:
-        raise InputError(f"agent {name!r}: valid is ws://HOST:PORT or ws://HOST:PORT?timeout=SECONDS") from None
+        raise InputError(
+            f"agent {name!r}: valid is ws://HOST:PORT or ws://HOST:PORT?timeout=SECONDS"
+        ) from None
     return parts._replace(query="").geturl(), seconds
 
 
@@ -220,7 +224,9 @@ def _actions(answer: Fields, space: gym.spaces.Box, given_up: bool) -> Array:
     except (TypeError, ValueError) as error:
         raise _Failed("bad_answer", f"actions are no numbers: {first_line(error)}") from None
     if rows.ndim != 2 or rows.shape[1:] != space.shape or not (len(rows) or given_up):
-        raise _Failed("bad_answer", f"actions have shape {rows.shape}: valid is (H, {space.shape[0]}), H from 1 on")
+        raise _Failed(
+            "bad_answer", f"actions have shape {rows.shape}: valid is (H, {space.shape[0]}), H from 1 on"
+        )
     if not np.isfinite(rows).all():
         raise _Failed("bad_answer", "actions are not finite")
     return rows

@@ -43,7 +43,7 @@ class EvaluationSettings:
     """Everything that the outcome depends on.
 
     Attributes:
-        agents: names (dexgrasp list agents), checkpoints, or package.module:Class.
+        agents: names (dexgrasp list agents), checkpoints, package.module:Class, or ws://HOST:PORT of a policy server.
         objects: objects, sets (dexgrasp list objects), or mesh files.
         trials: of each agent on each object.
         seed: of all scenes and of the agents.

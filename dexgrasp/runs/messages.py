@@ -71,7 +71,7 @@ def _array(given: dict[Any, Any]) -> Any:
 
 
 def _of_bytes(data: Any, dtype: "np.dtype[Any]", shape: Any) -> NDArray[Any]:
-    sizes = shape if isinstance(shape, list) else [None]
+    sizes: list[Any] = shape if isinstance(shape, list) else [None]
     if not all(type(size) is int and size >= 0 for size in sizes) or len(sizes) > 32:
         raise InputError(f"an array has shape {str(shape)[:80]}: valid are whole numbers from 0 on")
     if not isinstance(data, bytes) or len(data) != math.prod(sizes) * dtype.itemsize:

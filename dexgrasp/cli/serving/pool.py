@@ -64,7 +64,9 @@ class Worker:
             try:
                 if self._process is None or self._process.returncode is not None:
                     await self._restart()
-                kind, data = await asyncio.wait_for(self._exchange(MESSAGE, connection, message), self._seconds)
+                kind, data = await asyncio.wait_for(
+                    self._exchange(MESSAGE, connection, message), self._seconds
+                )
             except TimeoutError:
                 self._counters["timeouts"] += 1
                 self._kill()

@@ -190,4 +190,3 @@ REQUESTS: dict[str, Callable[[Fields, str | None], Fields]] = {
     "plan": _plan, "plan_cloud": _plan_cloud, "objects": _objects, "verify": _verify,
 }  # fmt: skip
 """Request -> what answers it."""
-

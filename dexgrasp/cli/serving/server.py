@@ -8,6 +8,7 @@ import asyncio
 import hmac
 import json
 import signal
+import socket
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
@@ -61,7 +62,7 @@ class Server:
         self._settings, self._token = settings, token
         self.counters: Counter[str] = Counter()
         self._workers = [Worker(served, settings.seconds, self.counters) for _ in range(workers)]
-        self._numbers, self._open, self._in_hand = count(1), 0, 0
+        self._numbers, self._open, self._in_hand = count(1), set[Any](), 0
         self._stopping = asyncio.Event()
         self._idle = asyncio.Event()
         self._idle.set()
@@ -79,47 +80,44 @@ class Server:
 
         for number_ in (signal.SIGTERM, signal.SIGINT):
             asyncio.get_running_loop().add_signal_handler(number_, self._stopping.set)
+        place = _bound(self._settings)  # an address that is taken is said before anything is loaded
         try:
             await asyncio.gather(*(worker.start() for worker in self._workers))
             listening = await serve(
-                self._connection, self._settings.host, self._settings.port,
-                process_request=self._request, origins=[None],  # pages of a browser send their origin
+                self._connection, sock=place, process_request=self._request,
+                origins=[None],  # pages of a browser send their origin
                 compression=None, max_size=int(self._settings.megabytes * 1e6), max_queue=2,
             )  # fmt: skip
-        except OSError as error:
-            raise InputError(
-                f"cannot listen at {self._settings.host}:{self._settings.port}: {error.strerror or error}"
-            ) from None
-        else:
-            ready(next(iter(listening.sockets)).getsockname()[1], self._workers[0].metadata)
+            ready(place.getsockname()[1], self._workers[0].metadata)
             await self._stopping.wait()
             listening.close(close_connections=False)
             await self._idle.wait()
-            listening.close(code=_GOING_AWAY, reason="the server ends")
+            await asyncio.gather(*(client.close(_GOING_AWAY, "the server ends") for client in self._open))
             await listening.wait_closed()
         finally:
+            place.close()
             await asyncio.gather(*(worker.stop() for worker in self._workers))
 
-    async def _connection(self, socket: Any) -> None:
+    async def _connection(self, client: Any) -> None:
         from websockets.exceptions import ConnectionClosed
 
         worker, own = min(self._workers, key=lambda one: one.connections), next(self._numbers)
         worker.connections += 1
-        self._open += 1
+        self._open.add(client)
         self.counters["connections"] += 1
         try:
-            await socket.send(pack(worker.metadata))
-            async for message in socket:
-                await self._answer(socket, worker, own, message)
+            await client.send(pack(worker.metadata))
+            async for message in client:
+                await self._answer(client, worker, own, message)
         except ConnectionClosed:
             pass
         finally:
             worker.connections -= 1
-            self._open -= 1
+            self._open.discard(client)
             with suppress(OSError):
                 await worker.forget(own)
 
-    async def _answer(self, socket: Any, worker: Worker, own: int, message: str | bytes) -> None:
+    async def _answer(self, client: Any, worker: Worker, own: int, message: str | bytes) -> None:
         self.counters["requests"] += 1
         self._in_hand += 1
         self._idle.clear()
@@ -128,10 +126,10 @@ class Server:
                 raise Refusal("text is no message: send msgpack, as bytes")
             if self._stopping.is_set():
                 raise Refusal("the server ends")
-            await socket.send(await worker.ask(own, message))
+            await client.send(await worker.ask(own, message))
         except Refusal as refusal:
             self.counters["errors"] += 1
-            await socket.send(str(refusal))
+            await client.send(str(refusal))
         finally:
             self._in_hand -= 1
             if not self._in_hand:
@@ -142,11 +140,23 @@ class Server:
         if request.path == "/healthz":
             return connection.respond(HTTPStatus.OK, "ok\n")
         asked = request.headers.get("Authorization", "")
-        if self._token is not None and not hmac.compare_digest(asked.encode(), f"Api-Key {self._token}".encode()):
+        if self._token is not None and not hmac.compare_digest(
+            asked.encode(), f"Api-Key {self._token}".encode()
+        ):
             return connection.respond(HTTPStatus.UNAUTHORIZED, "send Authorization: Api-Key TOKEN\n")
         if request.path == "/metrics":
-            figures = {**self.counters, "open": self._open, "in_hand": self._in_hand}
+            figures = {**self.counters, "open": len(self._open), "in_hand": self._in_hand}
             return connection.respond(HTTPStatus.OK, json.dumps(figures) + "\n")
-        if self._open >= self._settings.connections:
+        if len(self._open) >= self._settings.connections:
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "all connections are taken\n")
         return None
+
+
+def _bound(settings: ServerSettings) -> socket.socket:
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    try:
+        return socket.create_server((settings.host, settings.port), family=family)
+    except OSError as error:
+        raise InputError(
+            f"cannot listen at {settings.host}:{settings.port}: {error.strerror or error}"
+        ) from None

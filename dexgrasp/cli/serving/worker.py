@@ -33,7 +33,9 @@ class _Answers:
 
         robot, agent = settings["robot"], settings["agent"]
         self._robot, self._episodes = robot, None
-        answer({"request": "plan_cloud", "points": _box(robot)}, robot)  # compiled code and weights are loaded
+        answer(
+            {"request": "plan_cloud", "points": _box(robot)}, robot
+        )  # compiled code and weights are loaded
         self.metadata: Fields = {
             "server": package, "version": __version__, "requests": list(REQUESTS),
             "code": code_hash([agent] if agent else []),
@@ -52,7 +54,9 @@ class _Answers:
         if "request" in message:
             return answer(message, self._robot)
         if self._episodes is None:
-            raise InputError("a message has a request: plan, plan_cloud, objects or verify (no agent is served)")
+            raise InputError(
+                "a message has a request: plan, plan_cloud, objects or verify (no agent is served)"
+            )
         return self._episodes.answer(connection, message)
 
     def end(self, connection: int) -> None:

@@ -1,0 +1,258 @@
+"""A server of grasps: it answers as the commands do, and whatever comes in, it goes on."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from dexgrasp.cli.main import main
+from dexgrasp.runs.messages import pack, unpack
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
+
+TOKEN = "a token"
+
+
+class Served:
+    """A server process, and connections to it."""
+
+    def __init__(self, *options):
+        command = [
+            sys.executable,
+            "-m",
+            "dexgrasp.cli.main",
+            "serve",
+            "--port",
+            "0",
+            "--workers",
+            "1",
+            *options,
+        ]
+        environment = {**os.environ, "DEXGRASP_TOKEN": TOKEN}
+        self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
+        self.lines = []
+        for line in self.process.stderr:
+            self.lines.append(line)
+            if line.startswith("ready: "):
+                break
+        self.address = re.search(r"ws://\S+", self.lines[-1])[0]
+
+    def connect(self, token=TOKEN, **more):
+        headers = {"Authorization": f"Api-Key {token}"} | more
+        socket = connect(self.address, compression=None, max_size=None, additional_headers=headers)
+        self.metadata = unpack(socket.recv())
+        return socket
+
+    def get(self, path, token=TOKEN):
+        asked = urllib.request.Request(
+            self.address.replace("ws", "http", 1) + path, headers={"Authorization": f"Api-Key {token}"}
+        )
+        return urllib.request.urlopen(asked).read().decode()
+
+    def worker(self):
+        """Return the number of the worker process."""
+        own = self.process.pid
+        return int(Path(f"/proc/{own}/task/{own}/children").read_text().split()[0])
+
+
+@pytest.fixture(scope="module")
+def served():
+    server = Served("--seconds", "20", "--megabytes", "2", "--connections", "3")
+    yield server
+    server.process.kill()
+    server.process.stderr.close()
+
+
+@pytest.fixture(scope="module")
+def points():
+    rng = np.random.default_rng(4)
+    box = rng.uniform(size=(3000, 3))
+    box[np.arange(3000), rng.integers(0, 3, 3000)] = rng.integers(0, 2, 3000)
+    table = rng.uniform([0.3, -0.25, 0.0], [0.75, 0.25, 0.0], (4000, 3))
+    points = np.concatenate([[0.48, -0.05, 0.0] + box * [0.05, 0.09, 0.06], table])
+    return points + rng.normal(0.0, 0.0008, points.shape)
+
+
+def ask(socket, **request):
+    socket.send(pack(request))
+    answer = socket.recv(60)
+    return answer if isinstance(answer, str) else unpack(answer)
+
+
+def timeless(content):
+    """Return an answer without the times that it took."""
+    if isinstance(content, dict):
+        drop = ("stages", "planning_seconds", "created")
+        return {key: timeless(value) for key, value in content.items() if key not in drop}
+    return [timeless(value) for value in content] if isinstance(content, list) else content
+
+
+def test_an_answer_is_the_commands(served, points, tmp_path, capsys):
+    np.save(tmp_path / "scene.npy", points)
+    options = ["--cloud", str(tmp_path / "scene.npy"), "--seed", "7", "--mass", "0.2", "--json"]
+    assert main(["plan", *options]) == 0
+    told = json.loads(capsys.readouterr().out)
+    with served.connect() as socket:
+        assert served.metadata["requests"] == ["plan", "plan_cloud", "objects", "verify"]
+        plan = ask(socket, request="plan_cloud", points=points, seed=7, mass=0.2, name="scene")
+        assert timeless(plan) == timeless(told)
+        assert ask(socket, request="verify", grasp=plan["grasp"])["holds"]
+        assert main(["plan", *options[:2], "--objects", "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert ask(socket, request="objects", points=points) == told
+
+
+def test_a_target_a_mesh_and_a_depth_image_are_planned_for(served, points):
+    with served.connect() as socket:
+        assert ask(socket, request="plan", target="pear", seed=3)["success"]
+        corners = np.array([[x, y, z] for x in (0, 40) for y in (0, 60) for z in (0, 50)], float)
+        import trimesh
+
+        hull = trimesh.convex.convex_hull(corners)
+        mesh = {"vertices": np.array(hull.vertices), "faces": np.array(hull.faces), "mesh_scale": 0.001}
+        found = ask(socket, request="plan", name="block", seed=1, **mesh)
+        assert (found["success"], found["object"]) == (True, "block")
+        lens = CameraIntrinsics(160, 120, 172.0, 172.0, 79.5, 59.5)
+        camera = Camera.look_at("camera", (0.9, 0.0, 0.5), (0.5, 0.0, 0.02), lens)
+        flat = (points - camera.position) @ camera.rotation
+        u, v = (np.rint(172 * flat[:, k] / flat[:, 2] + c).astype(int) for k, c in ((0, 79.5), (1, 59.5)))
+        depth = np.full((120, 160), np.inf)
+        shown = (u >= 0) & (u < 160) & (v >= 0) & (v < 120)
+        np.minimum.at(depth, (v[shown], u[shown]), flat[shown, 2])
+        K = [[172.0, 0, 79.5], [0, 172.0, 59.5], [0, 0, 1]]
+        seen = ask(socket, request="objects", depth=depth, K=K, T_base_camera=camera.T_world_camera)
+        assert np.allclose(seen["objects"][0]["place"], [0.505, -0.005, 0.03], atol=0.02)
+
+
+def test_a_mistake_is_a_line(served, points):
+    grasp = {"schema": 3}
+    with served.connect() as socket:
+        for request, words in (
+            ({"request": "dance"}, "valid are plan, plan_cloud, objects, verify"),
+            ({"request": 3}, "valid are plan"),
+            ({"points": points}, "no agent is served"),
+            ({"request": "plan_cloud"}, "send points, or depth with K"),
+            ({"request": "plan_cloud", "points": points, "depth": points[:, :2]}, "send points, or depth"),
+            ({"request": "plan_cloud", "points": points, "sede": 1}, "unknown option 'sede'"),
+            ({"request": "plan_cloud", "points": points, "robot": "leap"}, "unknown option 'robot'"),
+            ({"request": "plan_cloud", "points": points, "seed": -1}, "seed is -1"),
+            ({"request": "plan_cloud", "points": points, "target": "pear"}, "of the request plan"),
+            ({"request": "plan_cloud", "points": points * np.nan}, "no finite point"),
+            ({"request": "plan_cloud", "points": points, "marked": [True]}, "mask has shape"),
+            ({"request": "plan", "target": "/etc/passwd"}, "no object '/etc/passwd' here"),
+            ({"request": "plan", "vertices": points[:4], "faces": [[0, 1, 9]]}, "corners that it lacks"),
+            ({"request": "plan", "target": "pear", "mass": 1.0}, "mass is of plan_cloud"),
+            ({"request": "verify", "grasp": grasp, "robot": "x"}, "nothing else"),
+            ({"request": "verify", "grasp": grasp}, "is missing"),
+        ):
+            answer = ask(socket, **request)
+            assert isinstance(answer, str), request
+            assert words in answer, (answer, words)
+            assert len(answer.splitlines()) == 1
+
+
+def damaged(rng, good):
+    """Return bytes that are no message, of many kinds."""
+    kind = rng.integers(7)
+    if kind == 0:
+        return rng.bytes(rng.integers(1, 200))
+    if kind == 1:
+        return good[: rng.integers(1, len(good))]
+    if kind == 2:
+        place = rng.integers(1, 80)
+        return good[:place] + rng.bytes(3) + good[place + 3 :]
+    if kind == 3:
+        return pack({"request": [1, {"a": None}], "points": "x" * 50})
+    if kind == 4:
+        array = {b"__ndarray__": True, b"data": b"12345678", b"dtype": "|O", b"shape": [1]}
+        return pack({"request": "plan_cloud", "points": array})
+    if kind == 5:
+        array = {b"__ndarray__": True, b"data": b"", b"dtype": "<f8", b"shape": [2**40, -3]}
+        return pack({"request": "plan_cloud", "points": array})
+    return b"\x91" * 5000 + b"\x01"
+
+
+def test_damaged_messages_are_errors_and_the_server_goes_on(served, points):
+    rng = np.random.default_rng(0)
+    good = pack({"request": "objects", "points": points[:300].astype(np.float32)})
+    with served.connect() as socket:
+        pid = served.worker()
+        for _ in range(300):
+            socket.send(damaged(rng, good))
+            assert socket.recv(30) is not None  # an error, or the answer where the damage was in a number
+        socket.send("text")
+        assert "send msgpack" in socket.recv(30)
+        assert ask(socket, request="plan_cloud", points=points)["success"]
+        assert served.worker() == pid
+    with served.connect() as socket:
+        socket.send(b"\x00" * 2_500_000)
+        with pytest.raises(ConnectionClosed) as closed:
+            socket.recv(30)
+        assert closed.value.rcvd.code == 1009
+
+
+def test_who_has_no_token_or_comes_from_a_page_is_refused(served):
+    for given, status in (({"token": "another"}, 401), ({"Origin": "http://elsewhere"}, 403)):
+        with pytest.raises(InvalidStatus) as refused:
+            served.connect(**given)
+        assert refused.value.response.status_code == status
+    assert served.get("/healthz", "none") == "ok\n"
+    assert json.loads(served.get("/metrics"))["requests"] > 0
+    with pytest.raises(urllib.error.HTTPError):
+        served.get("/metrics", "none")
+    sockets = [served.connect() for _ in range(3)]
+    with pytest.raises(InvalidStatus) as refused:
+        served.connect()
+    assert refused.value.response.status_code == 503
+    for socket in sockets:
+        socket.close()
+
+
+def test_a_worker_that_is_killed_is_replaced(served, points):
+    with served.connect() as socket:
+        os.kill(served.worker(), signal.SIGKILL)
+        assert "another one is started" in ask(socket, request="plan_cloud", points=points)
+        assert ask(socket, request="plan_cloud", points=points)["success"]
+
+
+def test_a_signal_ends_it_when_what_is_in_hand_is_answered(points):
+    server = Served()
+    with server.connect() as socket:
+        socket.send(pack({"request": "plan", "target": "pear", "seed": 0}))
+        time.sleep(0.3)
+        server.process.send_signal(signal.SIGTERM)
+        assert unpack(socket.recv(60))["success"]
+    assert server.process.wait(20) == 0
+    server.process.stderr.close()
+
+
+def test_arrays_arrive_as_they_were_and_nothing_else_is_made():
+    for array in (np.arange(6.0).reshape(2, 3), np.zeros((0, 3), np.float32), np.array(True), np.int16(3)):
+        (found,) = unpack(pack({"a": array})).values()
+        assert np.array_equal(found, array)
+        assert found.dtype == array.dtype
+    with pytest.raises(TypeError):
+        pack({"a": np.array([object()])})
+    with pytest.raises(InputError):
+        unpack(pack({"a": {b"__npgeneric__": True, b"data": "x", b"dtype": "<M8[s]"}}))
+
+
+def test_what_cannot_be_served_is_said(capsys):
+    for options, words in (
+        (["--agent", "nobody"], "unknown agent"),
+        (["--port", "99999"], "whole number"),
+        (["--host", "203.0.113.1", "--port", "0"], "cannot listen"),
+    ):
+        assert main(["serve", "--workers", "1", *options]) == 2
+        assert words in capsys.readouterr().err
