@@ -134,3 +134,14 @@ def shifted(T: Array, offset: Array) -> Array:
     moved = T.copy()
     moved[:3, 3] += offset
     return moved
+
+
+def inverse(T: Array) -> Array:
+    """Return the inverse of a pose (4, 4)."""
+    R = T[:3, :3].T
+    return rigid(R, 0.0 - R @ T[:3, 3])
+
+
+def placed(T: Array, points: Array) -> Array:
+    """Return points (..., 3) m of one frame in another, in which the first has pose `T` (4, 4)."""
+    return points @ T[:3, :3].T + T[:3, 3]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check_mesh_options
 from dexgrasp.cli.output import note
-from dexgrasp.cli.scan import Scan, chosen_line, list_lines, tilt_line
+from dexgrasp.cli.scan import Scan, chosen_line, list_lines, table_line
 from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -148,8 +148,8 @@ class Plan(Command, Scan, Scene):
             raise InputError(
                 f"several objects stand in reach: {stand}: point at one by --object-near, --box, --mask or --pixel"
             )
-        if scene.tilt:
-            note(tilt_line(scene.tilt))
+        if off := table_line(scene, self.cell):
+            note(off)
         if scene.reason is None:
             note(chosen_line(seen))
         found = plan_scene(
@@ -169,7 +169,7 @@ class Plan(Command, Scan, Scene):
         from dexgrasp_env.perception.detected import detected_objects
 
         scene = scene_of(scan, self.selector(), seed=self.seed, cell=self.cell)
-        return scene, detected_objects(scene, self.cell.base)
+        return scene, detected_objects(scene, self.cell.seeing(scene.table).T_base_world)
 
     def _list(self, scan: "Cloud") -> Answer:
         """List the objects seen, with a picture where there is a folder for it."""
@@ -179,8 +179,8 @@ class Plan(Command, Scan, Scene):
         lines = [f"{len(seen)} objects (middles in the frame of the robot's base, m):", *list_lines(seen)]
         if not seen:
             lines = [f"no object: {scene.sentence or scene.reason}"]
-        if scene.tilt:
-            lines.append(tilt_line(scene.tilt))
+        if off := table_line(scene, self.cell):
+            lines.append(off)
         if seen and self.out is not None:
             lines.append(f"wrote {objects_picture(self.out / 'objects.png', scene, seen)}")
         return Answer({"objects": seen}, lines, not seen)

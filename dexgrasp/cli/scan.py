@@ -9,7 +9,9 @@ from dexgrasp_env.valid import Positive
 
 if TYPE_CHECKING:
     from dexgrasp_env.perception.detected import DetectedObject
+    from dexgrasp_env.perception.scene import Scene
     from dexgrasp_env.perception.selection import TargetSelector
+    from dexgrasp_env.robot.cell import Cell
 
 _DOUBT = "may be two objects, or a part of the next"
 _BESIDE = 0.15  # m from the object within which it is said what stands there
@@ -86,12 +88,10 @@ def list_lines(seen: "list[DetectedObject]") -> list[str]:
     return lines
 
 
-def tilt_line(tilt: float) -> str:
-    """Return that a table was tilted by so many rad."""
-    return (
-        f"warning: the table is tilted by {57.29578 * tilt:.0f} degrees in the frame of the robot's base: levelled; "
-        "all is said of the levelled frame"
-    )
+def table_line(scene: "Scene", cell: "Cell") -> str:
+    """Return a warning where the table is seen elsewhere than the cell has it, or leaning; else nothing."""
+    off = "" if scene.table is None else scene.table.differs(cell.table_height)
+    return off and f"warning: {off}"
 
 
 def chosen_line(seen: "list[DetectedObject]") -> str:

@@ -10,6 +10,7 @@ from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp.grasp.verify.check import Check, at_least, at_most, flag
 from dexgrasp.grasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Arm, Hand
 
@@ -50,7 +51,7 @@ def check_trajectory(recording: Recording, cell: Cell) -> list[Check]:
         InputError: if the files name a mount that the cell has not.
     """
     facts, arm, hand = recording.facts, recording.arm, recording.hand
-    cell, apart = cell.mounted(facts.mount), abs(arm.times[-1] - hand.times[-1])
+    cell, apart = cell.mounted(facts.mount).seeing(facts.table), abs(arm.times[-1] - hand.times[-1])
     return [
         flag("cell: of another one", cell.stamp == facts.cell, f"this is {cell.stamp}"),
         _timing("arm", arm), _timing("hand", hand),
@@ -109,13 +110,18 @@ def _limits(name: str, rows: Rows, part: Arm | Hand) -> list[Check]:
 def _collisions(recording: Recording, cell: Cell) -> list[Check]:
     """Distances of the true collision shapes: robot to itself, table, neighbours, and the object that it approaches."""
     facts = recording.facts
-    parts, around = ([part + cell.base for part in shapes] for shapes in (facts.parts, facts.around))
+    parts, around = (
+        [placed(cell.T_world_base, part) for part in shapes] for shapes in (facts.parts, facts.around)
+    )
     scene = Scene(cell, parts, (), around)
     words = {"self": "robot to itself", "hand_table": "robot to the table",
              "hand_object": "robot to the object on the approach",
-             "hand_neighbour": "robot to what stands around"}  # fmt: skip
+             "hand_neighbour": "robot to what stands around",
+             "hand_seen": "robot to the points of the table that were seen"}  # fmt: skip
     if not around:
         del words["hand_neighbour"]
+    if facts.table is None:
+        del words["hand_seen"]
     least = dict.fromkeys(words, np.inf)
     times, rows = recording.arm.times, _together(recording)
     for k in _looks(rows):

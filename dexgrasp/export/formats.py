@@ -72,10 +72,11 @@ def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
         points = [_point(0.0, hand, effort=torque)]
         return {"header": _header(base), "joint_names": list(joints), "points": points}
 
-    def translation(z: float, distance: float) -> Fields:
-        """Return a `GripperTranslation` along the base's z, up (1) or down (-1), m."""
+    def translation(way: float, distance: float) -> Fields:
+        """Return a `GripperTranslation` off the table (1) or onto it (-1), m."""
+        vector = {axis: way * part + 0.0 for axis, part in zip("xyz", facts["up"], strict=True)}
         return {
-            "direction": {"header": _header(base), "vector": {"x": 0.0, "y": 0.0, "z": z}},
+            "direction": {"header": _header(base), "vector": vector},
             "desired_distance": distance,
             "min_distance": 0.5 * distance,
         }

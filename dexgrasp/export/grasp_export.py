@@ -17,7 +17,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
-from dexgrasp_env.poses import matrix_to_quat, rigid
+from dexgrasp_env.poses import matrix_to_quat, placed, rigid
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.valid import POSITIVE, check
 
@@ -70,8 +70,8 @@ def export_grasp(
 
 def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:
     """Return what the files say beside the rows: postures, palm, the squeeze; positions from the robot's base."""
-    base, tree, hand = cell.base, robot_tree(cell), slice(cell.robot.arm_dof, None)
-    R, p = palm_frame(record.q, tree)
+    tree, hand, T = robot_tree(cell), slice(cell.robot.arm_dof, None), cell.T_base_world
+    palm = T @ rigid(*palm_frame(record.q, tree))
     J = hand_contact_jacobian(record.grasp, record.points, record.normals, tree)
     torque = np.einsum("frj,fr->j", J, record.forces)  # presses with the planned forces
     # Each servo has its share where others follow it.
@@ -84,7 +84,7 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:
         "touching": record.grasp[hand],
         "closed": record.squeeze[hand],
         "pressing": _PRESSING,
-        "palm": {"position": p - base, "quat_wxyz": matrix_to_quat(R)},
+        "palm": {"position": palm[:3, 3], "quat_wxyz": matrix_to_quat(palm[:3, :3])},
         "squeeze": {
             "joints": cell.robot.hand.joints.names,
             "torque": torque,
@@ -93,14 +93,16 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:
         },
         "contacts": {
             "fingers": record.fingers,
-            "points": record.points - base,
-            "forces": record.forces[:, :3],
+            "points": placed(T, record.points),
+            "forces": record.forces[:, :3] @ T[:3, :3].T,
         },
         "largest_force": np.linalg.norm(record.forces[:, :3], axis=1).max(),
         "quality": record.certificate.closure_margin,
         "lift_height": 0.0 if record.script is None else record.script.lift_height,
-        "parts": [part - base for part in record.parts],
-        "around": [part - base for part in record.around],
+        "parts": [placed(T, part) for part in record.parts],
+        "around": [placed(T, part) for part in record.around],
+        "up": T[:3, 2],
+        "table": record.table,
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
     })  # fmt: skip
 

@@ -12,6 +12,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, read_json_object, readable
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.table import SeenTable
 from dexgrasp_env.valid import Names, Rule, Word, check, list_of, number, read
 
 _MOST_ROWS = 600_000  # ten minutes at 1 kHz
@@ -59,6 +60,7 @@ class Facts:
         parts: corners (V, 3) m of the object's convex parts, from the robot's base.
         around: the same of what stands around it, which may be nothing.
         rejected: checks of `verify` that the grasp fails.
+        table: where the table was seen; None where it is the cell's.
     """
 
     mount: Word
@@ -67,6 +69,7 @@ class Facts:
     parts: Parts
     around: tuple[Annotated[Array, CORNERS], ...]
     rejected: tuple[str, ...]
+    table: SeenTable | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,6 @@
 """Grasp files: written whole, and read into a record (`docs/grasp-file.md`)."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,4 +49,5 @@ def record_of(content: Any, source: str = "this object", cell: Cell | None = Non
     except (TypeError, ValueError, AttributeError, RecursionError) as error:
         text = " ".join(str(error).split())[:300]
         raise InputError(f"{source} is not a usable grasp: {text}") from None
-    return record.moved(-record.table_height)
+    record = replace(record, here=here.seeing(record.table))
+    return record.placed(record.stated_cell.T_world_base)

@@ -96,6 +96,7 @@ def planned_record(
         script=None if script is None else _executed(script, grasp),
         certificate=grasp.certificate,
         holds_probability=None,
+        table=grasp.cell.table,
     )
     return replace(record, holds_probability=probability_of(record, target.guessed(grasp.normals)))
 

@@ -15,8 +15,9 @@ from dexgrasp.grasp.thresholds import Thresholds
 from dexgrasp_env.arrays import Array, Fields, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
-from dexgrasp_env.poses import shifted
+from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.table import SeenTable
 from dexgrasp_env.valid import list_of, number, one_of
 
 SCHEMA = 3
@@ -156,6 +157,7 @@ class GraspRecord:
         script: what is executed; None where the grasp was planned without a start.
         certificate: what the planner claims.
         holds_probability: of being lifted and held; None where no model says one.
+        table: where the table was seen that all keeps clear of, frame of the robot's base; None where it is the cell's.
     """
 
     agent: Word
@@ -185,6 +187,7 @@ class GraspRecord:
     script: Script | None
     certificate: Certificate
     holds_probability: HoldsProbability | None
+    table: SeenTable | None = None
 
     def __post_init__(self) -> None:
         """Check that the fields go together.
@@ -245,6 +248,11 @@ class GraspRecord:
         """Corners (V, 3) m of the convex parts of all neighbours, world frame."""
         return [part @ n.pose[:3, :3].T + n.pose[:3, 3] for n in self.neighbours for part in n.parts]
 
+    @property
+    def stated_cell(self) -> Cell:
+        """The cell with its table where the file says that it is."""
+        return replace(self.here, table_height=self.table_height).seeing(self.table)
+
     def check_cell(self) -> Cell:
         """Return the cell that it is carried out in.
 
@@ -261,23 +269,27 @@ class GraspRecord:
             )
         return self.here
 
-    def moved(self, by: float) -> "GraspRecord":
-        """Return it in a frame whose origin is lower by `by` m: places rise."""
-        offset = np.array([0.0, 0.0, by])
-        centre, pose = self.object.known_centre, self.T_world_object
+    def placed(self, T: Array) -> "GraspRecord":
+        """Return it in a frame in which its own has pose `T` (4, 4)."""
+        R, pose, centre = T[:3, :3], self.T_world_object, self.object.known_centre
+        contacts = (
+            replace(one, point=placed(T, one.point), normal=R @ one.normal, force=R @ one.force)
+            for one in self.contacts
+        )
         return replace(
             self,
-            object=replace(self.object, known_centre=None if centre is None else centre + offset),
-            T_world_object=None if pose is None else shifted(pose, offset),
-            parts=tuple(part + offset for part in self.parts),
-            centre=self.centre + offset,
-            contacts=tuple(replace(contact, point=contact.point + offset) for contact in self.contacts),
-            neighbours=tuple(replace(n, pose=shifted(n.pose, offset)) for n in self.neighbours),
+            object=replace(self.object, known_centre=None if centre is None else placed(T, centre)),
+            T_world_object=None if pose is None else T @ pose,
+            hull_offset=None if self.hull_offset is None else R @ self.hull_offset,
+            parts=tuple(placed(T, part) for part in self.parts),
+            centre=placed(T, self.centre),
+            contacts=tuple(contacts),
+            neighbours=tuple(replace(n, pose=T @ n.pose) for n in self.neighbours),
         )
 
 
 def as_json(record: GraspRecord) -> Fields:
     """Return a record as schema 3 holds it (lengths m, angles rad, forces N, frame of the robot's base)."""
-    stated = vars(record.moved(record.table_height)) | {"schema": SCHEMA}
+    stated = vars(record.placed(record.stated_cell.T_base_world)) | {"schema": SCHEMA}
     del stated["here"]
     return jsonable(stated)

@@ -53,7 +53,7 @@ class HandAtlas(NamedTuple):
 @lru_cache(maxsize=4)
 def hand_atlas(cell: Cell) -> HandAtlas:
     """Return the atlas of a robot's hand, sampled once and kept in the cache; mount and table do not matter."""
-    cell = replace(cell, table_height=0.0).mounted(cell.mounts[0])
+    cell = replace(cell, table_height=0.0, table=None).mounted(cell.mounts[0])
     robot, tree, rng = cell.robot, robot_tree(cell), np.random.default_rng(_SEED)
     name = f"postures_{_key(robot, tree)}.npy"
     if robot.hand.frame is not None:

@@ -54,7 +54,7 @@ def plan_scene(
     """
     if count is not None:
         check("count", count, GRASPS)
-    began = time.perf_counter()
+    began, planner = time.perf_counter(), planner.seeing(scene.table)
     try:
         target = replace(
             target_of(scene, mass, planner.settings.most_parts),
@@ -106,9 +106,9 @@ def plan_cloud(
 ) -> PlanResult:
     """Plan a grasp of an object in a cloud, or several that differ; what else stands there is kept clear of.
 
-    The scene stands on a table at the height that the cell has; the table, and the robot where it stands at `start`,
-    may be in the cloud. Points are given in the frame of the robot's base; the plan is in the world, whose z = 0 is the
-    table's top: the same frame, unless the cell says otherwise. Grasp files are in the frame of the base again.
+    The scene stands on a table, which is kept clear of where it is seen; the robot may be in the cloud where it stands
+    at `start`. Points are given in the frame of the robot's base; the plan is in the world, whose z = 0 is the table's
+    top as it was seen. Grasp files are in the frame of the base again.
 
     Args:
         points: (N, 3) m in the frame of the robot's base, z up, or a `Cloud` as `read_scan` returns it.

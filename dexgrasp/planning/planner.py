@@ -1,6 +1,7 @@
 """From an object to a certified grasp: proposals, postures, bilevel optimisation, certificate, approach."""
 
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import replace
 from itertools import islice, product
 from typing import NamedTuple
@@ -24,6 +25,7 @@ from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.runs.compiling import compiling
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell, default_cell
+from dexgrasp_env.robot.table import SeenTable
 
 NO_POSTURE, BUDGET, LIFT_BLOCKED = "no_reachable_posture", "time_budget", "lift_blocked"
 
@@ -96,6 +98,15 @@ class Planner:
             )
         self.source, self._with_closure = source or SurfaceProposals(), with_closure
         self.source.check_hand(self.cell.robot.hand)
+
+    def seeing(self, table: SeenTable | None) -> "Planner":
+        """Return the planner in its cell with the table where it was seen; None: where the cell has it."""
+        if table is None:
+            return self
+        there = copy(self)
+        there.cell = self.cell.seeing(table)
+        there.tree = robot_tree(there.cell)
+        return there
 
     def others(self) -> Iterator["Planner"]:
         """Yield planners of the other grasps of the hand, whose contacts any source but the surface would not know."""

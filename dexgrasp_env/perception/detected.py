@@ -6,6 +6,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.poses import placed
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,8 @@ def in_words(place: Array, sides: Array) -> str:
     return f"{size} cm at ({', '.join(f'{x:.2f}' for x in place)})"
 
 
-def detected_objects(scene: Scene, base: Array) -> list[DetectedObject]:
-    """Return the objects that a scene shows, `base` (3,) m being where the robot's base is in the world."""
+def detected_objects(scene: Scene, T_base_world: Array) -> list[DetectedObject]:
+    """Return the objects that a scene shows, in the frame of the robot's base, in which the world has a pose (4, 4)."""
     from scipy.spatial import cKDTree
 
     shown = [one for one in (scene.target, *scene.neighbours) if len(one)]
@@ -49,7 +50,12 @@ def detected_objects(scene: Scene, base: Array) -> list[DetectedObject]:
     )
     return [
         DetectedObject(
-            k, middle(points) - base, np.ptp(points, axis=0), float(own.min()), float(own[0]), one.doubtful
+            k,
+            placed(T_base_world, middle(points)),
+            np.ptp(points, axis=0),
+            float(own.min()),
+            float(own[0]),
+            one.doubtful,
         )
         for k, (one, points, own) in enumerate(zip(shown, clouds, gaps, strict=True), start=1)
     ]

@@ -42,7 +42,7 @@ from dexgrasp_env.perception.reasons import NO_PLANE, NOTHING_MARKED, OUT_OF_VIE
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.perception.selection import TargetSelector, check_reach
-from dexgrasp_env.perception.support import find_support, near_base
+from dexgrasp_env.perception.support import Support, find_support, near_base, table_around
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
 
@@ -143,11 +143,10 @@ def find_object(
     try:
         cloud = near_base(cloud)
         cloud = cloud.moved(cloud.points + cell.base)
-        support = find_support(cloud, rng, cell)
-        if support.tilt:
-            selector = selector.turned(cloud, support.rotation, support.about)
-        plane = support.plane
-        above = isolate(support.cloud, plane, max(_LEAST_CLEARANCE, SIGMAS * plane.rms), own)
+        support = find_support(cloud, rng, cell, selector.meant(cloud))
+        selector, cell, plane = selector.placed(cloud, support.T), support.cell, support.plane
+        clearance = max(_LEAST_CLEARANCE, SIGMAS * plane.rms)
+        above = isolate(support.cloud, plane, clearance, support.own(own))
         above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND)
         instances = segment_instances(above, plane)
         numbers = instances.objects(above)
@@ -157,15 +156,24 @@ def find_object(
             found = above.select(marked)
             if len(found) < MIN_POINTS:
                 raise NoTargetError(NOTHING_MARKED, f"{len(found)} points")
-            check_reach(found, cell.base)
+            check_reach(found, cell.T_base_world)
         else:
-            number = numbers[selector.choose([one for one, _ in objects], len(above), cell.base)]
+            number = numbers[selector.choose([one for one, _ in objects], len(above), cell.T_base_world)]
     except NoTargetError as refused:
         seen = tuple(
             object_cloud(one, None, COUNT, doubtful, cameras_known=False) for one, doubtful in objects
         )
-        return Scene(reason=refused.reason, sentence=refused.sentence, neighbours=seen)
-    return replace(scene_around(above, instances, number, plane, rng, cameras_known=False), tilt=support.tilt)
+        return Scene(reason=refused.reason, sentence=refused.sentence, neighbours=seen, table=cell.table)
+    scene = scene_around(above, instances, number, plane, rng, cameras_known=False)
+    return _settled(replace(scene, tilt=support.tilt), support)
+
+
+def _settled(scene: Scene, support: Support) -> Scene:
+    """Return a scene in the world of the table as it is seen around its target."""
+    if not len(scene.target):
+        return replace(scene, table=support.cell.table)
+    table = table_around(support, scene.target.points)
+    return scene.standing_on(table, support.cell.seeing(table).T_world_base @ support.cell.T_base_world)
 
 
 def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None) -> Cloud:

@@ -55,8 +55,9 @@ class Plane:
 
 
 def fit_plane(
-    points: Array, rng: np.random.Generator, *, off: float = 0.05, min_inliers: int = 200, tilt: float = _TILT
-) -> Plane | None:
+    points: Array, rng: np.random.Generator, *, off: float = 0.05, min_inliers: int = 200, tilt: float = _TILT,
+    within: float = TOLERANCE, triples: int = _HYPOTHESES,
+) -> Plane | None:  # fmt: skip
     """Fit the table by RANSAC (Fischler and Bolles 1981) and least squares on its inliers.
 
     Args:
@@ -65,6 +66,8 @@ def fit_plane(
         off: points farther above or below have no say, metres.
         min_inliers: fewer inliers are no table.
         tilt: rad from level up to which planes are looked at.
+        within: m from it, points are its inliers.
+        triples: tried.
 
     Returns:
         The plane, or None if there is none.
@@ -73,16 +76,16 @@ def fit_plane(
     if len(near) < max(min_inliers, 3):
         return None
     pool = near[rng.integers(len(near), size=_SAMPLES)]
-    triples = pool[rng.integers(_SAMPLES, size=(_HYPOTHESES, 3))]
-    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
+    drawn = pool[rng.integers(_SAMPLES, size=(triples, 3))]
+    normals = np.cross(drawn[:, 1] - drawn[:, 0], drawn[:, 2] - drawn[:, 0])
     length = np.sqrt((normals * normals).sum(-1))
     fit = np.abs(normals[:, 2]) > np.cos(tilt) * np.maximum(length, 1e-12)
     if not fit.any():
         return None
     normals = normals[fit] / (length * np.sign(normals[:, 2]))[fit, None]
-    offsets = (normals * triples[fit, 0]).sum(-1)
-    best = (np.abs(pool @ normals.T - offsets) < TOLERANCE).sum(0).argmax()
-    return refine_plane(near, normals[best], float(offsets[best]), TOLERANCE, min_inliers)
+    offsets = (normals * drawn[fit, 0]).sum(-1)
+    best = (np.abs(pool @ normals.T - offsets) < within).sum(0).argmax()
+    return refine_plane(near, normals[best], float(offsets[best]), within, min_inliers)
 
 
 def refine_plane(

@@ -4,7 +4,7 @@ Simulated cameras, recorded clouds and observations of the environment all end i
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,8 @@ from dexgrasp_env.arrays import Array, Arrays, Mask
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import pad
 from dexgrasp_env.perception.plane import Plane
+from dexgrasp_env.poses import placed
+from dexgrasp_env.robot.table import SeenTable
 
 REST = -1
 """The label of points that belong to no object."""
@@ -55,6 +57,11 @@ class ObjectCloud:
     def __len__(self) -> int:
         return len(self.points)
 
+    def placed(self, T: Array) -> "ObjectCloud":
+        """Return it in a frame in which its own has pose `T` (4, 4), in single precision as observations hold it."""
+        points, normals = placed(T, self.points), self.normals @ T[:3, :3].T
+        return replace(self, points=points.astype(np.float32), normals=normals.astype(np.float32))
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -69,6 +76,7 @@ class Scene:
         rest: what belongs to no object, e.g. walls.
         cameras: (K, 4, 4) T_world_camera as they are believed to be; none where they are unknown.
         tilt: rad by which the table leaned in what came in, and was levelled.
+        table: where it was seen, which is where the world is then (`Cell.seeing`); None: where the cell has it.
     """
 
     target: ObjectCloud = field(default_factory=ObjectCloud)
@@ -79,10 +87,16 @@ class Scene:
     rest: ObjectCloud = field(default_factory=ObjectCloud)
     cameras: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
     tilt: float = 0.0
+    table: SeenTable | None = None
 
     def __post_init__(self) -> None:
         if np.shape(self.cameras)[1:] != (4, 4):
             raise InputError(f"cameras {np.shape(self.cameras)}: valid are poses (K, 4, 4)")
+
+    def standing_on(self, table: SeenTable, T: Array) -> "Scene":
+        """Return it in the world of a table that was seen, in which its own has pose `T` (4, 4)."""
+        target, rest, *neighbours = (one.placed(T) for one in (self.target, self.rest, *self.neighbours))
+        return replace(self, target=target, rest=rest, neighbours=tuple(neighbours), table=table)
 
     @classmethod
     def of_observation(cls, observation: Mapping[str, Any], info: Mapping[str, Any] | None = None) -> "Scene":

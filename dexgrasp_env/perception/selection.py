@@ -13,6 +13,7 @@ from dexgrasp_env.perception.cloud import WORKSPACE_HIGH, WORKSPACE_LOW, Cloud, 
 from dexgrasp_env.perception.detected import in_words
 from dexgrasp_env.perception.reasons import NO_OBJECT, NOTHING_NEAR, OUT_OF_REACH, SEVERAL, NoTargetError
 from dexgrasp_env.perception.scan import CAMERAS_FILE, check_scan, read_cameras, understood
+from dexgrasp_env.poses import placed
 
 _NEAR = 0.08  # m from the named point to the object
 
@@ -44,14 +45,19 @@ class TargetSelector:
         near, box = (None if place is None else place + by for place in (self.near, self.box))
         return replace(self, near=near, box=box)
 
-    def turned(self, cloud: Cloud, R: Array, about: Array) -> "TargetSelector":
-        """Return it for a cloud that is turned about a point (3,) m; a box becomes a mask of what it holds."""
-        near = None if self.near is None else (self.near - about) @ R.T + about
-        mask = self.mask
+    def placed(self, cloud: Cloud, T: Array) -> "TargetSelector":
+        """Return it in a frame in which that of a cloud has pose `T` (4, 4); a box becomes a mask of what it holds."""
+        near, mask = None if self.near is None else placed(T, self.near), self.mask
         if self.box is not None:
             mask = np.zeros(np.prod(cloud.shape, dtype=int), bool)
             mask[cloud.pixel[self.marks(cloud)]] = True
         return TargetSelector(near, None, mask)
+
+    def meant(self, cloud: Cloud) -> Mask | None:
+        """Return which points of a cloud are pointed at (M,), as far as it is known; None where nothing is."""
+        if self.near is not None:
+            return np.asarray(np.linalg.norm(cloud.points - self.near, axis=1) < _NEAR)
+        return self.marks(cloud)
 
     def marks(self, cloud: Cloud) -> Mask | None:
         """Return which points of a cloud are marked by box or mask (M,); None where neither is given.
@@ -70,13 +76,13 @@ class TargetSelector:
             return inside(cloud.points, *self.box)
         return None
 
-    def choose(self, found: Sequence[Cloud], points: int, base: Array) -> int:
+    def choose(self, found: Sequence[Cloud], points: int, T_base_world: Array) -> int:
         """Return the index of the object that is near the point, or the only one in the workspace.
 
         Args:
             found: the objects.
             points: number above the table, for people.
-            base: (3,) m, of the robot, for people.
+            T_base_world: (4, 4), for people.
 
         Raises:
             NoTargetError: where there is none, none near, or several.
@@ -90,26 +96,28 @@ class TargetSelector:
             if gaps[best] > _NEAR:
                 raise NoTargetError(NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away")
         elif len(reachable) > 1:
-            raise NoTargetError(SEVERAL, _places([found[k] for k in reachable], base))
+            raise NoTargetError(SEVERAL, _places([found[k] for k in reachable], T_base_world))
         else:
             best = reachable[0] if reachable else 0
-        check_reach(found[best], base)
+        check_reach(found[best], T_base_world)
         return best
 
 
-def check_reach(cloud: Cloud, base: Array) -> None:
+def check_reach(cloud: Cloud, T_base_world: Array) -> None:
     """Raise `NoTargetError` for an object outside the workspace of the arm."""
     if not _is_in_reach(cloud):
-        raise NoTargetError(OUT_OF_REACH, _places([cloud], base))
+        raise NoTargetError(OUT_OF_REACH, _places([cloud], T_base_world))
 
 
 def _is_in_reach(cloud: Cloud) -> bool:
     return bool(inside(middle(cloud.points[:, :2])[None], WORKSPACE_LOW[:2], WORKSPACE_HIGH[:2]).all())
 
 
-def _places(found: list[Cloud], base: Array) -> str:
+def _places(found: list[Cloud], T_base_world: Array) -> str:
     """Return for people where things are and how large, the first few."""
-    said = [in_words(middle(one.points) - base, np.ptp(one.points, axis=0)) for one in found[:8]]
+    said = [
+        in_words(placed(T_base_world, middle(one.points)), np.ptp(one.points, axis=0)) for one in found[:8]
+    ]
     return "; ".join(said) + ("; ..." if len(found) > 8 else "")
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Mask, middle
 from dexgrasp_env.perception.cloud import (
     MIN_POINTS,
     WORKSPACE_HIGH,
@@ -18,7 +18,8 @@ from dexgrasp_env.perception.cloud import (
     cells_of,
     crop,
 )
-from dexgrasp_env.perception.plane import TOLERANCE, Plane, fit_plane
+from dexgrasp_env.perception.levels import choose_level, find_levels
+from dexgrasp_env.perception.plane import TOLERANCE, Plane, refine_plane
 from dexgrasp_env.perception.reasons import (
     EMPTY,
     NO_PLANE,
@@ -28,38 +29,59 @@ from dexgrasp_env.perception.reasons import (
     UPSIDE_DOWN,
     NoTargetError,
 )
+from dexgrasp_env.perception.robot import Own
+from dexgrasp_env.poses import inverse, placed
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.table import LEANING, SeenTable
 
 _VOXEL = 0.002  # m: denser clouds are thinned to one point a cell
 _ROOM = 2.0  # m around the base: what is farther is no business of the arm
 _LARGEST = 5.0  # m from the base: beyond, the unit is wrong
-_HEIGHTS = 0.30  # m above and below the cell's table where one is looked for, to say where it is
-_TABLE_OFF = 0.02  # m that the table may be off the cell's
-_TILTED, _LEVELLED = np.radians(3.0), np.radians(20.5)  # of a table that is not level; that is levelled
-_STEEPEST = np.radians(60.0)  # of a table that is looked for, to say its angle
-_MOST = 1.5  # points that it holds to one that the best level plane does
-_UNDER = 0.1  # share of points under it, at most
+_HEIGHTS = 0.30  # m above and below the cell's table where one is looked for
+_TABLE_OFF = 0.05  # m that the table may be off the cell's: more is a wrong frame
+_LEVELLED = np.radians(20.5)  # of a table that is not level; that is levelled
 _BESIDE, _AREA = 0.1, 0.02  # share of a table, and m2 of it, that is seen beside what stands on it
+_WALL = 0.08  # m above a table up to where walls begin that stand on it
 _JUDGED = 5000  # of its points
-_WIDE = 0.14  # m, both ways, of a table that is seen
 _BELOW = 0.5  # share of the points near the table that lie under it, from where the cloud is upside down
+_SOME = 500  # points of a table, about, before it is known what is meant
+_SQUARE, _FEW, _FEW_SQUARES = (
+    0.016,
+    3,
+    60,
+)  # m of a square of a table; points of it; squares with so many that will do
+_MOST_SQUARES = 500  # around the object: 20 cm where all of the table is seen
+_FOOT, _BESIDE_FOOT = 0.05, 0.012  # m: height of the foot of things, and how near it points may be theirs
+_TRIMS, _SIGMAS, _MAD = 3, 3.0, 0.6745
+_BUMP = (0.0015, 0.004)  # m off the others, from where a square is no table
+_DIGITS = 5  # of m in a file
 
 
 class Support(NamedTuple):
-    """A cloud on a level table.
+    """A cloud on its table.
 
     Attributes:
-        cloud: points (M, 3) m, world frame, the table among them.
-        plane: the table.
-        tilt: rad by which it leaned; 0 where nothing was turned.
-        rotation, about: (3, 3) and (3,) m, how the cloud was turned about a point.
+        cloud: points (M, 3) m, in the world of `cell`: the table's top is z = 0.
+        plane: the table there.
+        cell: with the table where it is seen.
+        T: (4, 4) of the world in which the cloud came in.
     """
 
     cloud: Cloud
     plane: Plane
-    tilt: float
-    rotation: Array
-    about: Array
+    cell: Cell
+    T: Array
+
+    @property
+    def tilt(self) -> float:
+        """Angle by which the table leaned, rad; 0 where it is next to nothing."""
+        lean = 0.0 if self.cell.table is None else self.cell.table.lean
+        return lean if lean > LEANING else 0.0
+
+    def own(self, own: Own | None) -> Own | None:
+        """Return what tells the robot's points of `cloud`, from what tells those of the cloud that came in."""
+        back = inverse(self.T)
+        return own and (lambda points: own(placed(back, points)))
 
 
 def near_base(cloud: Cloud) -> Cloud:
@@ -79,76 +101,89 @@ def near_base(cloud: Cloud) -> Cloud:
     return cloud.select(np.sort(first))
 
 
-def find_support(cloud: Cloud, rng: Generator, cell: Cell) -> Support:
-    """Return a cloud with its table level.
+def find_support(cloud: Cloud, rng: Generator, cell: Cell, meant: Mask | None = None) -> Support:
+    """Return a cloud on its table, which may be higher or lower than the cell has it, and lean.
 
-    It is turned about the robot's base, as if the frame were off; where the table is then not at its height, about the
-    middle of the workspace, as if the table were.
+    The robot stays where it is, and the world is where the table is: what leans is levelled, with the robot's base.
+
+    Args:
+        cloud: in the cell's world, m.
+        rng: draws the hypotheses.
+        cell: the robot, and where its table is expected.
+        meant: (M,) points that are pointed at: the table is what these stand on; None: what most stands on.
 
     Raises:
         NoTargetError: where there is no table, or it leans or is off too far.
     """
-    from scipy.spatial.transform import Rotation
-
-    leaning = _find_table(cloud, rng)
-    tilt = float(np.arccos(min(leaning.normal[2], 1.0)))
-    if tilt < _TILTED:
-        _check_height(leaning, cell)
-        return Support(cloud, leaning, 0.0, np.eye(3), cell.base)
-    if tilt > _LEVELLED:
-        raise NoTargetError(TILTED, f"{np.degrees(tilt):.0f} degrees")
-    R = Rotation.align_vectors([[0.0, 0.0, 1.0]], [leaning.normal])[0].as_matrix()
-    middle = 0.5 * (np.array(WORKSPACE_LOW) + WORKSPACE_HIGH)
-    middle[2] = (leaning.offset - leaning.normal[:2] @ middle[:2]) / leaning.normal[2]
-    height = leaning.offset - leaning.normal @ cell.base
-    about = cell.base if abs(height - cell.table_height) < _TABLE_OFF else middle
-    turned = cloud.moved((cloud.points - about) @ R.T + about)
-    plane = _find_table(turned, rng)
-    _check_height(plane, cell)
-    return Support(turned, plane, tilt, R, about)
+    plane = _find_table(cloud, rng, meant)
+    if np.arccos(min(plane.normal[2], 1.0)) > _LEVELLED:
+        raise NoTargetError(TILTED, f"{np.degrees(np.arccos(plane.normal[2])):.0f} degrees")
+    flat = cloud.select(np.abs(plane.heights(cloud.points)) < TOLERANCE).points
+    offset = plane.offset - plane.normal @ cell.base
+    seen = SeenTable(plane.normal, offset, placed(cell.T_base_world, flat[:: len(flat) // _SOME + 1]))
+    if abs(seen.off(cell.table_height)) > _TABLE_OFF:
+        at = cell.table_height + seen.off(cell.table_height)
+        raise NoTargetError(TABLE_HEIGHT, f"found at z = {at:.3f} m, the cell has {cell.table_height:g} m")
+    there = cell.seeing(seen)
+    T = there.T_world_base @ cell.T_base_world
+    level = Plane(np.array([0.0, 0.0, 1.0]), 0.0, plane.rms, plane.inliers)
+    return Support(cloud.moved(placed(T, cloud.points)), level, there, T)
 
 
-def _find_table(cloud: Cloud, rng: Generator) -> Plane:
+def table_around(support: Support, target: Array) -> SeenTable:
+    """Return the table around an object, points (N, 3) m, as it is seen there: warps of a camera are smaller there.
+
+    Points are averaged over squares, so that their noise is; none is nearer to what stands on the table than its foot.
+    """
+    from scipy.spatial import cKDTree
+
+    points, heights = support.cloud.points, support.cloud.points[:, 2]
+    flat, standing = points[np.abs(heights) < TOLERANCE], points[(heights > TOLERANCE) & (heights < _FOOT)]
+    if len(standing):
+        flat = flat[
+            cKDTree(standing[:, :2]).query(flat[:, :2], distance_upper_bound=_BESIDE_FOOT)[0] == np.inf
+        ]
+    squares = _averaged(flat)
+    away = np.linalg.norm(squares[:, :2] - middle(target)[:2], axis=1)
+    squares = squares[np.argsort(away, kind="stable")[:_MOST_SQUARES]]
+    held = squares
+    for _ in range(_TRIMS):
+        fit = SeenTable.of(held)
+        off = squares @ fit.normal - np.median(held @ fit.normal)
+        noise = np.median(np.abs(off)) / _MAD
+        held = squares[np.abs(off) < np.clip(_SIGMAS * noise, *_BUMP)]
+    return SeenTable.of(np.round(placed(support.cell.T_base_world, held), _DIGITS))
+
+
+def _averaged(points: Array) -> Array:
+    """Return the middle of the points (M, 3) in each square, at their median height (K, 3) m."""
+    number = np.unique(cells_of(points[:, :2], _SQUARE), return_inverse=True)[1]
+    order = np.lexsort((points[:, 2], number))
+    first = np.flatnonzero(np.diff(number[order], prepend=-1))
+    count = np.diff(first, append=len(points))
+    sums = np.add.reduceat(points[order], first)
+    means = np.c_[sums[:, :2] / count[:, None], points[order][first + count // 2, 2]]
+    return means[count >= _FEW] if (count >= _FEW).sum() > _FEW_SQUARES else means
+
+
+def _find_table(cloud: Cloud, rng: Generator, meant: Mask | None) -> Plane:
     """Return the table, level or not."""
     local = crop(cloud, (*WORKSPACE_LOW[:2], -np.inf), (*WORKSPACE_HIGH[:2], np.inf))
     pool = local if len(local) > MIN_POINTS else cloud
-    plane = fit_plane(pool.points, rng, min_inliers=100)
-    if plane is None or _below(pool, plane) > _BELOW:
-        # A lower table's object may have a top that passes for the table: the largest plane far and wide tells.
-        plane = fit_plane(pool.points, rng, off=_HEIGHTS, min_inliers=100)
-    leaning = _leaning(pool, 0 if plane is None else plane.inliers)
-    if leaning is not None:
-        return leaning
-    if plane is None:
-        raise NoTargetError(NO_PLANE)
-    if not _is_wide(pool, plane) or not _reaches_beyond(pool, plane):
+    levels = find_levels(pool.points, rng, _HEIGHTS)
+    level = choose_level(levels, pool.points, None if meant is None else cloud.points[meant])
+    if level is None:
+        raise NoTargetError(NO_PLANE, "what is level is an object's" if len(pool) > MIN_POINTS else "")
+    others = np.array([np.abs(one.plane.heights(pool.points)) for one in levels if one is not level])
+    own = np.abs(level.plane.heights(pool.points))
+    nearest = pool.points[(own <= others).all(0)] if len(others) else pool.points
+    plane = refine_plane(nearest, level.plane.normal, level.plane.offset, min_inliers=100) or level.plane
+    if not _reaches_beyond(pool, plane):
         raise NoTargetError(NO_PLANE, "what is level is an object's")
-    below = _below(pool, plane)
-    if below > _BELOW:
+    elsewhere = pool.select((others > TOLERANCE).all(0)) if len(others) else pool
+    if (below := _below(elsewhere, plane)) > _BELOW:
         raise NoTargetError(UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table")
     return plane
-
-
-def _check_height(plane: Plane, cell: Cell) -> None:
-    if abs(plane.offset) > _TABLE_OFF:
-        found = f"found at z = {plane.offset - cell.base[2]:.3f} m, the cell has {cell.table_height:g} m"
-        raise NoTargetError(TABLE_HEIGHT, found)
-
-
-def _leaning(cloud: Cloud, level: int) -> Plane | None:
-    """Return a plane that is not level, holds more of a cloud than the best level one, and has nothing under it."""
-    if len(cloud) < _MOST * level:
-        return None
-    plane = fit_plane(cloud.points, np.random.default_rng(0), off=_HEIGHTS, min_inliers=100, tilt=_STEEPEST)
-    if plane is None or plane.normal[2] > np.cos(_TILTED) or plane.inliers < _MOST * level:
-        return None
-    return plane if _is_wide(cloud, plane) and _below(cloud, plane) < _UNDER else None
-
-
-def _is_wide(cloud: Cloud, plane: Plane) -> bool:
-    """Return true where what a plane holds is larger than faces of objects."""
-    held = cloud.points[np.abs(plane.heights(cloud.points)) < TOLERANCE, :2]
-    return bool(np.ptp(held, axis=0).min() > _WIDE)
 
 
 def _reaches_beyond(cloud: Cloud, plane: Plane) -> bool:
@@ -157,7 +192,8 @@ def _reaches_beyond(cloud: Cloud, plane: Plane) -> bool:
 
     heights = plane.heights(cloud.points)
     level, above = (
-        cloud.points[where, :2] for where in (np.abs(heights) < TOLERANCE, heights > 2.0 * TOLERANCE)
+        cloud.points[where, :2]
+        for where in (np.abs(heights) < TOLERANCE, (heights > 2.0 * TOLERANCE) & (heights < _WALL))
     )
     level = level[:: max(1, len(level) // _JUDGED)]
     far = cKDTree(above).query(level, distance_upper_bound=2.0 * TOLERANCE)[0] if len(above) else np.inf

@@ -1,7 +1,8 @@
 """The cell as a value: a robot, its base, the table and the cameras; environment, planner and exporter are given one.
 
 Files are in the frame of the robot's base; everything inside is in the world's, whose origin is on the table's top,
-straight above or below the base, with the same axes: `Cell.base` is all that lies between them.
+straight above or below the base, with the same axes: `Cell.base` is all that lies between them. Where a table was seen
+(`Cell.seeing`), the world is where that is.
 """
 
 import os
@@ -17,10 +18,11 @@ from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import content_hash, expand
-from dexgrasp_env.poses import shifted
+from dexgrasp_env.poses import inverse, placed, shifted
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.robot.robot import Hand, Mount, Numbers, Robot, Vector
 from dexgrasp_env.robot.robot_file import find_beside, narrowed, read_content, read_robot, said_of
+from dexgrasp_env.robot.table import SeenTable
 from dexgrasp_env.valid import Names, Rule, Word, number, read, several
 
 
@@ -93,6 +95,7 @@ class Cell:
         image: width, height, fx, fy, cx, cy of every camera, pixels.
         cameras: of the environment.
         table_height: of the table's top, m.
+        table: the table where it was seen; None where it is as the cell has it.
     """
 
     name: str
@@ -100,6 +103,7 @@ class Cell:
     image: Numbers
     cameras: tuple[CellCamera, ...]
     table_height: float
+    table: SeenTable | None = field(default=None, repr=False)
 
     def __hash__(self) -> int:
         """Cells are keys of caches: hashing all that a robot is takes long."""
@@ -115,15 +119,31 @@ class Cell:
         """Name of the cell in grasp files: its version, of the default its name alone."""
         return self.name if self.name == SIMULATED else self.version
 
+    @cached_property
+    def T_world_base(self) -> Array:  # noqa: N802
+        """Pose of the robot's base in the world, (4, 4) m; turned only where a table was seen to lean."""
+        if self.table is not None:
+            return self.table.T_world_base(self.table_height)
+        return shifted(np.eye(4), np.array([0.0, 0.0, 0.0 - self.table_height]))
+
+    @cached_property
+    def T_base_world(self) -> Array:  # noqa: N802
+        """Pose of the world in the frame of the robot's base, (4, 4) m."""
+        return inverse(self.T_world_base)
+
     @property
     def base(self) -> Array:
         """Position of the robot's base in the world, (3,) m."""
-        return np.array([0.0, 0.0, 0.0 - self.table_height])
+        return self.T_world_base[:3, 3].copy()
 
     @property
     def shoulder(self) -> Array:
         """Origin of the arm's reach in the world, (3,) m."""
-        return self.base + self.robot.arm.shoulder
+        return placed(self.T_world_base, np.array(self.robot.arm.shoulder))
+
+    def seeing(self, table: SeenTable | None) -> "Cell":
+        """Return the cell with its table where it was seen; None: where the cell has it."""
+        return self if table is self.table else replace(self, table=table)
 
     @property
     def mounts(self) -> Names:
@@ -160,10 +180,11 @@ class Cell:
 
     def _camera(self, camera: CellCamera, lens: CameraIntrinsics) -> Camera:
         if not camera.T_base_camera:
-            position, target = (self.base + end for end in (camera.position, camera.look_at))
+            ends = np.array([camera.position, camera.look_at])
+            position, target = placed(self.T_world_base, ends)
             return Camera.look_at(camera.name, position, target, lens)
         T_base_camera = np.reshape(camera.T_base_camera, (4, 4))
-        return Camera(camera.name, shifted(T_base_camera, self.base), lens)
+        return Camera(camera.name, self.T_world_base @ T_base_camera, lens)
 
 
 Given = Cell | Robot | str | os.PathLike[str] | None

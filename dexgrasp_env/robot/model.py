@@ -10,6 +10,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
+from dexgrasp_env.poses import matrix_to_quat, quat_multiply
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.coupled import Tendon
 from dexgrasp_env.robot.rebuilt import described
@@ -42,10 +43,18 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
         _add_adapter(spec, link, arm.adapter)
     attach(spec, other, link.add_frame(pos=robot.mount.position, quat=robot.mount.quat_wxyz))
     spec.add_exclude(bodyname1=link.name, bodyname2=hand.palm)
-    spec.body(arm.bodies[0]).pos = cell.base
+    _stand(spec.body(arm.bodies[0]), cell)
     set_limits(spec, arm.joints)
     set_drives(spec, hand)
     return spec
+
+
+def _stand(base: mujoco.MjsBody, cell: Cell) -> None:
+    """Put a robot's base where the cell has it in the world."""
+    base.pos = cell.base
+    if cell.table is not None:
+        turned = quat_multiply(matrix_to_quat(cell.T_world_base[:3, :3]), np.array(base.quat))
+        base.quat = turned
 
 
 def set_drives(spec: mujoco.MjSpec, hand: Hand) -> None:

@@ -12,10 +12,12 @@ import numpy as np
 from dexgrasp.geometry.mesh_distance import Closest, closest_on_mesh
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.locales import with_decimal_points
+from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import excluded_pairs, robot_spec
 
 FAR = 0.05  # m: distances beyond are not measured
+_DOT = 1e-4  # m, radius of a point of the table that was seen
 PLINTH_BODIES = 3  # links 0 to 2 stand on the arm's plinth, not over the table
 
 
@@ -69,11 +71,14 @@ class Scene:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
             spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
         spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
+        spec.worldbody.add_geom(name="dot", size=[_DOT, 0, 0], contype=0, conaffinity=0)
         self.model: mujoco.MjModel = with_decimal_points(spec.compile)
         self.data = mujoco.MjData(self.model)
         self.object = {self.model.geom(f"object{k}").id for k in range(len(self.parts))}
         self.around = {self.model.geom(f"around{k}").id for k in range(len(around))}
         self.table = self.model.geom("table").id
+        self._dot = self.model.geom("dot").id
+        self._seen = None if cell.table is None else placed(cell.T_world_base, cell.table.points)
         self._tip_geoms = {self.model.geom(finger.tip).id for finger in self._fingers}
 
     @cached_property
@@ -125,16 +130,39 @@ class Scene:
         return site.xpos.copy(), site.xmat.reshape(3, 3).copy()
 
     def clearances(self, q: Array, tips_touch: bool) -> dict[str, float]:
-        """Return the least distances, m, of the true collision shapes: hand and arm to object, table, themselves, and
-        `hand_neighbour` where there are neighbours.
+        """Return the least distances, m, of the true collision shapes: hand and arm to object, table, themselves,
+        `hand_neighbour` where there are neighbours, and `hand_seen` to the points of a table that was seen.
         """
         self.place(q)
-        return {
+        seen = {} if self._seen is None else {"hand_seen": self._from_seen()}
+        return seen | {
             kind: self._least(
                 [(a, b) for a, b in pairs if not (tips_touch and a in self._tip_geoms and b in self.object)]
             )
             for kind, pairs in self._pairs.items()
         }
+
+    def over_seen(self, path: Array) -> float:
+        """Return the least distance, m, along a path (T, n) from the points of the table that were seen."""
+        least = FAR
+        for q in path if self._seen is not None else ():
+            self.data.qpos[:] = q
+            mujoco.mj_kinematics(self.model, self.data)
+            least = min(least, self._from_seen())
+        return least
+
+    def _from_seen(self) -> float:
+        """Return the least distance, m, of the true shapes from the points of the table that were seen."""
+        assert self._seen is not None
+        geoms = [g for g, _ in self._pairs["hand_table"]]
+        centres, reach = self.data.geom_xpos[geoms], self.model.geom_rbound[geoms]
+        least, from_to = FAR, np.zeros(6)
+        gaps = np.linalg.norm(self._seen[:, None] - centres, axis=2) - reach
+        for point, k in np.argwhere(gaps < least):
+            self.data.geom_xpos[self._dot] = self._seen[point]
+            apart = mujoco.mj_geomDistance(self.model, self.data, geoms[k], self._dot, FAR, from_to)
+            least = min(least, apart + _DOT)
+        return least
 
     @cached_property
     def _pairs(self) -> dict[str, list[tuple[int, int]]]:

@@ -22,7 +22,7 @@ def clearance_checks(case: Case) -> list[Check]:
     The claim is of object, table and the robot itself; neighbours are held to the same bound.
     """
     limits, found = case.limits, case.scene.clearances(case.record.q, tips_touch=True)
-    bounds = {"hand_table": limits.off_table(case.top)}
+    bounds = {"hand_table": limits.off_table(case.top), "hand_seen": 0.0}
     checks = [
         at_least(f"clearance {kind}", value, bounds.get(kind, limits.clearance), "m", _TRUE)
         for kind, value in found.items()
@@ -30,7 +30,7 @@ def clearance_checks(case: Case) -> list[Check]:
     claimed = case.record.certificate.min_clearance_m
     if np.isnan(claimed):
         return checks
-    found.pop("hand_neighbour", None)
+    found = {kind: value for kind, value in found.items() if kind not in ("hand_neighbour", "hand_seen")}
     counted = [value for kind, value in found.items() if kind != "self" or value < _ALWAYS_APART]
     return [
         *checks,
@@ -43,7 +43,13 @@ def pregrasp_checks(case: Case) -> list[Check]:
     """Check that the open hand, tips included, is clear; beside a low object it may stand as low as it grasps."""
     found, limits = case.scene.clearances(case.record.pregrasp, tips_touch=False), case.limits
     off_table = limits.off_table(case.top) if limits.is_low(case.top) else OPEN
-    bounds = {"hand_object": OPEN, "hand_table": off_table, "self": 0.0, "hand_neighbour": BESIDE}
+    bounds = {
+        "hand_object": OPEN,
+        "hand_table": off_table,
+        "self": 0.0,
+        "hand_neighbour": BESIDE,
+        "hand_seen": 0.0,
+    }
     return [
         at_least(f"pregrasp clearance {kind}", value, bounds[kind], "m", _TRUE)
         for kind, value in found.items()

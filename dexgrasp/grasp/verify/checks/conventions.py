@@ -2,14 +2,18 @@
 
 import re
 
+import numpy as np
+
 from dexgrasp.grasp.probability import probability_of
 from dexgrasp.grasp.record import conventions
 from dexgrasp.grasp.thresholds import FRICTION_SHARE, HOLD_SHARE, Thresholds, frozen_for
 from dexgrasp.grasp.verify.case import Case
-from dexgrasp.grasp.verify.check import ROUNDING, Check, flag
+from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, flag, same
+from dexgrasp_env.robot.table import SeenTable
 
 _AGENT = re.compile(r"[A-Za-z]\w*|[\w.]+:\w+|.+\.zip")
 """A registered name, `package.module:Class`, or a checkpoint's path."""
+NORMAL = 1e-6  # what two ways to compute a unit vector may differ by
 _OF_FRICTION = ("friction", "friction_hold")
 
 
@@ -22,6 +26,19 @@ def convention_checks(case: Case) -> list[Check]:
         *_exact_thresholds(case.limits, frozen_for(case.robot.hand)),
         flag("agent", _AGENT.fullmatch(record.agent) is not None),
         _probability(case),
+        *_table_checks(record.table),
+    ]
+
+
+def _table_checks(table: SeenTable | None) -> list[Check]:
+    """Check the plane of a table that was seen: as its points have it, the lowest that none of them is above."""
+    if table is None:
+        return []
+    normal = np.linalg.svd(table.points - table.points.mean(0))[2][2]
+    normal = normal * np.sign(normal @ table.normal)
+    return [
+        same("normal of the table as seen", np.abs(normal - table.normal).max(), NORMAL),
+        same("offset of the table as seen", abs((table.points @ normal).max() - table.offset), LENGTH, "m"),
     ]
 
 

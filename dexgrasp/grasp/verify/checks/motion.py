@@ -86,6 +86,7 @@ def approach_checks(case: Case) -> list[Check]:
         same("approach starts at home", np.abs(rows[0] - case.robot.home).max(), SETPOINT, "rad"),
         same("approach ends at the pregrasp", np.abs(rows[-1] - case.record.pregrasp).max(), ROUNDING),
         at_most("approach: collision", case.scene.first_contact(densify(rows, _DENSE)), 0.0, "m"),
+        *_table_checks(case, phase),
         at_most("approach: bend", found, BEND, "rad"),
         same("approach: bend", abs(found - phase.measure), _SAME_BEND, "rad"),
     ]  # fmt: skip
@@ -111,8 +112,17 @@ def lift_checks(case: Case) -> list[Check]:
         same("lift: stray", abs(strayed - phase.measure), _SAME_STRAY, "m"),
         at_most("lift: jerk", jerkiness(rows), JERK, "rad"),
         at_most("lift: collision", case.scene.first_contact(densify(rows, _DENSE), with_object=False), 0.0, "m"),
+        *_table_checks(case, phase),
         *_carried_checks(case, rows),
     ]  # fmt: skip
+
+
+def _table_checks(case: Case, phase: Phase) -> list[Check]:
+    """Check a way against the points of the table that were seen, where some were."""
+    if case.cell.table is None:
+        return []
+    found = case.scene.over_seen(densify(phase.setpoints, _DENSE))
+    return [at_least(f"{phase.name}: clearance hand_seen", found, 0.0, "m")]
 
 
 def _carried_checks(case: Case, rows: Array) -> list[Check]:

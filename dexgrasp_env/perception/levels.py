@@ -1,0 +1,154 @@
+"""Levels of a cloud: its wide planes, each told from the others by how thin and how connected it is.
+
+A plane that bridges two levels, a table and a plate beside it or the foot of a ramp, holds more points than either as
+long as points may be far from it. So a point counts for a level only within the noise that the surfaces themselves
+show, and only where what is held hangs together.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+
+from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.perception.cloud import cells_of
+from dexgrasp_env.perception.neighbourhoods import local_planes
+from dexgrasp_env.perception.plane import Plane, fit_plane, refine_plane
+
+STEEPEST = np.radians(60.0)  # of a level that is looked for, to say its angle
+_THIN, _FINE = 0.010, 0.005  # m, sides of cubes: of what is judged, and of what it is averaged over
+_PATCH, _FEW, _THICK = 0.022, 8, 2.0  # m, radius of patches; their points; times the noise that a flat one is thick
+_BAND = (0.003, 0.006)  # m within which the middle of a patch is a level's, at least and at most
+_WARP = 0.007  # m that depth cameras bend a surface
+_LEVELS = 6  # looked for
+_TRIPLES = 300  # tried for each
+_CELL = 0.02  # m, of the grid on which what a level holds hangs together
+_SHARE = 0.1  # of the largest piece, that another piece of a level has
+_SHADOW = 4  # cells across that a thing, or its shadow, hides
+_WIDE = 0.14  # m, both ways: larger than faces of objects
+_OBJECT_TOP = (0.05, 0.09)  # m that it is higher than a level at least, and m2 that it has at most
+_STANDS, _HIGHEST = 0.012, 0.30  # m above a level from where, and up to where, what is there stands on it
+_LEVEL = np.radians(3.0)
+_LIKELIER = 1.5  # times that a level surface counts, to one that leans
+
+
+class Level(NamedTuple):
+    """A wide plane of a cloud.
+
+    Attributes:
+        plane: through what it holds.
+        area: m2 that is seen of it.
+        floor: (K, 2) cells of it, with those that things on it hide.
+    """
+
+    plane: Plane
+    area: float
+    floor: Index
+
+
+def find_levels(points: Array, rng: Generator, off: float) -> list[Level]:
+    """Return the wide planes of points (M, 3) m within `off` m of z = 0, the largest first."""
+    left, band = _surface(points)
+    found = list[Level]()
+    for _ in range(_LEVELS):
+        plane = fit_plane(left, rng, off=off, min_inliers=60, tilt=STEEPEST, within=band, triples=_TRIPLES)
+        if plane is None:
+            break
+        near = np.abs(plane.heights(left)) < max(band, 3.0 * plane.rms)
+        level, held = _connected(left, near, plane, band)
+        if level is not None and not any(_is_warp(left[held], one.plane) for one in found):
+            found.append(level)
+        left = left[~held]
+    return sorted(found, key=lambda one: -one.area)
+
+
+def _surface(points: Array) -> tuple[Array, float]:
+    """Return the middles (N, 3) m of flat patches of points (M, 3), an even cover, and how far noise takes them.
+
+    Where two levels meet, a patch of both is thicker than noise: it is left out.
+    """
+    thin, some = thinned(points), thinned(points, _FINE)
+    middles, normals, residuals = local_planes(thin, some, np.ones(len(some)), _PATCH, _FEW)
+    flat = np.abs(normals[:, 2]) > np.cos(STEEPEST)
+    if not flat.any():
+        return thin, _BAND[1]
+    noise = float(np.median(residuals[flat]))
+    return middles[flat & (residuals < _THICK * noise)], float(np.clip(noise, *_BAND))
+
+
+def thinned(points: Array, side: float = _THIN) -> Array:
+    """Return one of points (M, 3) m a cube, `side` m wide, so that a surface counts by its area."""
+    _, first = np.unique(cells_of(points, side), return_index=True)
+    return points[np.sort(first)]
+
+
+def _is_warp(points: Array, plane: Plane) -> bool:
+    """Return True for points (M, 3) so near a plane that they are of one surface, which depth cameras bend."""
+    return bool(np.percentile(np.abs(plane.heights(points)), 90) < _WARP)
+
+
+def _connected(points: Array, near: Mask, plane: Plane, band: float) -> tuple[Level | None, Mask]:
+    """Return the level of the largest pieces of a plane, None where none is wide, and what it holds (M,)."""
+    from scipy.ndimage import binary_closing, binary_fill_holes, label
+
+    cells = np.floor(points[near, :2] / _CELL).astype(np.int64)
+    low = cells.min(0) - _SHADOW
+    grid = np.zeros(np.ptp(cells, axis=0) + 2 * _SHADOW + 1, bool)
+    grid[tuple((cells - low).T)] = True
+    pieces, count = label(grid, np.ones((3, 3)))
+    sizes = np.bincount(pieces.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    kept = np.isin(pieces, np.flatnonzero(sizes >= _SHARE * sizes.max()) if count else [])
+    held = near.copy()
+    held[near] = kept[tuple((cells - low).T)]
+    whole = refine_plane(points[held], plane.normal, plane.offset, band, 60)
+    largest = np.argwhere(pieces == sizes.argmax())
+    if whole is None or np.ptp(largest, axis=0).min() * _CELL < _WIDE:
+        return None, near
+    floor = binary_fill_holes(binary_closing(kept, np.ones((3, 3)), _SHADOW))
+    return Level(whole, _CELL**2 * float(kept.sum()), np.argwhere(floor) + low), held
+
+
+def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = None) -> Level | None:
+    """Return the level that most of what is there stands on; where nothing is, the largest.
+
+    What is level and no wider than objects are, high above a larger level, is an object's top; it stands there too.
+
+    Args:
+        levels: of a cloud, the largest first.
+        points: (M, 3) m of it.
+        meant: (K, 3) m, those of them that are pointed at, which alone count then.
+    """
+    tables = [one for k, one in enumerate(levels) if not any(_is_top(one, two) for two in levels[:k])]
+    if len(tables) < 2:
+        return tables[0] if tables else None
+    some = thinned(points) if meant is None or not len(meant) else meant
+    heights = np.array([one.plane.heights(some) for one in tables])
+    under = np.array([_over(one.floor, some) for one in tables]) & (heights > 0.0)
+    gaps = np.where(under, heights, np.inf)
+    free = (np.abs(heights) > _STANDS).all(0) | (meant is not None and len(meant) > 0)
+    standing = free & (gaps.min(0) > _STANDS) & (gaps.min(0) < _HIGHEST)
+    counts = np.bincount(gaps.argmin(0)[standing], minlength=len(tables))
+    level = np.array([one.plane.normal[2] > np.cos(_LEVEL) for one in tables])
+    weights = np.where(level, _LIKELIER, 1.0) * (counts if counts.any() else [one.area for one in tables])
+    return tables[int(np.argmax(weights))]
+
+
+def _is_top(one: Level, lower: Level) -> bool:
+    """Return True for a level that is the top of an object on a larger one."""
+    middle = np.append((one.floor.mean(0) + 0.5) * _CELL, 0.0)
+    up = np.array([0.0, 0.0, 1.0])
+    z, below = (
+        (each.offset - each.normal @ middle) / (each.normal @ up) for each in (one.plane, lower.plane)
+    )
+    return bool(z - below > _OBJECT_TOP[0]) and one.area < _OBJECT_TOP[1]
+
+
+def _over(floor: Index, points: Array) -> Mask:
+    """Return which points (M, 3) are above or below the cells (K, 2) of a floor."""
+    cells = np.floor(points[:, :2] / _CELL).astype(np.int64)
+    low = np.minimum(floor.min(0), cells.min(0))
+    wide = int(max(floor[:, 1].max(), cells[:, 1].max()) - low[1] + 1)
+    numbers = [(each[:, 0] - low[0]) * wide + each[:, 1] - low[1] for each in (cells, floor)]
+    return np.isin(*numbers)
