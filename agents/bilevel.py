@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from dexgrasp.agent import BY_CLOUD, Agent, Observation, cell_of
+from dexgrasp.geometry.request import ANYHOW, GraspRequest
 from dexgrasp.planning.plan_scene import default_planner, plan_scene, start_of
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.result import PlanResult, Progress
@@ -36,6 +37,7 @@ class BilevelAgent(Agent):
         regrasps: int = 2,
         turns: bool = True,
         moves: int = 8,
+        request: GraspRequest = ANYHOW,
     ) -> None:
         """Prepare the planner.
 
@@ -47,17 +49,18 @@ class BilevelAgent(Agent):
             regrasps: how often to look and plan again in an episode where the object was lost or no grasp found.
             turns: whether to turn an object that is barely held, once it is lifted (see `planning.carry`).
             moves: how many neighbours to set aside at most where the object cannot be grasped among them.
+            request: where and how the object is to be grasped.
         """
         self.settings = settings or PlannerSettings()
         self.result: PlanResult | None = None
-        self._proposals = proposals
+        self._proposals, self._request = proposals, request
         self._planner = self._make(cell or default_cell())
         self._regrasps, self.turns, self._moves = regrasps, turns, moves
         self._seed = 0
         self._stage: Stage | None = None
 
     def _make(self, cell: Cell) -> Planner:
-        return default_planner(cell, self.settings, self._proposals)
+        return default_planner(cell, self.settings, self._proposals).asking(self._request)
 
     def seed(self, seed: int) -> None:
         """Seed the proposals of the next episode."""
@@ -84,7 +87,10 @@ class BilevelAgent(Agent):
         if (cell := cell_of(info, self._planner.cell)) != self._planner.cell:
             self._planner = self._make(cell)
         scene, start = self._scene(observation, info), start_of(observation, self._planner.cell.robot)
-        return plan_scene(self._planner, scene, self._seed, start, count=count, progress=progress)
+        relax = progress is not None
+        return plan_scene(
+            self._planner, scene, self._seed, start, count=count, progress=progress, relax=relax
+        )
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Plan from the cloud of the first observation."""

@@ -76,13 +76,16 @@ def placing_agent(name: str) -> Agent:
     return _load("dexgrasp.agents.placing:PlacingAgent")(agent)
 
 
-def agent_for(name: str, friction: float | None, min_success_probability: float | None = None) -> Agent:
+def agent_for(
+    name: str, friction: float | None, min_success_probability: float | None = None, request: Any = None
+) -> Agent:
     """Make an agent for surfaces of some friction: one that plans grasps counts on its usual share of it.
 
     Args:
         name: see `make_agent`.
         friction: coefficient; None leaves the agent with what it counts on by default.
         min_success_probability: probability of being held that one that plans grasps must see in a grasp; None for any.
+        request: a `GraspRequest` of agent `bilevel`; None for nothing.
 
     Raises:
         InputError: as `make_agent`.
@@ -91,9 +94,12 @@ def agent_for(name: str, friction: float | None, min_success_probability: float 
     from dexgrasp.planning.settings import PlannerSettings
 
     agent = make_agent(name)
-    if (friction is None and min_success_probability is None) or not isinstance(agent, PlansGrasps):
+    if (friction is None and min_success_probability is None and not request) or not isinstance(
+        agent, PlansGrasps
+    ):
         return agent
-    return make_agent(name, settings=PlannerSettings.of(friction, min_success_probability))
+    asked = {"request": request} if request else {}
+    return make_agent(name, settings=PlannerSettings.of(friction, min_success_probability), **asked)
 
 
 def check_name(name: str) -> str:

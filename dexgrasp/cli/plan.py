@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check_mesh_options
 from dexgrasp.cli.output import note
+from dexgrasp.cli.request import Request
 from dexgrasp.cli.scan import Scan, chosen_line, list_lines, table_line
 from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.arrays import Fields
@@ -15,6 +16,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, Share, check
 
 if TYPE_CHECKING:
+    from dexgrasp.geometry.request import GraspRequest
     from dexgrasp.planning.result import PlanResult, Progress
     from dexgrasp.planning.scene_setup import Look
     from dexgrasp_env.perception.cloud import Cloud
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from dexgrasp_env.perception.scene import Scene as PerceivedScene
 
 
-class Plan(Command, Scan, Scene):
+class Plan(Command, Request, Scan, Scene):
     """Plan one grasp of an object on the table, or K that differ.
 
     examples:
@@ -35,6 +37,8 @@ class Plan(Command, Scan, Scene):
       dexgrasp plan --cloud scene.ply --object-near 0.5 0.1 0.03
       dexgrasp plan pear --count 20 --out grasps/pear     20 grasps that differ: grasp_000.json is the firmest
       dexgrasp plan pear --at-least 0.95                  a grasp that holds with this probability, or none
+      dexgrasp plan mustard_bottle --approach side --avoid box:0.3,-0.5,0.0,0.8,0.5,0.06
+                                                          from the side, above 6 cm
       dexgrasp plan pear --floating --out grasps/pear     in mid-air, by the hand alone: for dexgrasp score
       dexgrasp plan pear --friction 0.35                  a slippery one, and a planner that knows it: it counts on 5/7
                                                           of MU for closure, 6/7 for the forces (never over 0.5 and 0.6)
@@ -94,6 +98,8 @@ class Plan(Command, Scan, Scene):
                 )
             if self.floating and (self.agent, self.at_least) != ("bilevel", None):
                 raise InputError("--agent and --at-least do not apply to --floating")
+            if self.grasp_request() and (self.floating or self.agent != "bilevel"):
+                raise InputError("--hold, --avoid, --approach and --fingers are of agent bilevel on a table")
             if self.of_cloud:
                 raise InputError(
                     f"{', '.join(self.of_cloud)} are of --cloud: of a TARGET the planner is told nothing "
@@ -130,7 +136,13 @@ class Plan(Command, Scan, Scene):
             )
         else:
             look, found = plan_target(
-                str(self.target), self.agent, self, progress, count=self.count, at_least=self.at_least
+                str(self.target),
+                self.agent,
+                self,
+                progress,
+                count=self.count,
+                at_least=self.at_least,
+                request=self.grasp_request(),
             )
             subject = look.subject
         return found, found.as_json(subject.identity, self.agent, subject.pose)
@@ -141,7 +153,8 @@ class Plan(Command, Scan, Scene):
         from dexgrasp.planning.settings import PlannerSettings
         from dexgrasp_env.perception.reasons import SEVERAL
 
-        planner = default_planner(self.cell, PlannerSettings.of(self.friction, self.at_least))
+        request = self.grasp_request(scan)
+        planner = default_planner(self.cell, PlannerSettings.of(self.friction, self.at_least)).asking(request)
         scene, seen = self._look(scan)
         if scene.reason == SEVERAL:
             stand = "; ".join(line.strip() for line in list_lines(seen))
@@ -160,6 +173,7 @@ class Plan(Command, Scan, Scene):
             mass=self.mass,
             count=self.count,
             progress=progress,
+            relax=True,
         )
         return found, found.as_json(scan_name(Path(str(self.cloud)))) | {"seen": seen}
 
@@ -212,6 +226,7 @@ def plan_target(
     *,
     count: int | None = None,
     at_least: float | None = None,
+    request: "GraspRequest | None" = None,
 ) -> "tuple[Look, PlanResult]":
     """Observe an object with an agent, and plan.
 
@@ -231,7 +246,7 @@ def plan_target(
 
     if not is_ours(target):  # a mesh that cannot be read is refused before anything is compiled
         load_target(target, scene.mesh_scale, scene.mesh_mass)
-    agent = agent_for(agent_name, scene.friction, at_least)
+    agent = agent_for(agent_name, scene.friction, at_least, request)
     if not isinstance(agent, PlansGrasps):
         raise InputError(
             f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics"

@@ -88,4 +88,5 @@ def _chance(chance: dict[str, float]) -> str:
 
 
 def _why(result: Fields) -> str:
-    return explain(result["reason"], result["blocked"], result["violations"])
+    why = explain(result["reason"], result["blocked"], result["violations"])
+    return why + (f"\n  {result['relaxation']}" if "relaxation" in result else "")

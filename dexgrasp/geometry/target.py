@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.distance_grid import Field, field_of
 from dexgrasp.geometry.hull import REACH
+from dexgrasp.geometry.request import Demand
 from dexgrasp.geometry.volume import volume_and_centre
 from dexgrasp.geometry.walls import walls_of
 from dexgrasp_env.arrays import Array, Mask
@@ -60,6 +61,7 @@ class GraspTarget:
         neighbours: what stands around it and must not be touched.
         seen: (N, 3) m, points of its surface, where the parts hold air: a cup's mouth is none. None where all of their
             surface is the object's, as far as is known.
+        demand: what is asked of its grasp; None for nothing.
     """
 
     distance: ConvexDistance
@@ -68,6 +70,7 @@ class GraspTarget:
     spread: Spread | None = None
     neighbours: tuple[Parts, ...] = ()
     seen: Array | None = None
+    demand: Demand | None = None
 
     @classmethod
     def of(
@@ -125,6 +128,11 @@ class GraspTarget:
         if self.seen is None:
             return np.ones(points.shape[:-1], bool)
         return self._seen_tree.query(_raised(points))[0] < _GAP
+
+    def may_touch(self, points: Array, margin: float = 0.0) -> Mask:
+        """Return which points (..., 3) m of the parts' surface were seen and are where contacts are asked for (...)."""
+        seen = self.was_seen(points)
+        return seen if self.demand is None else seen & self.demand.allows(points, margin)
 
     @cached_property
     def _seen_tree(self) -> "cKDTree":

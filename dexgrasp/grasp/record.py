@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from dexgrasp.geometry.request import GraspRequest
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.field_types import Number, Parts, Pose, Positive, Row, Share, Vector, Word
 from dexgrasp.grasp.identity import ObjectIdentity
@@ -158,6 +159,7 @@ class GraspRecord:
         certificate: what the planner claims.
         holds_probability: of being lifted and held; None where no model says one.
         table: where the table was seen that all keeps clear of, frame of the robot's base; None where it is the cell's.
+        request: what was asked of the grasp, frame of the robot's base; None for nothing.
     """
 
     agent: Word
@@ -188,6 +190,7 @@ class GraspRecord:
     certificate: Certificate
     holds_probability: HoldsProbability | None
     table: SeenTable | None = None
+    request: GraspRequest | None = None
 
     def __post_init__(self) -> None:
         """Check that the fields go together.
@@ -292,4 +295,6 @@ def as_json(record: GraspRecord) -> Fields:
     """Return a record as schema 3 holds it (lengths m, angles rad, forces N, frame of the robot's base)."""
     stated = vars(record.placed(record.stated_cell.T_base_world)) | {"schema": SCHEMA}
     del stated["here"]
+    if record.request is None:
+        del stated["request"]
     return jsonable(stated)

@@ -16,6 +16,7 @@ from dexgrasp.mechanics.kinematics.forward import (
     stop_torques,
     tip_jacobian,
 )
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.shapes import shapes_apart
 from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
 from dexgrasp.mechanics.kinematics.tree import RobotTree
@@ -69,6 +70,7 @@ def certified(candidate: Candidate, with_closure: bool) -> Grasp:
             raise NoGrasp("contact_height", lacking)
         if not problem.target.was_seen(at.contacts).all():
             raise NoGrasp("surface_not_seen")
+        _check_demand(q, at.contacts, problem)
         if hold.share == 0.0:
             raise NoGrasp(f"holding_forces: {UNBALANCED}", 1.0)
     # Firm grasps are many. One that is not is worth another way to open.
@@ -93,6 +95,17 @@ def certified(candidate: Candidate, with_closure: bool) -> Grasp:
     if with_closure and loose.min(initial=0.0) < 0.0:
         raise NoGrasp("tendon_pulls_joint_off_its_stop", -float(loose.min()))
     return pressed(candidate, hold.forces, motion)
+
+
+def _check_demand(q: Array, contacts: Array, problem: GraspProblem) -> None:
+    """Raise `NoGrasp` for contacts (N, 3) m or a palm that are not as is asked."""
+    demand = problem.target.demand
+    if demand is None:
+        return
+    if not demand.allows(contacts).all():
+        raise NoGrasp("contact_outside_request")
+    if not demand.faces(palm_frame(q, problem.tree)[0][None, :, 0]).all():
+        raise NoGrasp("palm_direction")
 
 
 def _mendable(missed: Array, q: Array, tree: RobotTree) -> Array:

@@ -126,7 +126,7 @@ def on_surface(tips: Array, target: GraspTarget, settings: PlannerSettings) -> t
     usable &= centres.reshape(tips.shape)[..., 2].min(1) > settings.tip_radius + settings.clearance
     sides = np.linalg.norm(contacts - np.roll(contacts, 1, axis=1), axis=-1)
     usable &= (sides.min(1) > LEAST_DISTANCE) & fits(centres, normals, target, settings).reshape(-1, 3).all(1)
-    usable &= target.was_seen(contacts).all(1)
+    usable &= target.may_touch(contacts).all(1)
     return contacts, normals.reshape(tips.shape), usable
 
 
@@ -160,8 +160,9 @@ class LearnedFirst(ProposalSource):
         """Return proposals; the reason for none is the surface's."""
         if target.is_convex:
             found = self._learned.propose(target, settings, rng)
-            # It knows no neighbours: where they leave little of what it says, the surface has more.
-            if len(found.contacts) > (settings.triples // 2 if target.neighbours else 0):
+            # It knows no neighbours and no request: where they leave little of what it says, the surface has more.
+            narrow = target.neighbours or target.demand
+            if len(found.contacts) > (settings.triples // 2 if narrow else 0):
                 return found
         return self._surface.propose(target, settings, rng)
 

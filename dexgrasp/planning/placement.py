@@ -1,9 +1,10 @@
 """A proposal put on the hand's atlas: the posture whose tips fit best, and where its palm then is."""
 
 from itertools import permutations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
 from dexgrasp.geometry.triangle import cross
@@ -49,7 +50,11 @@ class Placements(NamedTuple):
         """Return the placement with the highest score of each triple that has any."""
         order = np.lexsort((-self.scores, self.triple))
         first = order[np.diff(self.triple[order], prepend=-1) > 0]
-        return Placements._make([self.goals, *(each[first] for each in self[1:])])
+        return self.select(first)
+
+    def select(self, rows: NDArray[Any]) -> "Placements":
+        """Return the placements of a mask or of indices."""
+        return Placements._make([self.goals, *(each[rows] for each in self[1:])])
 
 
 @njit

@@ -11,9 +11,11 @@ import numpy as np
 from dexgrasp.agent import Observation
 from dexgrasp.geometry.completion import NoTarget, target_of
 from dexgrasp.geometry.neighbours import neighbours_of
+from dexgrasp.geometry.request import ANYHOW, Demand, GraspRequest
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.diverse import plan_many, with_success_probability
 from dexgrasp.planning.planner import Planner, warm_up
+from dexgrasp.planning.relaxation import nearest_relaxation
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.settings import GRASPS, PlannerSettings
 from dexgrasp_env.arrays import Array, array
@@ -35,7 +37,7 @@ _BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and
 def plan_scene(
     planner: Planner, scene: Scene, seed: int, start: Array, *,
     mass: float | None = None, count: int | None = None, progress: Progress | None = None,
-    neighbour_margin: float = 0.0,
+    neighbour_margin: float = 0.0, relax: bool = False,
 ) -> PlanResult:  # fmt: skip
     """Plan a grasp of the object in a scene, or several that differ.
 
@@ -48,6 +50,7 @@ def plan_scene(
         count: grasps asked for; None plans one.
         progress: called with steps done and steps in all, where there is a count.
         neighbour_margin: m that neighbours may be pushed, see `neighbours_of`.
+        relax: where what the planner is asked for cannot be had, say in `relaxation` what can.
 
     Raises:
         InputError: for a count out of range.
@@ -59,6 +62,7 @@ def plan_scene(
         target = replace(
             target_of(scene, mass, planner.settings.most_parts),
             neighbours=neighbours_of(scene, neighbour_margin),
+            demand=Demand(planner.request, planner.cell.T_base_world) if planner.request else None,
         )
     except NoTarget as none:
         result = PlanResult(
@@ -73,6 +77,8 @@ def plan_scene(
         if planner.settings.min_success_probability:
             result = with_success_probability(result, planner, start, progress)
         result.log.seconds = {"hull": hull_seconds} | result.log.seconds
+        if relax and planner.request and not result.found:
+            result.relaxation = nearest_relaxation(planner, target, seed, start)
     result.planning_seconds = time.perf_counter() - began
     return result
 
@@ -103,6 +109,7 @@ def plan_cloud(
     planner: Planner | None = None,
     robot: Given = None,
     count: int | None = None,
+    request: GraspRequest = ANYHOW,
 ) -> PlanResult:
     """Plan a grasp of an object in a cloud, or several that differ; what else stands there is kept clear of.
 
@@ -122,23 +129,25 @@ def plan_cloud(
         planner: one of your own, with its cell; the default planner otherwise.
         robot: a cell, a robot, or the file of either; None: the simulated cell.
         count: how many grasps that differ; None plans one.
+        request: where and how it is to be grasped; where that cannot be had, `.relaxation` says what can.
 
     Returns:
         A plan with `.grasp`, or with `.reason` why there is none; with a count, `.found` are all, firmest first.
 
     Raises:
-        InputError: for something that is no cloud, a point, box, mask, mass or count that is none.
+        InputError: for something that is no cloud, a point, box, mask, mass or count that is none, or fingers that
+            make no grasp of the hand.
     """
     if mass is not None:
         check("mass", mass, POSITIVE)
-    planner = planner or default_planner(make_cell(robot))
+    planner = (planner or default_planner(make_cell(robot))).asking(request)
     home = planner.cell.robot.home
     q = check("start", home if start is None else start, array(len(home)))
     corners = None if box is None else check("box", box, array(6)).reshape(2, 3)
     where = None if near is None else check("near", near, array(3))
     selector = TargetSelector(where, corners, None if mask is None else mask_of(mask, label))
     scene = scene_of(points, selector, seed=seed, start=q, cell=planner.cell)
-    return plan_scene(planner, scene, seed, q, mass=mass, count=count)
+    return plan_scene(planner, scene, seed, q, mass=mass, count=count, relax=True)
 
 
 def scene_of(

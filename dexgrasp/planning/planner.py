@@ -1,6 +1,6 @@
 """From an object to a certified grasp: proposals, postures, bilevel optimisation, certificate, approach."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from copy import copy
 from dataclasses import replace
 from itertools import islice, product
@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dexgrasp.geometry.request import ANYHOW, GraspRequest
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import RAISED, Grasp
 from dexgrasp.mechanics.kinematics.tree import robot_tree
@@ -24,8 +25,10 @@ from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.runs.compiling import compiling
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.robot.table import SeenTable
+from dexgrasp_env.valid import Names
 
 NO_POSTURE, BUDGET, LIFT_BLOCKED = "no_reachable_posture", "time_budget", "lift_blocked"
 
@@ -98,6 +101,7 @@ class Planner:
             )
         self.source, self._with_closure = source or SurfaceProposals(), with_closure
         self.source.check_hand(self.cell.robot.hand)
+        self.request = ANYHOW
 
     def seeing(self, table: SeenTable | None) -> "Planner":
         """Return the planner in its cell with the table where it was seen; None: where the cell has it."""
@@ -108,12 +112,35 @@ class Planner:
         there.tree = robot_tree(there.cell)
         return there
 
+    def asking(self, request: GraspRequest) -> "Planner":
+        """Return the planner of grasps that are as a request asks.
+
+        Raises:
+            InputError: for fingers that make no grasp of the hand.
+        """
+        if not request:
+            return self
+        there = copy(self._with_fingers(request.fingers) if request.fingers else self)
+        there.request = request
+        return there
+
+    def _with_fingers(self, names: Collection[str]) -> "Planner":
+        grasps = self.cell.robot.hand.grasps or (self.cell.robot.hand.grasp,)
+        found = next((fingers for fingers in grasps if set(fingers) == set(names)), None)
+        if found is None:
+            valid = "; ".join(" ".join(fingers) for fingers in grasps)
+            raise InputError(f"the hand has no grasp with fingers {' '.join(names)}: valid are {valid}")
+        return self if found == self.cell.robot.hand.grasp else self._of(found)
+
+    def _of(self, fingers: Names) -> "Planner":
+        settings = replace(self.settings, widest=PlannerSettings.widest)
+        return Planner(settings, cell=self.cell.grasping(fingers))
+
     def others(self) -> Iterator["Planner"]:
         """Yield planners of the other grasps of the hand, whose contacts any source but the surface would not know."""
-        settings = replace(self.settings, widest=PlannerSettings.widest)
         for fingers in self.cell.robot.hand.grasps if self._with_closure else ():
-            if (cell := self.cell.grasping(fingers)) != self.cell:
-                yield Planner(settings, cell=cell)
+            if self.cell.grasping(fingers) != self.cell:
+                yield self._of(fingers)
 
     def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> PlanResult:
         """Return the first grasp that passes everything, with its script if `start` is given.
@@ -137,7 +164,8 @@ class Planner:
 
     def _otherwise(self, target: GraspTarget) -> Iterator[tuple["Planner", GraspTarget]]:
         """Yield who plans next, on what shape of the object, where there is no grasp that holds."""
-        yield from ((other, target) for other in self.others())
+        if target.demand is None or not target.demand.request.fingers:
+            yield from ((other, target) for other in self.others())
         if (walls := target.opened()) is not None:
             yield self, walls
 

@@ -27,6 +27,8 @@ LEAST_GAP = 0.01
 """m between two contacts that face each other."""
 _ROUNDING = 1e-4  # m
 _DENSE = 20  # times as many places beside a low object are tried as are asked for
+_DENSER = 6  # times as many points are sampled where contacts are asked for in a part of the surface
+_ASIDE = 0.003  # m from the edge of where contacts are asked for, to be there still when the optimiser has moved them
 _STEPS = 4  # of Newton's method, until a tip beside it touches
 _LEVEL = 0.05  # least squared level part of a normal along which a tip is moved
 _JUDGED = 30  # times as many feasible triples have their margin computed as are proposed
@@ -35,6 +37,7 @@ _ROUGH = 1e-3  # of the closure margins that are ranked by
 _AT_ONCE = 48  # triples whose margins are computed together
 _APART = 0.006  # m, mean distance of the fingertips of two triples that are not the same
 _NO_CLOSURE, _NO_SURFACE = "no_closure_triple", "no_surface_above_table"
+_NO_PLACE = "no_surface_as_requested"
 
 
 @dataclass(frozen=True)
@@ -83,8 +86,8 @@ class SurfaceProposals(ProposalSource):
     def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return up to `settings.triples` triples, varied as well as good."""
         points, normals = self.places(target, settings, rng)
-        if len(points) < 3:
-            return Proposals.none(_NO_SURFACE)
+        if len(points) < min(3, settings.fingers):
+            return Proposals.none(_NO_SURFACE if target.demand is None else _NO_PLACE)
         if settings.fingers == 2:
             triples = opposed_pairs(points, normals, settings.friction, LEAST_GAP, settings.widest)
         else:
@@ -117,7 +120,9 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
     """
     if settings.is_low(target.top):
         return _points_beside(target, settings, rng)
-    samples = triangle_samples(target.distance.triangles, settings.surface_points, rng)
+    asked = target.demand is not None
+    count = settings.surface_points * (_DENSER if asked else 1)
+    samples = triangle_samples(target.distance.triangles, count, rng)
     centres = samples.points + settings.tip_height * samples.normals
     above = samples.points[:, 2] > settings.table_clearance
     above &= centres[:, 2] > settings.tip_radius + settings.clearance
@@ -125,7 +130,9 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
     distance, gradient = target.distance.distance_gradient(centres)
     contacts = centres - distance[:, None] * gradient
     touching = (distance > settings.tip_height - _ROUNDING) & fits(centres, gradient, target, settings)
-    touching &= target.was_seen(contacts)
+    touching &= target.may_touch(contacts, _ASIDE)
+    if asked:
+        touching = rng.permutation(np.flatnonzero(touching))[: settings.surface_points]
     return contacts[touching], gradient[touching]
 
 
@@ -149,7 +156,7 @@ def _points_beside(target: GraspTarget, settings: PlannerSettings, rng: Generato
     distance, normals = target.distance.distance_gradient(tips)
     contacts = tips - distance[:, None] * normals
     usable = (np.abs(distance - height) < _ROUNDING) & (contacts[:, 2] > settings.lowest_contact(target.top))
-    usable &= fits(tips, normals, target, settings) & target.was_seen(contacts)
+    usable &= fits(tips, normals, target, settings) & target.may_touch(contacts, _ASIDE)
     usable &= normals[:, 2] < np.sin(np.arctan(settings.friction))
     kept = np.flatnonzero(usable)[: settings.surface_points // 2]
     return contacts[kept], normals[kept]

@@ -92,6 +92,7 @@ class PlanResult:
         found: the grasps, by load, firmest first.
         shortfall: why there are fewer than asked, in a word that can be counted; None with all.
         sentence: the same for people, where what was seen says more than the word.
+        relaxation: what could be had of a request that cannot be met, in words; empty where nothing was asked.
         log: of the search.
         planning_seconds: from the scene to the certified grasps with their approach.
         cpu_seconds: processor time of the search.
@@ -104,6 +105,7 @@ class PlanResult:
     found: list[Planned] = field(default_factory=list)
     shortfall: str | None = None
     sentence: str = ""
+    relaxation: str = ""
     log: SearchLog = field(default_factory=SearchLog)
     planning_seconds: float = 0.0
     cpu_seconds: float = 0.0
@@ -217,6 +219,8 @@ class PlanResult:
             "grasp": first,
             "certificate": None if first is None else first["certificate"],
         }
+        if self.relaxation:
+            result["relaxation"] = self.relaxation
         if self.asked is None:
             return result
         return result | {

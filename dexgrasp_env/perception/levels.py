@@ -18,7 +18,11 @@ from dexgrasp_env.perception.plane import Plane, fit_plane, refine_plane
 
 STEEPEST = np.radians(60.0)  # of a level that is looked for, to say its angle
 _THIN, _FINE = 0.010, 0.005  # m, sides of cubes: of what is judged, and of what it is averaged over
-_PATCH, _FEW, _THICK = 0.022, 8, 2.0  # m, radius of patches; their points; times the noise that a flat one is thick
+_PATCH, _FEW, _THICK = (
+    0.022,
+    8,
+    2.0,
+)  # m, radius of patches; their points; times the noise that a flat one is thick
 _BAND = (0.003, 0.006)  # m within which the middle of a patch is a level's, at least and at most
 _WARP = 0.007  # m that depth cameras bend a surface
 _LEVELS = 6  # looked for

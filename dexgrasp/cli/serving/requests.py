@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.cli.plan import Plan, check_target
+from dexgrasp.geometry.request import Region
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
@@ -78,6 +79,11 @@ class _Sent(Plan):
         lens = CameraIntrinsics(width, height, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
         depth = np.asarray(self.depth, dtype=np.float32)[None]
         return gather(remove_flying(depth), (Camera("camera", self.T_base_camera, lens),))
+
+    def _region(self, name: str, text: str, scan: Cloud | None) -> Region:
+        if text.startswith("mask:"):
+            raise InputError(f"{name}: valid are box:... and sphere:..., no files")
+        return super()._region(name, text, scan)
 
     def selector(self) -> TargetSelector:
         """Return what is pointed at."""

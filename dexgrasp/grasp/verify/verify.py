@@ -11,7 +11,7 @@ from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import Check
 from dexgrasp.grasp.verify.checks.clearance import clearance_checks, pregrasp_checks
-from dexgrasp.grasp.verify.checks.contacts import contact_checks, limit_checks
+from dexgrasp.grasp.verify.checks.contacts import contact_checks, limit_checks, request_checks
 from dexgrasp.grasp.verify.checks.conventions import convention_checks, threshold_checks
 from dexgrasp.grasp.verify.checks.forces import closure_checks, force_checks, strength_checks
 from dexgrasp.grasp.verify.checks.identity import identity_checks
@@ -21,6 +21,7 @@ _CHECKS: dict[str, Callable[[Case], list[Check]]] = {
     "conventions": convention_checks,
     "object": identity_checks,
     "contacts": contact_checks,
+    "request": request_checks,
     "limits": limit_checks,
     "clearance": clearance_checks,
     "closure": closure_checks,

@@ -4,10 +4,12 @@ import mujoco
 import numpy as np
 
 from dexgrasp.grasp.verify.case import Case
-from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, claim, same
+from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, claim, flag, same
+from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.robot import SLIDE
 
 _NORMAL = 1e-5  # of unit vectors
+_DEGREES = 0.01  # what two ways to compute an angle may differ by
 _COSINE = 2e-4  # what the optimiser leaves of an angle
 
 
@@ -29,6 +31,24 @@ def contact_checks(case: Case) -> list[Check]:
         at_least("tip cosine", (touch.axes * inward).sum(1).min(), limits.tip_cosine, "", _COSINE),
         at_least("pad cosine", (touch.pads * inward).sum(1).min(), limits.pad_cosine, "", _COSINE),
     ]
+
+
+def request_checks(case: Case) -> list[Check]:
+    """Check that contacts, fingers and palm are as the file says that was asked; nothing where nothing was."""
+    asked = case.record.request
+    if asked is None:
+        return []
+    found = []
+    if asked.hold or asked.avoid:
+        points = placed(case.cell.T_base_world, case.touch.points)
+        found.append(at_most("contacts outside the request", asked.outside(points).max(), 0.0, "m", LENGTH))
+    if asked.approach is not None:
+        face = case.cell.T_base_world[:3, :3] @ case.scene.palm(case.record.q)[1][:, 0]
+        off = asked.approach.off(face[None])[0]
+        found.append(at_most("palm direction", off, asked.approach.degrees, "degrees", _DEGREES))
+    if asked.fingers:
+        found.append(flag("fingers as requested", set(asked.fingers) == set(case.record.fingers)))
+    return found
 
 
 def limit_checks(case: Case) -> list[Check]:

@@ -1,0 +1,238 @@
+"""What is asked of a grasp: where the fingers touch and where they do not, which way the palm faces, which fingers.
+
+All places are in the frame of the robot's base, whatever the table: a request is stated before anything is seen.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array, Mask, array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import placed
+from dexgrasp_env.valid import Rule, list_of, number, several
+
+_MARK_RADIUS = 0.006  # m around a marked point that counts as marked: clouds have a point in each 5 mm or so
+_MOST_POINTS = 5000
+_WAYS = {"top": ((0.0, 0.0, -1.0), 30.0), "front": ((1.0, 0.0, 0.0), 45.0), "side": (None, 30.0)}
+"""Name -> the way that the palm faces, None for any level one, and degrees that it may be off."""
+
+
+def _points(value: Any) -> Array:
+    points: Array = array(None, 3).validate(value)
+    if not 1 <= len(points) <= _MOST_POINTS:
+        raise ValueError
+    return points
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A box, or all that is within a radius of points; frame of the robot's base, m.
+
+    Attributes:
+        low, high: (3,) corners of the box; None for points.
+        points: (N, 3); None for a box.
+        radius: around the points; of a box, by how much it is grown.
+    """
+
+    low: Annotated[Array | None, array(3)] = None
+    high: Annotated[Array | None, array(3)] = None
+    points: Annotated[Array | None, Rule(f"1 to {_MOST_POINTS} points (x, y, z)", _points)] = None
+    radius: Annotated[float, number(ge=-1, le=1)] = 0.0
+
+    def __post_init__(self) -> None:
+        boxed = self.low is not None and self.high is not None
+        if boxed == (self.points is not None) or (self.low is None) != (self.high is None):
+            raise InputError("a region is a box, with low and high, or points with a radius")
+        if self.low is not None and self.high is not None and not (self.low < self.high).all():
+            raise InputError("a region's box is empty: valid is each of its low numbers below the high one")
+        if self.points is not None and not self.radius > 0:
+            raise InputError("a region of points has a radius above 0 m")
+
+    @classmethod
+    def of_text(cls, text: str) -> "Region":
+        """Return the region that `box:X0,Y0,Z0,X1,Y1,Z1` or `sphere:X,Y,Z,RADIUS` states, m.
+
+        Raises:
+            ValueError: for any other text.
+            InputError: for a region without inside.
+        """
+        kind, _, rest = text.partition(":")
+        numbers = [float(word) for word in rest.split(",")]
+        if not np.isfinite(numbers).all() or len(numbers) != {"box": 6, "sphere": 4}.get(kind):
+            raise ValueError
+        if kind == "sphere":
+            return cls(points=np.array([numbers[:3]]), radius=numbers[3])
+        return cls(np.array(numbers[:3]), np.array(numbers[3:]))
+
+    @classmethod
+    def of_points(cls, points: Array) -> "Region":
+        """Return the surroundings of marked points (N, 3) m, thinned where they are many.
+
+        Raises:
+            InputError: where there is none.
+        """
+        if not len(points):
+            raise InputError("a region's mask marks no point")
+        cells = np.unique(np.round(points / (0.5 * _MARK_RADIUS)), axis=0)
+        return cls(
+            points=cells[:: -(-len(cells) // _MOST_POINTS)] * (0.5 * _MARK_RADIUS), radius=_MARK_RADIUS
+        )
+
+    def gap(self, points: Array) -> Array:
+        """Return how far outside points (N, 3) m are (N,) m; below 0 inside."""
+        if self.low is not None and self.high is not None:
+            out = np.maximum(self.low - points, points - self.high)
+            outside = np.linalg.norm(np.maximum(out, 0.0), axis=1)
+            return outside + np.minimum(out.max(1), 0.0) - self.radius
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.points).query(points)[0] - self.radius
+
+    def grown(self, by: float) -> "Region":
+        """Return it larger by `by` m on all sides; one that is made smaller than a point stays one."""
+        least = -1.0 if self.points is None else 1e-6
+        return replace(self, radius=max(self.radius + by, least))
+
+
+REGION = Rule(
+    "box:X0,Y0,Z0,X1,Y1,Z1 or sphere:X,Y,Z,RADIUS, m in the frame of the robot's base",
+    lambda value: value if isinstance(value, Region) else Region.of_text(value),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """The way that the palm faces.
+
+    Attributes:
+        direction: (3,) in the frame of the robot's base; None for any level one.
+        degrees: by which the palm may face another way.
+        name: in words; empty for a direction of numbers.
+    """
+
+    direction: Annotated[Array | None, array(3)]
+    degrees: Annotated[float, number(gt=0, le=180)]
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if self.direction is not None:
+            size = np.linalg.norm(self.direction)
+            if not size > 0:
+                raise InputError("the direction of an approach has a length above 0")
+            object.__setattr__(self, "direction", self.direction / size)
+
+    @classmethod
+    def of_text(cls, text: str) -> "Approach":
+        """Return the approach that `top`, `side`, `front` or `X,Y,Z` states, each with `,DEGREES` behind if it likes.
+
+        Raises:
+            ValueError: for any other text.
+        """
+        name, *rest = text.split(",")
+        if name in _WAYS:
+            (way, degrees), given = _WAYS[name], [float(word) for word in rest]
+            if len(given) > 1:
+                raise ValueError
+            return cls(None if way is None else np.array(way), *(given or [degrees]), name=name)
+        numbers = [float(word) for word in (name, *rest)]
+        if len(numbers) not in (3, 4) or not np.isfinite(numbers).all():
+            raise ValueError
+        return cls(np.array(numbers[:3]), *(numbers[3:] or [30.0]))
+
+    def off(self, faces: Array) -> Array:
+        """Return by how many degrees (N,) palms that face the ways (N, 3) are off."""
+        if self.direction is None:
+            return np.degrees(np.arcsin(np.clip(np.abs(faces[:, 2]), 0.0, 1.0)))
+        return np.degrees(np.arccos(np.clip(faces @ self.direction, -1.0, 1.0)))
+
+    def __str__(self) -> str:
+        way = self.name or "along " + " ".join(f"{x:.2f}" for x in np.atleast_1d(self.direction))
+        return f"{way} within {self.degrees:g} degrees"
+
+
+APPROACH_WORDS = Rule(
+    "top, side, front or X,Y,Z, the way that the palm faces, with ,DEGREES behind",
+    lambda value: value if isinstance(value, Approach) else Approach.of_text(value),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class GraspRequest:
+    """What is asked of a grasp, besides that it holds.
+
+    Attributes:
+        hold: every contact lies in one of these regions; none asks for nothing.
+        avoid: no contact lies in any of these.
+        approach: the way that the palm faces.
+        fingers: that make the contacts, one of the grasps of the hand's file; empty leaves them to the planner.
+    """
+
+    hold: Annotated[tuple[Region, ...], list_of(Region, 0, 20)] = ()
+    avoid: Annotated[tuple[Region, ...], list_of(Region, 0, 20)] = ()
+    approach: Approach | None = None
+    fingers: Annotated[tuple[str, ...], several(Rule("a finger's name", str))] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.hold or self.avoid or self.approach or self.fingers)
+
+    def outside(self, points: Array) -> Array:
+        """Return how far points (N, 3) m are from where contacts may be (N,) m; 0 or less where they may."""
+        out = np.full(len(points), -np.inf)
+        if self.hold:
+            out = np.min([region.gap(points) for region in self.hold], axis=0)
+        for region in self.avoid:
+            out = np.maximum(out, -region.gap(points))
+        return out
+
+
+ANYHOW = GraspRequest()
+"""The request that asks for nothing."""
+
+
+class Demand:
+    """A request in a world in which the frame of the robot's base has some pose."""
+
+    def __init__(self, request: GraspRequest, T_base_world: Array) -> None:
+        """Take the request and the pose (4, 4) of the world in the base's frame."""
+        self.request, self._pose = request, T_base_world
+
+    def allows(self, contacts: Array, margin: float = 0.0) -> Mask:
+        """Return which contacts (..., 3) m, world frame, are where they may be, `margin` m from the edge (...)."""
+        flat = placed(self._pose, np.reshape(contacts, (-1, 3)))
+        return (self.request.outside(flat) <= -margin).reshape(np.shape(contacts)[:-1])
+
+    def off(self, faces: Array) -> Array:
+        """Return by how many degrees (N,) palms that face the ways (N, 3), world frame, are off."""
+        approach = self.request.approach
+        return np.zeros(len(faces)) if approach is None else approach.off(faces @ self._pose[:3, :3].T)
+
+    def faces(self, faces: Array) -> Mask:
+        """Return which palms that face the ways (N, 3), world frame, do as is asked."""
+        approach = self.request.approach
+        return np.ones(len(faces), bool) if approach is None else self.off(faces) <= approach.degrees
+
+
+def relaxations(request: GraspRequest) -> Sequence[tuple[str, tuple[GraspRequest, ...]]]:
+    """Return the name of each constraint, and requests that relax it alone, nearest first."""
+    found = []
+    if request.approach is not None:
+        approach = request.approach
+        wider = (15.0, 30.0, 50.0, 80.0, 180.0)
+        steps = tuple(
+            replace(request, approach=replace(approach, degrees=min(approach.degrees + by, 180.0)))
+            for by in wider
+        )
+        found.append(("approach", steps))
+    grown = (0.005, 0.01, 0.02, 0.04, 0.08)
+    if request.hold:
+        steps = tuple(replace(request, hold=tuple(r.grown(by) for r in request.hold)) for by in grown)
+        found.append(("hold", steps))
+    if request.avoid:
+        steps = tuple(replace(request, avoid=tuple(r.grown(-by) for r in request.avoid)) for by in grown)
+        found.append(("avoid", steps))
+    if request.fingers:
+        found.append(("fingers", (replace(request, fingers=()),)))
+    return found

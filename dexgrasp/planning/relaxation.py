@@ -1,0 +1,51 @@
+"""What can be had where a request cannot: each constraint is relaxed alone, nearest first, until there is a grasp."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dexgrasp.geometry.request import Demand, GraspRequest, relaxations
+from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.planning.planner import Planner
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import placed
+
+
+def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: Array) -> str:
+    """Return in words which constraint of the planner's request rules a grasp out, and what can be had without.
+
+    Args:
+        planner: that found no grasp.
+        target: the object.
+        seed: of everything that is drawn.
+        start: (n,) rad, set-points the robot approaches from.
+    """
+    free = planner.plan(replace(target, demand=None), seed, start).grasp
+    if free is None:
+        return "there is no grasp without the request either"
+    words, request = [], planner.request
+    for name, steps in relaxations(request):
+        for step in steps:
+            demand = Demand(step, planner.cell.T_base_world) if step else None
+            found = planner.plan(replace(target, demand=demand), seed, start).grasp
+            if found is not None:
+                words.append(_in_words(name, request, found))
+                break
+    return "; ".join(words) or "there is one without the request, and none where one part of it is left out"
+
+
+def _in_words(name: str, request: GraspRequest, grasp: Grasp) -> str:
+    """Return how far a grasp is from a constraint of a request."""
+    if name == "approach":
+        face = palm_frame(grasp.q, robot_tree(grasp.cell))[0][None, :, 0]
+        off = Demand(request, grasp.cell.T_base_world).off(face)[0]
+        return f"none whose palm faces {request.approach}; one at {off:.0f} degrees"
+    if name == "fingers":
+        return f"none with {' '.join(request.fingers)}; one with {' '.join(grasp.fingers)}"
+    own = replace(GraspRequest(), **{name: getattr(request, name)})
+    outside = own.outside(placed(grasp.cell.T_base_world, grasp.contacts)).max()
+    where = "within what is to be held" if name == "hold" else "outside what is to be avoided"
+    return f"none whose contacts are all {where}; one that misses it by {1000.0 * np.maximum(outside, 0.0):.0f} mm"

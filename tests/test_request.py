@@ -1,0 +1,153 @@
+"""Requests: where contacts lie, which way the palm faces, which fingers; met by construction, and judged."""
+
+import json
+
+import numpy as np
+import pytest
+
+from dexgrasp import plan_cloud
+from dexgrasp.cli.main import main
+from dexgrasp.geometry.request import (
+    APPROACH_WORDS,
+    REGION,
+    Approach,
+    Demand,
+    GraspRequest,
+    Region,
+    relaxations,
+)
+from dexgrasp.grasp.file import record_of
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import about_z, rigid
+from dexgrasp_env.valid import check
+
+
+def block(size=(0.05, 0.12, 0.09), middle=(0.52, 0.02), seed=0):
+    """Return a cloud of a box on the table."""
+    rng = np.random.default_rng(seed)
+    box = rng.uniform(size=(6000, 3))
+    box[np.arange(6000), rng.integers(0, 3, 6000)] = rng.integers(0, 2, 6000)
+    low = np.array([*middle, 0.0]) - [0.5 * size[0], 0.5 * size[1], 0.0]
+    table = rng.uniform([0.3, -0.3, 0.0], [0.75, 0.3, 0.0], (6000, 3))
+    points = np.concatenate([low + box * size, table])
+    return points + rng.normal(0.0, 0.0005, points.shape)
+
+
+def judged(plan):
+    """Return the checks of a planned grasp by name, from its file alone."""
+    (content,) = plan.contents("block")
+    return {check.name: check for check in verify(record_of(json.loads(json.dumps(content))))}
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        GraspRequest(hold=(Region.of_text("box:0.4,0.03,0,0.6,0.12,0.12"),)),
+        GraspRequest(avoid=(Region.of_text("box:0.4,-0.2,0,0.6,0.2,0.045"),)),
+        GraspRequest(hold=(Region.of_text("sphere:0.52,0.02,0.09,0.06"),)),
+        GraspRequest(approach=Approach.of_text("side,40")),
+        GraspRequest(approach=Approach.of_text("0.5,0,-1,25"), fingers=("middle", "thumb", "index")),
+    ],
+    ids=["half", "above", "sphere", "side", "direction"],
+)
+def test_a_request_is_met_and_judged(request_):
+    plan = plan_cloud(block(), seed=2, request=request_)
+    assert plan.success, plan.relaxation
+    checks = judged(plan)
+    named = {"contacts outside the request", "palm direction", "fingers as requested"} & set(checks)
+    assert named
+    assert all(check.holds for check in checks.values())
+    assert (request_.outside(plan.grasp.contacts) <= 0.0).all()
+
+
+def test_the_judge_refuses_a_grasp_that_is_not_as_asked():
+    plan = plan_cloud(block(), seed=2)
+    (content,) = plan.contents("block")
+    assert "request" not in content
+    place = plan.grasp.contacts[0].tolist()
+    wrong = {
+        "contacts outside the request": {"avoid": [{"points": [place], "radius": 0.005}]},
+        "palm direction": {"approach": {"direction": [0, 0, 1], "degrees": 20.0, "name": ""}},
+        "fingers as requested": {"fingers": ["thumb", "index"]},
+    }
+    for name, asked in wrong.items():
+        checks = verify(record_of(content | {"request": asked}))
+        assert [check.name for check in checks if not check.holds] == [name]
+    for asked in (
+        {"hold": [{"low": [0, 0, 0]}]},
+        {"hold": [{"radius": 1.0}]},
+        {"approach": {"direction": [0, 0, 0]}},
+    ):
+        with pytest.raises(InputError, match=r"request|region|approach"):
+            record_of(content | {"request": asked})
+
+
+def test_what_cannot_be_had_is_said_with_the_nearest_that_can():
+    low = plan_cloud(
+        block((0.06, 0.07, 0.05)), seed=1, request=GraspRequest(approach=Approach.of_text("0,0,1,20"))
+    )
+    assert not low.success
+    assert "none whose palm faces along 0.00 0.00 1.00 within 20 degrees; one at" in low.relaxation
+    beside = GraspRequest(
+        hold=(Region.of_text("box:0.5,0.2,0,0.6,0.3,0.2"),), approach=Approach.of_text("top")
+    )
+    none = plan_cloud(block(), seed=1, request=beside)
+    assert none.reason == "no_grasp:no_surface_as_requested"
+    assert (
+        "is to be held; one that misses it by" in none.relaxation or "none where one part" in none.relaxation
+    )
+
+
+def test_regions_and_ways_in_words():
+    box = Region.of_text("box:0,0,0,1,2,3")
+    assert np.allclose(box.gap(np.array([[0.5, 1, 1], [2, 1, 1], [2, 3, 1]])), [-0.5, 1.0, np.sqrt(2)])
+    assert np.allclose(box.grown(0.25).gap(np.array([[1.5, 1.0, 1.0]])), [0.25])
+    ball = Region.of_text("sphere:0,0,1,0.5")
+    assert np.allclose(ball.gap(np.array([[0, 0, 1], [0, 0, 2]])), [-0.5, 0.5])
+    side = Approach.of_text("side,10")
+    assert np.allclose(side.off(np.array([[1, 0, 0], [0, 0, -1], [0, 1, 1] / np.sqrt(2)])), [0, 90, 45])
+    for text in ("box:0,0,0,1,1", "sphere:0,0,0,inf", "ball:0,0,0,1", "box", "", "box:0,0,0,a,1,1"):
+        with pytest.raises(InputError, match="hold is"):
+            check("hold", text, REGION)
+    for text in ("box:0,0,0,0,1,1", "sphere:0,0,0,0"):
+        with pytest.raises(InputError):
+            Region.of_text(text)
+    for text in ("above", "1,2", "top,1,2", "nan,0,1", "top,x"):
+        with pytest.raises(InputError, match="approach is"):
+            check("approach", text, APPROACH_WORDS)
+
+
+def test_a_request_is_of_the_frame_of_the_base_wherever_the_world_is():
+    T = rigid(about_z(0.7), np.array([0.1, -0.2, 0.3]))
+    request = GraspRequest(hold=(Region.of_text("box:0,0,0,1,1,1"),), approach=Approach.of_text("1,0,0"))
+    demand = Demand(request, T)
+    inside = np.linalg.inv(T) @ [0.5, 0.5, 0.5, 1.0]
+    assert demand.allows(inside[:3])
+    assert not demand.allows(inside[:3], margin=0.6)
+    assert np.allclose(demand.off((T[:3, :3].T @ [1.0, 0.0, 0.0])[None]), 0.0, atol=1e-5)
+    assert {name for name, _ in relaxations(request)} == {"hold", "approach"}
+
+
+def test_the_command_takes_it(tmp_path, capsys):
+    points = block()
+    np.save(tmp_path / "scene.npy", points)
+    np.save(tmp_path / "mask.npy", points[:, 1] > 0.03)
+    base = ["plan", "--cloud", str(tmp_path / "scene.npy"), "--seed", "2"]
+    assert main([*base, "--hold", f"mask:{tmp_path / 'mask.npy'}", "--approach", "top,60", "--json"]) == 0
+    grasp = json.loads(capsys.readouterr().out)["grasp"]
+    assert all(contact["point"][1] > 0.02 for contact in grasp["contacts"])
+    assert grasp["request"]["approach"]["degrees"] == 60.0
+    for options, words in (
+        (["--hold", "cube:1"], "valid is box:X0,Y0,Z0"),
+        (["--avoid", "sphere:0,0,0,-1"], "radius above 0"),
+        (["--approach", "below"], "valid is top, side, front"),
+        (["--fingers", "thumb", "nose"], "valid are thumb index middle"),
+        (["--hold", "mask:none.npy"], "none.npy"),
+    ):
+        assert main([*base, *options]) == 2, options
+        assert words in capsys.readouterr().err
+    assert main(["plan", "pear", "--hold", "mask:a.npy"]) == 2
+    assert "of a --cloud" in capsys.readouterr().err
+    assert main(["plan", "pear", "--floating", "--approach", "top"]) == 2
+    assert "of agent bilevel" in capsys.readouterr().err
