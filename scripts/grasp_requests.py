@@ -1,0 +1,150 @@
+"""Requests drawn at random: how many of those that can be met are, and are contacts where they were asked for?
+
+    python scripts/grasp_requests.py OUT [--seed 0] [--count 200]
+
+Each is of an object of all20 in a drawn pose, seen by the cameras: a half-space through the object that 20 to 60 % of
+its surface lies in, to hold or to avoid, or a cone of five. `bilevel` answers and carries out. What is not answered is
+searched for at length (four seeds, three times the surface points, nine times the triples): what then has a grasp could
+be met. Rows go to OUT/rows.jsonl, by which a second run goes on; the table is printed with Wilson intervals.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.random import Generator
+from tqdm import tqdm
+
+from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.cli.command import Answer, Argument, Folder, Script
+from dexgrasp.cli.commands import run_script
+from dexgrasp.evaluation.protocol import TrialSeeds
+from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.evaluation.trial import run_trial
+from dexgrasp.geometry.request import Approach, GraspRequest, Region
+from dexgrasp.geometry.surface_samples import triangle_samples
+from dexgrasp.grasp.file import record_of
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.planning.scene_setup import look_at
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.runs.folder import make_folder
+from dexgrasp.runs.lines import read_lines
+from dexgrasp_env.arrays import Array, Fields
+from dexgrasp_env.objects.catalogue import OBJECT_SETS
+from dexgrasp_env.poses import placed
+from dexgrasp_env.valid import Count, Natural
+
+CONES = ("top,30", "side,40", "front,45", "0,1,-1,40", "0,-1,-1,40")
+SEARCHES, DENSER = 4, 3.0  # seeds, and times as many points
+FAR = 1.0  # m
+
+
+def drawn(k: int, surface: Array, rng: Generator) -> tuple[str, GraspRequest]:
+    """Return the kind of request number `k`, and one for an object with a surface (N, 3) m."""
+    if k % 3 == 2:
+        way = CONES[k // 3 % len(CONES)]
+        return "approach", GraspRequest(approach=Approach.of_text(way))
+    axis, share = int(rng.integers(3)), rng.uniform(0.2, 0.6)
+    low, high = np.full(3, -FAR), np.full(3, FAR)
+    if rng.random() < 0.5:
+        low[axis] = np.quantile(surface[:, axis], 1.0 - share)
+    else:
+        high[axis] = np.quantile(surface[:, axis], share)
+    region = (Region(low, high),)
+    return ("hold", GraspRequest(hold=region)) if k % 3 == 0 else ("avoid", GraspRequest(avoid=region))
+
+
+def tip_contacts(lift: Any, start: Array) -> Array:
+    """Return where bodies of the robot touch the object (N, 3) m, moved with it to where it was at the start."""
+    model, data = lift.model, lift.data
+    body = model.body("object").id
+    robot = {model.body(name).id for name in lift.settings.cell.robot.bodies}
+    found = []
+    for contact in data.contact[: data.ncon]:
+        of = set(model.geom_bodyid[contact.geom].tolist())
+        if body in of and of & robot:
+            found.append(contact.pos.copy())
+    now = np.eye(4)
+    now[:3, :3], now[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
+    return placed(start @ np.linalg.inv(now), np.array(found).reshape(-1, 3))
+
+
+def trial(k: int, seed: int) -> Fields:
+    """Return what became of request number `k`."""
+    rng = np.random.default_rng([seed, k])
+    target = OBJECT_SETS["all20"][k % 20]
+    scene = int(rng.integers(2**31))
+    look = look_at(target, BilevelAgent(), scene)
+    assert look.subject.pose is not None
+    pose, solid = look.subject.pose.T_world_object, look.subject.pose.surface
+    surface = placed(pose, triangle_samples(solid.vertices[solid.faces], 400, rng).points)
+    kind, request = drawn(k // 20, surface, rng)
+    agent = BilevelAgent(request=request)
+    outcome, grasp = run_trial(look.env, agent, TrialSeeds(scene, scene))
+    row = {"k": k, "object": target, "kind": kind, "answered": grasp is not None, "reason": outcome.reason,
+           "lifted": outcome.success}  # fmt: skip
+    if grasp is None:
+        settings = replace(PlannerSettings().broadened(DENSER), patience=8)
+        for own in range(SEARCHES):
+            other = BilevelAgent("surface", settings, request=request)
+            other.seed(own)
+            if other.plan(look.observation, look.info).success:
+                return row | {"possible": True}
+        return row | {"possible": False}
+    checks = [check.name for check in verify(record_of(grasp)) if not check.holds]
+    mujoco.mj_forward(look.env.unwrapped.model, look.env.unwrapped.data)  # type: ignore[attr-defined]
+    touching = tip_contacts(look.env.unwrapped, pose)
+    outside = request.outside(touching).max(initial=-FAR) if kind != "approach" else -FAR
+    return row | {"possible": True, "refused": checks, "outside_mm": 1000.0 * float(outside)}
+
+
+def summary(rows: list[Fields]) -> Iterator[str]:
+    """Yield the lines of the table."""
+    for kind in ("hold", "avoid", "approach", None):
+        own = [row for row in rows if kind in (None, row["kind"])]
+        possible = [row for row in own if row["possible"]]
+        answered = [row for row in own if row["answered"]]
+        shares = (
+            ("answered", answered, possible),
+            ("lifted", [row for row in answered if row["lifted"]], answered),
+            ("verified", [row for row in answered if not row["refused"]], answered),
+            ("within 5 mm", [row for row in answered if row["outside_mm"] <= 5.0], answered),
+        )
+        for name, good, of in shares:
+            if of:
+                low, high = wilson_interval(len(good), len(of))
+                yield f"{kind or 'all':9} {name:12} {len(good)} of {len(of)}  [{low:.2f}, {high:.2f}]"
+
+
+class Requests(Script):
+    """Draw, plan, carry out, judge.
+
+    Attributes:
+        out: folder for rows.jsonl.
+        seed: of everything that is drawn.
+        count: of requests.
+    """
+
+    out: Argument[Folder]
+    seed: Natural = 0
+    count: Count = 200
+
+    def run(self) -> Answer:
+        """Return the table."""
+        path = make_folder(self.out) / "rows.jsonl"
+        rows = read_lines(path, "request", lambda row: None) if path.is_file() else []
+        done = {row["k"] for row in rows}
+        with path.open("a") as file:
+            for k in tqdm([k for k in range(self.count) if k not in done], "requests"):
+                rows.append(trial(k, self.seed))
+                file.write(json.dumps(rows[-1]) + "\n")
+                file.flush()
+        return Answer({"rows": rows}, list(summary(rows)))
+
+
+if __name__ == "__main__":
+    sys.exit(run_script(Requests))
