@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Request(Options):
-    """Where and how: all places in the frame of the robot's base, m.
+    """Constraints on the grasp, in the frame of the robot's base, m.
 
     Attributes:
         hold: regions that all contacts lie in: box:X0,Y0,Z0,X1,Y1,Z1, sphere:X,Y,Z,RADIUS, or of a cloud

@@ -1,4 +1,4 @@
-"""What is asked of a grasp: where the fingers touch and where they do not, which way the palm faces, which fingers.
+"""Requests of a grasp: regions of its contacts, direction of its palm, its fingers.
 
 All places are in the frame of the robot's base, whatever the table: a request is stated before anything is seen.
 """
@@ -136,11 +136,11 @@ class Approach:
             (way, degrees), given = _WAYS[name], [float(word) for word in rest]
             if len(given) > 1:
                 raise ValueError
-            return cls(None if way is None else np.array(way), *(given or [degrees]), name=name)
+            return cls(None if way is None else np.array(way), (given or [degrees])[0], name)
         numbers = [float(word) for word in (name, *rest)]
         if len(numbers) not in (3, 4) or not np.isfinite(numbers).all():
             raise ValueError
-        return cls(np.array(numbers[:3]), *(numbers[3:] or [30.0]))
+        return cls(np.array(numbers[:3]), (numbers[3:] or [30.0])[0])
 
     def off(self, faces: Array) -> Array:
         """Return by how many degrees (N,) palms that face the ways (N, 3) are off."""
@@ -149,7 +149,8 @@ class Approach:
         return np.degrees(np.arccos(np.clip(faces @ self.direction, -1.0, 1.0)))
 
     def __str__(self) -> str:
-        way = self.name or "along " + " ".join(f"{x:.2f}" for x in np.atleast_1d(self.direction))
+        numbers = () if self.direction is None else self.direction
+        way = self.name or "along " + " ".join(f"{x:.2f}" for x in numbers)
         return f"{way} within {self.degrees:g} degrees"
 
 
@@ -161,7 +162,7 @@ APPROACH_WORDS = Rule(
 
 @dataclass(frozen=True, eq=False)
 class GraspRequest:
-    """What is asked of a grasp, besides that it holds.
+    """Request of a grasp: constraints besides that it holds.
 
     Attributes:
         hold: every contact lies in one of these regions; none asks for nothing.

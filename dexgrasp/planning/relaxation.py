@@ -1,4 +1,4 @@
-"""What can be had where a request cannot: each constraint is relaxed alone, nearest first, until there is a grasp."""
+"""Relaxation of requests that cannot be met: each constraint alone, nearest first, until there is a grasp."""
 
 from dataclasses import replace
 

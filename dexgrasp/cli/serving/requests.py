@@ -189,7 +189,7 @@ def _verify(options: Fields, robot: str | None) -> Fields:
 
 
 def _silent(_done: int, _of: int) -> None:
-    """Say nothing of progress."""
+    """Ignore progress."""
 
 
 REQUESTS: dict[str, Callable[[Fields, str | None], Fields]] = {

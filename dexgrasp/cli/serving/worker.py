@@ -23,7 +23,7 @@ ANSWER, REFUSED, FAULT = 0, 1, 2
 
 
 class _Answers:
-    """Whatever a message asks for."""
+    """Answers to messages."""
 
     def __init__(self, settings: Fields) -> None:
         from dexgrasp import __name__ as package
