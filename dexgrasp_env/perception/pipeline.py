@@ -28,6 +28,7 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.instances import Instances, segment_instances
 from dexgrasp_env.perception.neighbourhoods import linked
+from dexgrasp_env.perception.parting import part_instances
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -42,7 +43,7 @@ from dexgrasp_env.perception.reasons import NO_PLANE, NOTHING_MARKED, OUT_OF_VIE
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.perception.selection import TargetSelector, check_reach
-from dexgrasp_env.perception.support import find_support, near_base
+from dexgrasp_env.perception.support import Support, find_support, near_base
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
 
@@ -106,7 +107,7 @@ def _selected(cloud: Cloud, selector: TargetSelector, plane: Plane) -> tuple[Ins
     if marked is None and near is None:  # there is but one, so that what is near it is of it
         labels = linked(cloud.points, LINK)
         counts = np.bincount(labels, minlength=1)
-        return Instances(labels, np.zeros(len(counts), bool)), int(counts.argmax())
+        return Instances(labels, ("",) * len(counts)), int(counts.argmax())
     instances = segment_instances(cloud, plane)
     if marked is not None:
         return instances.with_marked(marked)
@@ -138,20 +139,16 @@ def find_object(
     Raises:
         InputError: for a mask that is not the cloud's.
     """
-    selector, objects = (selector or TargetSelector()).moved(cell.base), list[tuple[Cloud, bool]]()
+    selector, objects = (selector or TargetSelector()).moved(cell.base), list[tuple[Cloud, str]]()
     selector.marks(cloud)  # a mask of something else is a mistake whatever the cloud shows
     try:
-        cloud = near_base(cloud)
-        cloud = cloud.moved(cloud.points + cell.base)
-        support = find_support(cloud, rng, cell)
+        cloud, support, above = stand_on(cloud, rng, cell, own)
         if support.tilt:
             selector = selector.turned(cloud, support.rotation, support.about)
         plane = support.plane
-        above = isolate(support.cloud, plane, max(_LEAST_CLEARANCE, SIGMAS * plane.rms), own)
-        above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND)
-        instances = segment_instances(above, plane)
+        instances = part_instances(above, support.cloud, plane)
         numbers = instances.objects(above)
-        objects = [(above.select(instances.labels == k), bool(instances.doubtful[k])) for k in numbers]
+        objects = [(above.select(instances.labels == k), instances.doubts[k]) for k in numbers]
         if (marked := selector.marks(above)) is not None:
             instances, number = instances.with_marked(marked)
             found = above.select(marked)
@@ -162,10 +159,25 @@ def find_object(
             number = numbers[selector.choose([one for one, _ in objects], len(above), cell.base)]
     except NoTargetError as refused:
         seen = tuple(
-            object_cloud(one, None, COUNT, doubtful, cameras_known=False) for one, doubtful in objects
+            object_cloud(one, None, COUNT, doubt, cameras_known=False) for one, doubt in objects
         )
         return Scene(reason=refused.reason, sentence=refused.sentence, neighbours=seen)
     return replace(scene_around(above, instances, number, plane, rng, cameras_known=False), tilt=support.tilt)
+
+
+def stand_on(
+    cloud: Cloud, rng: Generator, cell: Cell, own: Own | None = None
+) -> tuple[Cloud, Support, Cloud]:
+    """Return a recorded cloud in the world, the same on its level table, and of that what stands on the table.
+
+    Raises:
+        NoTargetError: where there is no table.
+    """
+    cloud = near_base(cloud)
+    cloud = cloud.moved(cloud.points + cell.base)
+    support = find_support(cloud, rng, cell)
+    above = isolate(support.cloud, support.plane, max(_LEAST_CLEARANCE, SIGMAS * support.plane.rms), own)
+    return cloud, support, crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND)
 
 
 def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None) -> Cloud:
@@ -183,25 +195,25 @@ def scene_around(
     """Return the scene in which one of the things in an isolated cloud is the target, and the others stand around."""
     numbers = [number, *(k for k in instances.objects(cloud) if k != number)]
     target, *others = (cloud.select(instances.labels == k) for k in numbers)
-    doubtful, *doubts = map(bool, instances.doubtful[numbers])
+    doubt, *doubts = (instances.doubts[k] for k in numbers)
     seen = partial(object_cloud, plane=plane, cameras_known=cameras_known)
     around = Scene(
         plane=plane,
         neighbours=tuple(
-            seen(one, count=_OTHERS, doubtful=doubt) for one, doubt in zip(others, doubts, strict=True)
+            seen(one, count=_OTHERS, doubt=its) for one, its in zip(others, doubts, strict=True)
         ),
         rest=seen(cloud.select(~np.isin(instances.labels, numbers)), count=_REST),
     )
     if len(target) < MIN_POINTS:
         return replace(around, reason=TOO_FEW if len(target) else OUT_OF_VIEW)
-    return replace(around, target=seen(target, count=COUNT, doubtful=doubtful, rng=rng))
+    return replace(around, target=seen(target, count=COUNT, doubt=doubt, rng=rng))
 
 
 def object_cloud(
     cloud: Cloud,
     plane: Plane | None,
     count: int,
-    doubtful: bool = False,
+    doubt: str = "",
     rng: Generator | None = None,
     *,
     cameras_known: bool = True,
@@ -217,4 +229,4 @@ def object_cloud(
         cloud = replace(cloud, views=unit(cloud.points - middle(cloud.points)))
     chosen = cloud.select(downsample(cloud.points, count, rng or np.random.default_rng(len(cloud))))
     points, normals = smooth(cloud, chosen, 0.0 if plane is None else plane.rms)
-    return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubtful)
+    return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubt)

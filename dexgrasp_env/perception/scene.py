@@ -32,13 +32,13 @@ class ObjectCloud:
         points: (N, 3) m, world frame.
         normals: (N, 3) out of the object, none longer than 1; zeros where they are unknown.
         pixels: (N,) of each point in the flattened (cameras, H, W) images; empty where there are none.
-        doubtful: whether it may be two objects, or a part of the next.
+        doubt: why it may be two objects, a part of the next, or of another shape, for people; empty without doubt.
     """
 
     points: Array = field(default_factory=_none)
     normals: Array = field(default_factory=_none)
     pixels: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
-    doubtful: bool = False
+    doubt: str = ""
 
     def __post_init__(self) -> None:
         points, normals = (np.asarray(values, dtype=float) for values in (self.points, self.normals))
