@@ -31,7 +31,7 @@ _SPREAD = 0.6  # of a hollow thing's outline that its rim encloses
 _CELL = 0.004  # m, to which points are thinned
 _HIGH, _LARGEST, _NEAR = 0.02, 0.10, 0.025  # m over the table of what hangs, its size, and how near what it is of
 _CLOSE, _CLOSEST = 0.005, 5  # m within which so many points of things that touch lie
-_DEEP, _MOST_DEEP, _LEFT_DEEP = 0.008, 0.05, 0.05  # m inside a hull; share that may be so deep, whole and in levels
+_DEEP, _MOST_DEEP, _LEFT_DEEP = 0.010, 0.07, 0.05  # m inside a hull; share that may be so deep, whole and in levels
 _LEVEL, _PEAK = 0.004, 2.5  # m, height of a level; how much fuller than others one with a top is
 TOUCHES = "touches the next, or is one with it"
 
@@ -97,7 +97,7 @@ def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index
     counts = np.bincount(steps)
     best, least = labels, _LEFT_DEEP
     for step in np.flatnonzero(counts > _PEAK * counts.mean()):
-        upper = mine & (heights > (step + 1.5) * _LEVEL)
+        upper = mine & (heights > (step + 2.5) * _LEVEL)
         lower = mine & ~upper
         if min(upper.sum(), lower.sum()) < LEAST_POINTS or np.ptp(heights[upper]) < LEAST_EXTENT:
             continue
