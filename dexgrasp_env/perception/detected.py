@@ -18,6 +18,7 @@ class DetectedObject:
         extents: (3,) m, the sides of that box.
         next: m to the nearest of the others; infinity where there is none.
         apart: m to the one that comes first.
+        doubtful: whether there is a doubt.
         doubt: why it may be something else, empty without doubt, see `ObjectCloud`.
     """
 
@@ -26,6 +27,7 @@ class DetectedObject:
     extents: Array
     next: float
     apart: float
+    doubtful: bool = False
     doubt: str = ""
 
     def __str__(self) -> str:
@@ -49,7 +51,7 @@ def detected_objects(scene: Scene, base: Array) -> list[DetectedObject]:
     )
     return [
         DetectedObject(
-            k, middle(points) - base, np.ptp(points, axis=0), float(own.min()), float(own[0]), one.doubt
+            k, middle(points) - base, np.ptp(points, axis=0), float(own.min()), float(own[0]), bool(one.doubt), one.doubt
         )
         for k, (one, points, own) in enumerate(zip(shown, clouds, gaps, strict=True), start=1)
     ]

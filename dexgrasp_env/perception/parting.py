@@ -4,6 +4,7 @@ Holes, flying points and hidden sides tear a thing: its splinters lie along it, 
 and an inner side that meet in a rim.
 """
 
+from contextlib import suppress
 from itertools import combinations
 
 import numpy as np
@@ -33,6 +34,10 @@ _HIGH, _LARGEST, _NEAR = 0.02, 0.10, 0.025  # m over the table of what hangs, it
 _CLOSE, _CLOSEST = 0.005, 5  # m within which so many points of things that touch lie
 _DEEP, _MOST_DEEP, _LEFT_DEEP = 0.010, 0.07, 0.05  # m inside a hull; share that may be so deep, whole and in levels
 _LEVEL, _PEAK = 0.004, 2.5  # m, height of a level; how much fuller than others one with a top is
+_LOW, _GAP = 0.02, 0.012  # quantile of the lowest of a thing; m within which what carries it lies below
+_UNSEEN = 0.5  # of a thing's height, so much of whose sides was not seen
+_SKIRT, _MOST_SKIRT = 0.010, 0.15  # m over the table that a skirt reaches; share of points from which on it is none
+TOP_ONLY = "was seen from above alone: its walls are taken to go straight down"
 TOUCHES = "touches the next, or is one with it"
 
 
@@ -58,7 +63,38 @@ def part_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances:
             doubts[k] = MAY_BE_TWO
         elif any(_touch(thin[k], thin[j]) for j in numbers if j != k):
             doubts[k] = TOUCHES
+        elif np.quantile(heights[labels == k], _LOW) > max(_HIGH, _UNSEEN * heights[labels == k].max()):
+            doubts[k] = TOP_ONLY
     return Instances(labels, tuple(doubts))
+
+
+def foot_of(points: Array, mine: Mask, heights: Array) -> float:
+    """Return the height, m over the table, of what carries a thing (N,) among points (N, 3) m; 0 for the table."""
+    from scipy.spatial import Delaunay, QhullError
+
+    low = float(np.quantile(heights[mine], _LOW))
+    under = ~mine & (np.abs(heights - low) < _GAP)
+    if low < _HIGH or under.sum() < _CLOSEST:
+        return 0.0
+    with suppress(QhullError):
+        under[under] = Delaunay(points[mine, :2]).find_simplex(points[under, :2]) >= 0
+        if under.sum() >= _CLOSEST:
+            return float(min(np.quantile(heights[under], 1.0 - _LOW), low))
+    return 0.0
+
+
+def without_skirt(points: Array, heights: Array) -> Mask:
+    """Return which of a thing's points (N, 3) m are not the table's, which bends up at the foot of what stands there."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    low = heights < _SKIRT
+    kept = ~low
+    with suppress(QhullError, ValueError):
+        if low.mean() < _MOST_SKIRT:
+            sides = ConvexHull(points[~low, :2]).equations
+            kept[low] = (points[low, :2] @ sides[:, :2].T + sides[:, 2]).max(1) < _TOUCH
+            return kept
+    return np.ones(len(points), bool)
 
 
 def _touch(one: Array, other: Array) -> bool:

@@ -28,7 +28,7 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.instances import Instances, segment_instances
 from dexgrasp_env.perception.neighbourhoods import linked
-from dexgrasp_env.perception.parting import part_instances
+from dexgrasp_env.perception.parting import foot_of, part_instances, without_skirt
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -140,6 +140,7 @@ def find_object(
         InputError: for a mask that is not the cloud's.
     """
     selector, objects = (selector or TargetSelector()).moved(cell.base), list[tuple[Cloud, str]]()
+    plane: Plane | None = None
     selector.marks(cloud)  # a mask of something else is a mistake whatever the cloud shows
     try:
         cloud, support, above = stand_on(cloud, rng, cell, own)
@@ -161,7 +162,7 @@ def find_object(
         seen = tuple(
             object_cloud(one, None, COUNT, doubt, cameras_known=False) for one, doubt in objects
         )
-        return Scene(reason=refused.reason, sentence=refused.sentence, neighbours=seen)
+        return Scene(plane=plane, reason=refused.reason, sentence=refused.sentence, neighbours=seen)
     return replace(scene_around(above, instances, number, plane, rng, cameras_known=False), tilt=support.tilt)
 
 
@@ -194,19 +195,27 @@ def scene_around(
 ) -> Scene:  # fmt: skip
     """Return the scene in which one of the things in an isolated cloud is the target, and the others stand around."""
     numbers = [number, *(k for k in instances.objects(cloud) if k != number)]
-    target, *others = (cloud.select(instances.labels == k) for k in numbers)
+    things = [instances.labels == k for k in numbers]
     doubt, *doubts = (instances.doubts[k] for k in numbers)
+    foot, *feet = [0.0] * len(things)
+    if not cameras_known:
+        heights = plane.heights(cloud.points)
+        foot, *feet = (foot_of(cloud.points, mine, heights) for mine in things)
+        for mine in things:
+            mine[mine] = without_skirt(cloud.points[mine], heights[mine])
+    target, *others = map(cloud.select, things)
     seen = partial(object_cloud, plane=plane, cameras_known=cameras_known)
     around = Scene(
         plane=plane,
         neighbours=tuple(
-            seen(one, count=_OTHERS, doubt=its) for one, its in zip(others, doubts, strict=True)
+            replace(seen(one, count=_OTHERS, doubt=its), foot=its_foot)
+            for one, its, its_foot in zip(others, doubts, feet, strict=True)
         ),
         rest=seen(cloud.select(~np.isin(instances.labels, numbers)), count=_REST),
     )
     if len(target) < MIN_POINTS:
         return replace(around, reason=TOO_FEW if len(target) else OUT_OF_VIEW)
-    return replace(around, target=seen(target, count=COUNT, doubt=doubt, rng=rng))
+    return replace(around, target=replace(seen(target, count=COUNT, doubt=doubt, rng=rng), foot=foot))
 
 
 def object_cloud(

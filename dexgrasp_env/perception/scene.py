@@ -4,7 +4,7 @@ Simulated cameras, recorded clouds and observations of the environment all end i
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -33,12 +33,14 @@ class ObjectCloud:
         normals: (N, 3) out of the object, none longer than 1; zeros where they are unknown.
         pixels: (N,) of each point in the flattened (cameras, H, W) images; empty where there are none.
         doubt: why it may be two objects, a part of the next, or of another shape, for people; empty without doubt.
+        foot: m over the table of what it stands on, where that is another thing.
     """
 
     points: Array = field(default_factory=_none)
     normals: Array = field(default_factory=_none)
     pixels: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     doubt: str = ""
+    foot: float = 0.0
 
     def __post_init__(self) -> None:
         points, normals = (np.asarray(values, dtype=float) for values in (self.points, self.normals))
@@ -54,6 +56,10 @@ class ObjectCloud:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def stands_on(self, table: Plane | None) -> Plane | None:
+        """Return the plane that the object stands on, None where the table is not known."""
+        return None if table is None else replace(table, offset=table.offset + self.foot)
 
 
 @dataclass(frozen=True, eq=False)
