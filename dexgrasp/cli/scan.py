@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from dexgrasp_env.perception.selection import TargetSelector
     from dexgrasp_env.robot.cell import Cell
 
-_DOUBT = "may be two objects, or a part of the next"
 _BESIDE = 0.15  # m from the object within which it is said what stands there
 
 
@@ -83,7 +82,7 @@ def list_lines(seen: "list[DetectedObject]") -> list[str]:
     for one in seen:
         gap = "none" if one.next > 1e3 else f"{100 * one.next:.1f} cm"
         lines.append(
-            f"  {one.number}: {one}, the next {gap} away{'; ' * one.doubtful}{_DOUBT * one.doubtful}"
+            f"  {one.number}: {one}, the next {gap} away{'; ' * bool(one.doubt)}{one.doubt}"
         )
     return lines
 
@@ -102,4 +101,4 @@ def chosen_line(seen: "list[DetectedObject]") -> str:
         f"{one}, {100 * one.apart:.1f} cm away" for one in sorted(beside, key=lambda one: one.apart)
     )
     line = f"object: {first}; within {100 * _BESIDE:.0f} cm: {said or 'nothing'}"
-    return line + f"\nwarning: object 1 {_DOUBT}: a --mask tells for certain" * first.doubtful
+    return f"doubt: the object {first.doubt}; a --mask tells for certain\n" * bool(first.doubt) + line

@@ -6,7 +6,7 @@ import numpy as np
 
 from dexgrasp.geometry.completion_network import CompletionNetwork, shipped_network
 from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
-from dexgrasp.geometry.hull import cloud_corners
+from dexgrasp.geometry.hull import cloud_corners, trim_extremes
 from dexgrasp.geometry.target import GraspTarget, Spread
 from dexgrasp.geometry.visible_side import ONE_SIDED, UNIT, WRITTEN, VisibleSide, one_sidedness
 from dexgrasp_env.arrays import Array
@@ -16,6 +16,7 @@ from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 NO_CLOUD, NO_VOLUME = "empty_cloud", "cloud_has_no_volume"
 _LEAST_POINTS = 4
+_GUESSED = 1.3  # of the section of what was seen, from which on that of a completed object is doubtful
 _LEAST_INSIDE = 0.003 / UNIT  # radius of the largest ball inside, below which there is no volume to speak of
 
 
@@ -43,7 +44,7 @@ def target_of(scene: Scene, mass: float | None = None, parts: int = MOST_PARTS) 
         raise NoTarget(NO_VOLUME)
     convex, airy = [hull], False
     if spread is None:
-        convex, airy = parts_within(hull, scene.target.points, scene.plane, parts)
+        convex, airy = parts_within(hull, scene.target.points, scene.target.stands_on(scene.plane), parts)
     try:
         target = GraspTarget.of_corners(convex, mass=mass, spread=spread)
     except InputError:
@@ -60,10 +61,10 @@ def completed_corners(
 
     Args:
         cloud: of the object alone.
-        plane: the table; None completes nothing.
+        plane: the table; None completes nothing. The hull ends on it, or at the object's foot.
         network: that completes; the shipped one by default.
     """
-    points, normals = cloud.points, cloud.normals
+    points, normals, plane = cloud.points, cloud.normals, cloud.stands_on(plane)
     if plane is not None and len(points) >= _LEAST_POINTS and one_sidedness(normals) >= ONE_SIDED:
         view = VisibleSide.of(points, normals, plane)
         support, spread = (network or shipped_network()).complete(view)
@@ -71,6 +72,25 @@ def completed_corners(
         if corners is not None:
             return cloud_corners(corners * UNIT @ view.R + view.origin), Spread(WRITTEN @ view.R, spread)
     return cloud_corners(points, plane), None
+
+
+def with_guess(cloud: ObjectCloud, plane: Plane | None) -> ObjectCloud:
+    """Return a cloud that says, as a doubt, where its unseen side is taken to make its section much larger."""
+    corners, spread = completed_corners(cloud, plane)
+    if corners is None or spread is None or plane is None:
+        return cloud
+    ratio = _section(corners) / _section(trim_extremes(cloud.points, plane.rms))
+    if ratio < _GUESSED:
+        return cloud
+    said = f"has a side that no camera saw: its section is taken to be {ratio:.1f} times what was seen"
+    return replace(cloud, doubt="; ".join(filter(None, (cloud.doubt, said))))
+
+
+def _section(points: Array) -> float:
+    """Return the area, m2, of points (N, 3) seen from above."""
+    from scipy.spatial import ConvexHull
+
+    return float(ConvexHull(points[:, :2]).volume)
 
 
 def _corners(support: Array) -> Array | None:

@@ -16,6 +16,7 @@ REACH = 0.020
 # 13 % too large.
 _TRIMMED = 0.01  # share of the points that count as extremes in a direction, from 1 mm of noise
 _INWARDS = 0.3  # of the noise: how much farther in the hull begins than the last point that is none
+_SEEN = 0.02  # share of points within reach of the table from which on an object's foot was seen
 _FACES = 80  # of a hull that is kept clear of
 
 
@@ -24,8 +25,9 @@ def cloud_corners(points: Array, plane: Plane | None = None) -> Array | None:
 
     No camera sees the underside, and points near the table are removed with it. The object stands on the
     table, so points within `REACH` of the plane are dropped straight onto it before the hull is taken, and
-    the point of the table under the middle of the cloud is added: an object whose lowest visible points are
-    higher, a ball say, then ends in a cone.
+    the point of the table under the middle of the cloud is added: a ball, say, whose lowest visible points are
+    higher on most sides, then ends in a cone. Where next to nothing that low was seen, as from straight above, walls
+    go straight down under all of it.
 
     Args:
         points: (M, 3) m.
@@ -43,6 +45,8 @@ def cloud_corners(points: Array, plane: Plane | None = None) -> Array | None:
         points = trim_extremes(points, plane.rms)
         heights = plane.heights(points)
         dropped = points - heights[:, None] * plane.normal
+        if np.quantile(heights, _SEEN) > REACH:
+            heights = np.zeros_like(heights)
         points = np.concatenate([points, dropped[heights < REACH], np.median(dropped, axis=0, keepdims=True)])
     try:
         return points[ConvexHull(points).vertices]

@@ -19,7 +19,8 @@ class DetectedObject:
         extents: (3,) m, the sides of that box.
         next: m to the nearest of the others; infinity where there is none.
         apart: m to the one that comes first.
-        doubtful: whether it may be two, or a part of the next.
+        doubtful: whether there is a doubt.
+        doubt: why it may be something else, empty without doubt, see `ObjectCloud`.
     """
 
     number: int
@@ -28,6 +29,7 @@ class DetectedObject:
     next: float
     apart: float
     doubtful: bool = False
+    doubt: str = ""
 
     def __str__(self) -> str:
         return in_words(self.place, self.extents)
@@ -55,7 +57,8 @@ def detected_objects(scene: Scene, T_base_world: Array) -> list[DetectedObject]:
             np.ptp(points, axis=0),
             float(own.min()),
             float(own[0]),
-            one.doubtful,
+            bool(one.doubt),
+            one.doubt,
         )
         for k, (one, points, own) in enumerate(zip(shown, clouds, gaps, strict=True), start=1)
     ]

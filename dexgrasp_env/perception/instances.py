@@ -39,21 +39,24 @@ _HOLLOW, _SHARE = 0.15, 0.25  # m, side of things whose hulls are one where they
 _FEW = 10  # points of such a hull
 
 
+MAY_BE_TWO = "may be two objects, or a part of the next"
+
+
 class Instances(NamedTuple):
     """The things in a cloud.
 
     Attributes:
         labels: (M,) numbers from 0 on.
-        doubtful: (K,) whether a thing may be two, or a part of the next.
+        doubts: (K,) why a thing may be something else, for people; empty without doubt.
     """
 
     labels: Index
-    doubtful: Mask
+    doubts: tuple[str, ...]
 
     def with_marked(self, marked: Mask) -> tuple["Instances", int]:
         """Return it with the points of a mask (M,) as one more thing, which is beyond doubt, and its number."""
-        number = len(self.doubtful)
-        return Instances(np.where(marked, number, self.labels), np.append(self.doubtful, False)), number
+        number = len(self.doubts)
+        return Instances(np.where(marked, number, self.labels), (*self.doubts, "")), number
 
     def objects(self, cloud: Cloud) -> list[int]:
         """Return the numbers of those things on the table that are objects, the largest first."""
@@ -69,7 +72,7 @@ class Instances(NamedTuple):
 def segment_instances(cloud: Cloud, plane: Plane) -> Instances:
     """Tell the things in a cloud apart, table and robot being removed."""
     if len(cloud) < LEAST_POINTS:
-        return Instances(np.zeros(len(cloud), np.int64), np.zeros(1, bool))
+        return Instances(np.zeros(len(cloud), np.int64), ("",))
     cell = _cell_of(cloud.points)
     points, normals = smooth(cloud, cloud, plane.rms, _SMOOTHED)
     _, which = np.unique(cells_of(points, cell), return_inverse=True)
@@ -83,7 +86,7 @@ def segment_instances(cloud: Cloud, plane: Plane) -> Instances:
     labels = _with_walls(_with_crumbs(cloud.points, things), cloud, _LINK * cell)
     _, labels = np.unique(labels, return_inverse=True)
     biggest = [np.bincount(things[labels == k]).argmax() for k in range(labels.max() + 1)]
-    return Instances(labels, doubtful[biggest])
+    return Instances(labels, tuple(MAY_BE_TWO if doubt else "" for doubt in doubtful[biggest]))
 
 
 def _cell_of(points: Array) -> float:

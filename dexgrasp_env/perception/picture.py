@@ -70,7 +70,7 @@ def objects_picture(path: Path, scene: "Scene", seen: "list[DetectedObject]") ->
     for one, cloud in zip(seen, [c for c in (scene.target, *scene.neighbours) if len(c)], strict=True):
         axes.plot(*cloud.points[:, :2].T, ".", markersize=2)
         x, y, _ = cloud.points.mean(0)
-        axes.text(x, y, str(one.number), fontsize=16, ha="center", va="center")
+        axes.text(x, y, f"{one.number}{'?' * one.doubtful}", fontsize=16, ha="center", va="center")
     return save(figure, path)
 
 

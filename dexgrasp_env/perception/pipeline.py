@@ -28,6 +28,7 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.instances import Instances, segment_instances
 from dexgrasp_env.perception.neighbourhoods import linked
+from dexgrasp_env.perception.parting import foot_of, part_instances, without_skirt
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -106,7 +107,7 @@ def _selected(cloud: Cloud, selector: TargetSelector, plane: Plane) -> tuple[Ins
     if marked is None and near is None:  # there is but one, so that what is near it is of it
         labels = linked(cloud.points, LINK)
         counts = np.bincount(labels, minlength=1)
-        return Instances(labels, np.zeros(len(counts), bool)), int(counts.argmax())
+        return Instances(labels, ("",) * len(counts)), int(counts.argmax())
     instances = segment_instances(cloud, plane)
     if marked is not None:
         return instances.with_marked(marked)
@@ -138,19 +139,15 @@ def find_object(
     Raises:
         InputError: for a mask that is not the cloud's.
     """
-    selector, objects = (selector or TargetSelector()).moved(cell.base), list[tuple[Cloud, bool]]()
+    selector, objects = (selector or TargetSelector()).moved(cell.base), list[tuple[Cloud, str]]()
+    plane: Plane | None = None
     selector.marks(cloud)  # a mask of something else is a mistake whatever the cloud shows
     try:
-        cloud = near_base(cloud)
-        cloud = cloud.moved(cloud.points + cell.base)
-        support = find_support(cloud, rng, cell, selector.meant(cloud))
+        cloud, support, above = stand_on(cloud, rng, cell, own, selector)
         selector, cell, plane = selector.placed(cloud, support.T), support.cell, support.plane
-        clearance = max(_LEAST_CLEARANCE, SIGMAS * plane.rms)
-        above = isolate(support.cloud, plane, clearance, support.own(own))
-        above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND)
-        instances = segment_instances(above, plane)
+        instances = part_instances(above, support.cloud, plane)
         numbers = instances.objects(above)
-        objects = [(above.select(instances.labels == k), bool(instances.doubtful[k])) for k in numbers]
+        objects = [(above.select(instances.labels == k), instances.doubts[k]) for k in numbers]
         if (marked := selector.marks(above)) is not None:
             instances, number = instances.with_marked(marked)
             found = above.select(marked)
@@ -160,10 +157,10 @@ def find_object(
         else:
             number = numbers[selector.choose([one for one, _ in objects], len(above), cell.T_base_world)]
     except NoTargetError as refused:
-        seen = tuple(
-            object_cloud(one, None, COUNT, doubtful, cameras_known=False) for one, doubtful in objects
+        seen = tuple(object_cloud(one, None, COUNT, doubt, cameras_known=False) for one, doubt in objects)
+        return Scene(
+            plane=plane, reason=refused.reason, sentence=refused.sentence, neighbours=seen, table=cell.table
         )
-        return Scene(reason=refused.reason, sentence=refused.sentence, neighbours=seen, table=cell.table)
     scene = scene_around(above, instances, number, plane, rng, cameras_known=False)
     return _settled(replace(scene, tilt=support.tilt), support)
 
@@ -174,6 +171,22 @@ def _settled(scene: Scene, support: Support) -> Scene:
         return replace(scene, table=support.cell.table)
     table = table_around(support, scene.target.points)
     return scene.standing_on(table, support.cell.seeing(table).T_world_base @ support.cell.T_base_world)
+
+
+def stand_on(
+    cloud: Cloud, rng: Generator, cell: Cell, own: Own | None = None, selector: TargetSelector | None = None
+) -> tuple[Cloud, Support, Cloud]:
+    """Return a recorded cloud in the world, its table, and of the cloud on that table what stands there.
+
+    Raises:
+        NoTargetError: where there is no table.
+    """
+    cloud = near_base(cloud)
+    cloud = cloud.moved(cloud.points + cell.base)
+    support = find_support(cloud, rng, cell, (selector or TargetSelector()).meant(cloud))
+    clearance = max(_LEAST_CLEARANCE, SIGMAS * support.plane.rms)
+    above = isolate(support.cloud, support.plane, clearance, support.own(own))
+    return cloud, support, crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND)
 
 
 def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None) -> Cloud:
@@ -190,26 +203,34 @@ def scene_around(
 ) -> Scene:  # fmt: skip
     """Return the scene in which one of the things in an isolated cloud is the target, and the others stand around."""
     numbers = [number, *(k for k in instances.objects(cloud) if k != number)]
-    target, *others = (cloud.select(instances.labels == k) for k in numbers)
-    doubtful, *doubts = map(bool, instances.doubtful[numbers])
+    things = [instances.labels == k for k in numbers]
+    doubt, *doubts = (instances.doubts[k] for k in numbers)
+    foot, *feet = [0.0] * len(things)
+    if not cameras_known:
+        heights = plane.heights(cloud.points)
+        foot, *feet = (foot_of(cloud.points, mine, heights) for mine in things)
+        for mine in things:
+            mine[mine] = without_skirt(cloud.points[mine], heights[mine])
+    target, *others = map(cloud.select, things)
     seen = partial(object_cloud, plane=plane, cameras_known=cameras_known)
     around = Scene(
         plane=plane,
         neighbours=tuple(
-            seen(one, count=_OTHERS, doubtful=doubt) for one, doubt in zip(others, doubts, strict=True)
+            replace(seen(one, count=_OTHERS, doubt=its), foot=its_foot)
+            for one, its, its_foot in zip(others, doubts, feet, strict=True)
         ),
         rest=seen(cloud.select(~np.isin(instances.labels, numbers)), count=_REST),
     )
     if len(target) < MIN_POINTS:
         return replace(around, reason=TOO_FEW if len(target) else OUT_OF_VIEW)
-    return replace(around, target=seen(target, count=COUNT, doubtful=doubtful, rng=rng))
+    return replace(around, target=replace(seen(target, count=COUNT, doubt=doubt, rng=rng), foot=foot))
 
 
 def object_cloud(
     cloud: Cloud,
     plane: Plane | None,
     count: int,
-    doubtful: bool = False,
+    doubt: str = "",
     rng: Generator | None = None,
     *,
     cameras_known: bool = True,
@@ -225,4 +246,4 @@ def object_cloud(
         cloud = replace(cloud, views=unit(cloud.points - middle(cloud.points)))
     chosen = cloud.select(downsample(cloud.points, count, rng or np.random.default_rng(len(cloud))))
     points, normals = smooth(cloud, chosen, 0.0 if plane is None else plane.rms)
-    return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubtful)
+    return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubt)

@@ -4,7 +4,7 @@ All cameras look at one table, so what separates their tables is calibration err
 each camera follow from it; x, y and yaw cannot.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,6 +48,11 @@ class Plane:
         if np.linalg.norm(values[:3]) < 0.5:
             return None
         return cls(values[:3], float(values[3]), float(values[4]), 0)
+
+    def placed(self, T: Array) -> "Plane":
+        """Return it in a frame in which its own has pose `T` (4, 4)."""
+        normal = T[:3, :3] @ self.normal
+        return replace(self, normal=normal, offset=self.offset + float(normal @ T[:3, 3]))
 
     def heights(self, points: Array) -> Array:
         """Signed distance of points (..., 3) above the plane, metres."""

@@ -34,13 +34,15 @@ class ObjectCloud:
         points: (N, 3) m, world frame.
         normals: (N, 3) out of the object, none longer than 1; zeros where they are unknown.
         pixels: (N,) of each point in the flattened (cameras, H, W) images; empty where there are none.
-        doubtful: whether it may be two objects, or a part of the next.
+        doubt: why it may be two objects, a part of the next, or of another shape, for people; empty without doubt.
+        foot: m over the table of what it stands on, where that is another thing.
     """
 
     points: Array = field(default_factory=_none)
     normals: Array = field(default_factory=_none)
     pixels: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
-    doubtful: bool = False
+    doubt: str = ""
+    foot: float = 0.0
 
     def __post_init__(self) -> None:
         points, normals = (np.asarray(values, dtype=float) for values in (self.points, self.normals))
@@ -61,6 +63,10 @@ class ObjectCloud:
         """Return it in a frame in which its own has pose `T` (4, 4), in single precision as observations hold it."""
         points, normals = placed(T, self.points), self.normals @ T[:3, :3].T
         return replace(self, points=points.astype(np.float32), normals=normals.astype(np.float32))
+
+    def stands_on(self, table: Plane | None) -> Plane | None:
+        """Return the plane that the object stands on, None where the table is not known."""
+        return None if table is None else replace(table, offset=table.offset + self.foot)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +102,8 @@ class Scene:
     def standing_on(self, table: SeenTable, T: Array) -> "Scene":
         """Return it in the world of a table that was seen, in which its own has pose `T` (4, 4)."""
         target, rest, *neighbours = (one.placed(T) for one in (self.target, self.rest, *self.neighbours))
-        return replace(self, target=target, rest=rest, neighbours=tuple(neighbours), table=table)
+        plane = None if self.plane is None else self.plane.placed(T)
+        return replace(self, target=target, rest=rest, neighbours=tuple(neighbours), plane=plane, table=table)
 
     @classmethod
     def of_observation(cls, observation: Mapping[str, Any], info: Mapping[str, Any] | None = None) -> "Scene":

@@ -1,4 +1,4 @@
-"""Noise model of a stereo depth camera, and errors of its calibration.
+"""Noise model of a stereo or structured-light depth camera, and errors of its calibration.
 
 Noise and quantisation live in disparity d = f B / z, where a stereo matcher works: a constant RMS of
 `subpixel_rms` there is the depth RMS z^2 subpixel / (f B) that Intel publishes for its D400 cameras ("Tuning
@@ -7,18 +7,22 @@ own resolution.
 """
 
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Single
+from dexgrasp_env.arrays import Mask, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix, rigid
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.valid import number, one_of, read
 
+SENSORS = ("realistic", "captured", "none")
+"""Names of models, which are those of their makers."""
 PIVOT = (0.5, 0.0, 0.0)  # m, world frame: the error turns about axes through this point
 
 
@@ -45,6 +49,9 @@ class Calibration:
         return tuple(Camera(c.name, T @ c.T_world_camera, c.intrinsics) for c in cameras)
 
 
+_SHARES = ("correlated", "edge_dropout", "edge_flying", "dropout", "hidden_dropout", "hole_share")
+
+
 @dataclass(frozen=True)
 class SensorModel:
     """Settings of the sensor; every part is off at zero.
@@ -55,6 +62,8 @@ class SensorModel:
         subpixel_rms: RMS disparity noise, pixels of the stereo pair.
         correlated: share of the noise variance that neighbouring pixels share, 0 to 1 (matching windows
             overlap).
+        window: side of the squares over which they share it, pixels, odd.
+        smear: side of the squares over which disparity is averaged where no edge is within, pixels; 0 for none.
         disparity_step: quantum of disparity, pixels of the stereo pair.
         grazing_start: incidence from the surface normal at which pixels begin to drop out, radians.
         grazing_end: incidence from which none is left, radians; zero turns grazing dropouts off.
@@ -62,6 +71,9 @@ class SensorModel:
         edge_dropout: probability that a pixel at an edge drops out.
         edge_flying: probability that a pixel at an edge lies between the two sides.
         dropout: probability that any other pixel drops out.
+        hidden_dropout: probability that a pixel drops out which the other imager, to the right, does not see.
+        hole_share: share of the image that is lost in holes, as on what is dark or gloss.
+        hole_size: width of the holes, pixels (the standard deviation of the field that they are cut from).
         calibration_position: RMS length of the error of a camera's position, metres.
         calibration_rotation: RMS angle of the error of its orientation, radians.
     """
@@ -70,6 +82,8 @@ class SensorModel:
     baseline: float = 0.050
     subpixel_rms: float = 0.0
     correlated: float = 0.0
+    window: int = 3
+    smear: int = 0
     disparity_step: float = 0.0
     grazing_start: float = 0.0
     grazing_end: float = 0.0
@@ -77,17 +91,24 @@ class SensorModel:
     edge_dropout: float = 0.0
     edge_flying: float = 0.0
     dropout: float = 0.0
+    hidden_dropout: float = 0.0
+    hole_share: float = 0.0
+    hole_size: float = 3.0
     calibration_position: float = 0.0
     calibration_rotation: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            share = name in ("correlated", "edge_dropout", "edge_flying", "dropout")
+            share = name in _SHARES
             if not 0.0 <= value < np.inf or (share and value > 1.0):
                 valid = "0 to 1" if share else "finite values >= 0"
                 raise InputError(f"sensor setting {name} = {value} is out of range: valid are {valid}")
         if self.focal_px == 0 or self.baseline == 0:
             raise InputError("sensor settings focal_px and baseline must be positive")
+        if self.window % 2 != 1:
+            raise InputError(
+                f"sensor setting window = {self.window} is out of range: valid are odd numbers from 1 on"
+            )
 
     @classmethod
     def none(cls) -> "SensorModel":
@@ -116,14 +137,42 @@ class SensorModel:
         )
 
     @classmethod
+    def captured(cls) -> "SensorModel":
+        """A structured-light camera (PrimeSense, Kinect) as its captures are: holes, flying pixels, steps of depth.
+
+        580 pixels, 75 mm, disparity in 1/8 pixel and half a step of noise: 1.4 mm RMS and steps of 2.9 mm at 1 m
+        (Khoshelham and Oude Elberink, Accuracy and resolution of Kinect depth data, 2012). What the projector, beside
+        the camera, does not light is lost. Edges, holes and the width of the noise are our judgement of captures.
+        """
+        return cls(
+            focal_px=580.0,
+            baseline=0.075,
+            subpixel_rms=0.0625,
+            correlated=0.6,
+            window=7,
+            smear=7,
+            disparity_step=1.0 / 8.0,
+            grazing_start=np.radians(65.0),
+            grazing_end=np.radians(82.0),
+            edge_dropout=0.4,
+            edge_flying=0.3,
+            dropout=0.005,
+            hidden_dropout=1.0,
+            hole_share=0.02,
+            calibration_position=0.002,
+            calibration_rotation=np.radians(0.3),
+        )
+
+    @classmethod
     def of(cls, value: Any) -> "SensorModel":
-        """Return the model of a name, `realistic` or `none`, or of a mapping of its settings.
+        """Return the model of a name, one of `SENSORS`, or of a mapping of its settings.
 
         Raises:
             InputError: for an unknown name or setting, or a value out of range.
         """
         if isinstance(value, str):
-            return cls.none() if one_of(("realistic", "none")).validate(value) == "none" else cls.realistic()
+            model: SensorModel = getattr(cls, one_of(SENSORS).validate(value))()
+            return model
         return read(cls, value, "sensor")
 
     def measure(self, depths: Single, cameras: tuple[Camera, ...], rng: Generator) -> Single:
@@ -139,12 +188,14 @@ class SensorModel:
         """
         true = np.asarray(depths, np.float32)
         with np.errstate(divide="ignore", invalid="ignore"):
-            measured = self._with_flying(true, rng)
+            measured = self._with_flying(self._smeared(true) if self.smear else true, rng)
             if self.subpixel_rms or self.disparity_step:
                 measured = self._through_disparity(measured, rng)
-            if self.grazing_end or self.edge_dropout or self.dropout:
+            if self.grazing_end or self.edge_dropout or self.dropout or self.hidden_dropout:
                 lost = rng.random(true.shape, np.float32) < self._loss(true, cameras)
                 measured = np.where(lost, np.float32(np.inf), measured)
+            if self.hole_share:
+                measured = np.where(self._holes(true.shape, rng), np.float32(np.inf), measured)
         return measured
 
     def calibrate(self, cameras: tuple[Camera, ...], rng: Generator) -> tuple[Camera, ...]:
@@ -157,6 +208,14 @@ class SensorModel:
         per_axis = 1.0 / np.sqrt(3.0)
         turn = Rotation.from_rotvec(self.calibration_rotation * per_axis * rng.standard_normal(3))
         return rigid(turn.as_matrix(), self.calibration_position * per_axis * rng.standard_normal(3))
+
+    def _smeared(self, true: Single) -> Single:
+        """Return depth as matching windows see it: rounded where things meet, cut off where one ends before another."""
+        from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
+
+        square = (1, self.smear, self.smear)
+        edge = ~(maximum_filter(true, square) - minimum_filter(true, square) < self.edge_jump)
+        return np.where(edge, true, 1.0 / uniform_filter(1.0 / true, square)).astype(np.float32)
 
     def _with_flying(self, true: Single, rng: Generator) -> Single:
         if not self.edge_flying:
@@ -179,13 +238,21 @@ class SensorModel:
         if not self.correlated:
             return noise
         n, h, w = shape
-        wide = rng.standard_normal((n, h + 2, w + 2), np.float32)
-        rows = wide[:, :-2] + wide[:, 1:-1] + wide[:, 2:]
-        # A mean over 3 x 3 pixels, scaled back to unit variance.
-        shared = (rows[:, :, :-2] + rows[:, :, 1:-1] + rows[:, :, 2:]) / np.float32(3.0)
+        side = self.window
+        wide = rng.standard_normal((n, h + side - 1, w + side - 1), np.float32)
+        rows = reduce(add, (wide[:, k : h + k] for k in range(side)))
+        # A mean over the window, scaled back to unit variance.
+        shared = reduce(add, (rows[:, :, k : w + k] for k in range(side))) / np.float32(side)
         return (
             np.float32(np.sqrt(1 - self.correlated)) * noise + np.float32(np.sqrt(self.correlated)) * shared
         )
+
+    def _holes(self, shape: tuple[int, ...], rng: Generator) -> Mask:
+        """Return which pixels are in holes: where a smooth random field is highest."""
+        from scipy.ndimage import gaussian_filter
+
+        field = gaussian_filter(rng.standard_normal(shape, np.float32), (0.0, self.hole_size, self.hole_size))
+        return np.asarray(field > np.quantile(field, 1.0 - self.hole_share))
 
     def _loss(self, true: Single, cameras: tuple[Camera, ...]) -> Single:
         loss = np.full(true.shape, self.dropout, np.float32)
@@ -196,7 +263,16 @@ class SensorModel:
             angle = np.stack([incidence(d, c) for d, c in zip(true, cameras, strict=True)])
             ramp = (angle - self.grazing_start) / max(self.grazing_end - self.grazing_start, 1e-9)
             loss = np.maximum(loss, ramp)
+        if self.hidden_dropout:
+            hidden = np.stack([self._is_hidden(d, c) for d, c in zip(true, cameras, strict=True)])
+            loss = np.where(hidden, np.maximum(loss, np.float32(self.hidden_dropout)), loss)
         return loss
+
+    def _is_hidden(self, depth: Single, camera: Camera) -> Mask:
+        """Return which pixels (H, W) the other imager does not see: what is nearer lies over them there."""
+        columns = np.arange(depth.shape[1]) - camera.intrinsics.fx * self.baseline / depth
+        right_of = np.minimum.accumulate(columns[:, ::-1], axis=1)[:, ::-1]
+        return np.asarray(columns > right_of + 0.5)
 
 
 def incidence(depth: Single, camera: Camera) -> Single:

@@ -135,7 +135,7 @@ class LiftEnv(SingleEnv):
     | `randomisation` | `None` | ranges of `mass`, `size`, `gain` (factors), `friction`, `latency` s, `joint_noise` |
     | `views` | `4` | names of the cameras that look, in the order of the images, or how many to draw at reset |
     | `calibration` | `None` | `position` m and `rotation` rad: one rigid error of all cameras, drawn at reset |
-    | `sensor` | `'realistic'` | `realistic`, `none`, or settings of `SensorModel` |
+    | `sensor` | `'realistic'` | `realistic`, `captured`, `none`, or settings of `SensorModel` |
     | `observe` | `'step'` | `step`; `reset`: cameras look once; `clear`: and whenever the arm is home |
     | `mesh_scale` | `1.0` | factor from a mesh file's unit to metres; of mesh files alone |
     | `mesh_mass` | `None` | kg of a mesh file's object; None for 400 kg/m3; of mesh files alone |

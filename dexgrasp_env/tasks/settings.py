@@ -12,7 +12,7 @@ from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, make_cell
 from dexgrasp_env.scene.constants import CONTROL_STEPS, FRICTION, TIMESTEP
-from dexgrasp_env.sensing.sensor import Calibration, SensorModel
+from dexgrasp_env.sensing.sensor import SENSORS, Calibration, SensorModel
 from dexgrasp_env.tasks.constants import LONGEST_SKIP, MAX_EPISODE_STEPS, SHORTEST_SKIP, at_pace
 from dexgrasp_env.tasks.control import CONTROL_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance
@@ -67,9 +67,9 @@ class LiftSettings:
     randomisation: Randomisation = Randomisation()
     views: tuple[str, ...] | int = _VIEWS
     calibration: Calibration = Calibration()
-    sensor: Annotated[SensorModel, Rule("realistic, none, or settings of SensorModel", SensorModel.of)] = (
-        field(default_factory=SensorModel.realistic)
-    )
+    sensor: Annotated[
+        SensorModel, Rule(f"{', '.join(SENSORS)}, or settings of SensorModel", SensorModel.of)
+    ] = field(default_factory=SensorModel.realistic)
     observe: Annotated[str, one_of(OBSERVE)] = "step"
     mesh_scale: Positive = 1.0
     mesh_mass: Mass | None = None

@@ -113,7 +113,7 @@ class CameraObserver:
             scene = perception.observe(simulation.data, rng, pointing)
             info["perception_failure"] = scene.reason or ""
             if pointing:
-                info["perception_doubtful"] = scene.target.doubtful
+                info["perception_doubtful"] = bool(scene.target.doubt)
             return scene.as_observation(COUNT, AROUND_POINTS if pointing else 0), info
         depth = perception.measure(simulation.data, rng)
         views: Arrays = {"depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)}

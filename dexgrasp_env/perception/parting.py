@@ -1,0 +1,209 @@
+"""Parting of a recorded cloud: things found by `instances` that are not known to be two are joined, and doubt is said.
+
+Holes, flying points and hidden sides tear a thing: its splinters lie along it, and what is hollow is seen as an outer
+and an inner side that meet in a rim.
+"""
+
+from contextlib import suppress
+from itertools import combinations
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.perception.cloud import Cloud, cells_of
+from dexgrasp_env.perception.instances import (
+    LEAST_EXTENT,
+    LEAST_POINTS,
+    MAY_BE_TWO,
+    Instances,
+    longest_side,
+    segment_instances,
+)
+from dexgrasp_env.perception.plane import Plane
+
+_TOUCH = 0.004  # m between points of things that touch
+_ALONG, _BESIDE = 0.010, 0.5  # m from a larger thing within which so much of a splinter lies
+_SMALL = 0.3  # of the larger thing's points that a splinter has at most
+_RIM, _LOWEST = 0.15, 0.012  # of a thing's height, and m, that its rim is high
+_WALL, _THICK = 0.012, 0.12  # m from the outline of a rim within which it lies, or of its width
+_ON_IT, _CLOSED = 0.85, 0.65  # share of a rim that lies on its outline; of that outline that is seen
+_WIDEST, _NARROWEST = 0.26, 0.04  # m, of a rim
+_SPREAD = 0.6  # of a hollow thing's outline that its rim encloses
+_CELL = 0.004  # m, to which points are thinned
+_HIGH, _LARGEST, _NEAR = (
+    0.02,
+    0.10,
+    0.025,
+)  # m over the table of what hangs, its size, and how near what it is of
+_CLOSE, _CLOSEST = 0.005, 5  # m within which so many points of things that touch lie
+_DEEP, _MOST_DEEP, _LEFT_DEEP = (
+    0.010,
+    0.07,
+    0.05,
+)  # m inside a hull; share that may be so deep, whole and in levels
+_LEVEL, _PEAK = 0.004, 2.5  # m, height of a level; how much fuller than others one with a top is
+_LOW, _GAP = 0.02, 0.012  # quantile of the lowest of a thing; m within which what carries it lies below
+_UNSEEN = 0.5  # of a thing's height, so much of whose sides was not seen
+_SKIRT, _MOST_SKIRT = (
+    0.010,
+    0.15,
+)  # m over the table that a skirt reaches; share of points from which on it is none
+TOP_ONLY = "was seen from above alone: its walls are taken to go straight down"
+TOUCHES = "touches the next, or is one with it"
+
+
+def part_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances:
+    """Tell the things in what stands on a table apart; join what is not known to be two, and say what is doubtful.
+
+    Args:
+        cloud: what stands on the table.
+        everything: the same with the table.
+        plane: the table.
+    """
+    found, heights = segment_instances(cloud, plane), plane.heights(cloud.points)
+    labels = _with_splinters(cloud.points, _with_rims(cloud.points, found.labels, heights), heights)
+    _, labels = np.unique(labels, return_inverse=True)
+    whole = Instances(labels, ("",) * (labels.max(initial=-1) + 1))
+    for k in whole.objects(cloud):
+        labels = _by_level(cloud.points, labels, labels == k, heights)
+    parted = Instances(labels, ("",) * (labels.max(initial=-1) + 1))
+    numbers, doubts = parted.objects(cloud), list(parted.doubts)
+    thin = {k: _thinned(cloud.points[labels == k]) for k in numbers}
+    for k in numbers:
+        if may_be_two(cloud.points[labels == k], heights[labels == k]):
+            doubts[k] = MAY_BE_TWO
+        elif any(_touch(thin[k], thin[j]) for j in numbers if j != k):
+            doubts[k] = TOUCHES
+        elif np.quantile(heights[labels == k], _LOW) > max(_HIGH, _UNSEEN * heights[labels == k].max()):
+            doubts[k] = TOP_ONLY
+    return Instances(labels, tuple(doubts))
+
+
+def foot_of(points: Array, mine: Mask, heights: Array) -> float:
+    """Return the height, m over the table, of what carries a thing (N,) among points (N, 3) m; 0 for the table."""
+    from scipy.spatial import Delaunay, QhullError
+
+    low = float(np.quantile(heights[mine], _LOW))
+    under = ~mine & (np.abs(heights - low) < _GAP)
+    if low < _HIGH or under.sum() < _CLOSEST:
+        return 0.0
+    with suppress(QhullError):
+        under[under] = Delaunay(points[mine, :2]).find_simplex(points[under, :2]) >= 0
+        if under.sum() >= _CLOSEST:
+            return float(min(np.quantile(heights[under], 1.0 - _LOW), low))
+    return 0.0
+
+
+def without_skirt(points: Array, heights: Array) -> Mask:
+    """Return which of a thing's points (N, 3) m are not the table's, which bends up at the foot of what stands there."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    low = heights < _SKIRT
+    kept = ~low
+    with suppress(QhullError, ValueError):
+        if low.mean() < _MOST_SKIRT:
+            sides = ConvexHull(points[~low, :2]).equations
+            kept[low] = (points[low, :2] @ sides[:, :2].T + sides[:, 2]).max(1) < _TOUCH
+            return kept
+    return np.ones(len(points), bool)
+
+
+def _touch(one: Array, other: Array) -> bool:
+    """Return true for points (N, 3) m and (M, 3) that lie against each other."""
+    from scipy.spatial import cKDTree
+
+    return bool((cKDTree(one).query(other, distance_upper_bound=_CLOSE)[0] < _CLOSE).sum() >= _CLOSEST)
+
+
+def _thinned(points: Array) -> Array:
+    return points[np.unique(cells_of(points, _CELL), return_index=True)[1]]
+
+
+def deep_share(points: Array) -> float:
+    """Return the share of points (N, 3) m that lie deep inside their convex hull."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    points = _thinned(points)
+    try:
+        sides = ConvexHull(points).equations
+    except (QhullError, ValueError):
+        return 0.0
+    return float(((points @ sides[:, :3].T + sides[:, 3]).max(1) < -_DEEP).mean())
+
+
+def may_be_two(points: Array, heights: Array) -> bool:
+    """Return true for points (N, 3) m, as high over the table, of a shape that is neither convex nor hollow."""
+    return deep_share(points) > _MOST_DEEP and not is_hollow(points, heights)
+
+
+def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index:
+    """Return labels (N,) in which what stands on a level top of a thing is another."""
+    if not may_be_two(points[mine], heights[mine]):
+        return labels
+    steps = np.floor(heights[mine] / _LEVEL).astype(int)
+    counts = np.bincount(steps)
+    best, least = labels, _LEFT_DEEP
+    for step in np.flatnonzero(counts > _PEAK * counts.mean()):
+        upper = mine & (heights > (step + 2.5) * _LEVEL)
+        lower = mine & ~upper
+        if min(upper.sum(), lower.sum()) < LEAST_POINTS or np.ptp(heights[upper]) < LEAST_EXTENT:
+            continue
+        deep = max(deep_share(points[upper]), deep_share(points[lower]))
+        if deep < least:
+            best, least = np.where(upper, labels.max() + 1, labels), deep
+    return best
+
+
+def _with_rims(points: Array, labels: Index, heights: Array) -> Index:
+    """Return labels (N,) in which the outer and the inner side of a hollow thing are one."""
+    joined = True
+    while joined:
+        joined = False
+        counts = np.bincount(labels)
+        numbers = [k for k in np.argsort(-counts) if counts[k] >= LEAST_POINTS]
+        for i, j in combinations(numbers, 2):
+            both = (labels == i) | (labels == j)
+            if longest_side(points[both]) < _WIDEST and is_hollow(points[both], heights[both]):
+                labels = np.where(labels == j, i, labels)
+                joined = True
+                break
+    return labels
+
+
+def is_hollow(points: Array, heights: Array) -> bool:
+    """Return true for points (N, 3) m, as high over the table, that end in a rim around what is lower."""
+    from scipy.spatial import ConvexHull, cKDTree
+
+    top = np.quantile(heights, 0.98)
+    rim = points[heights > top - max(_LOWEST, _RIM * top), :2]
+    rim = rim[np.unique(cells_of(rim, _CELL), return_index=True)[1]]
+    if len(rim) < 10 or np.ptp(rim, axis=0).min() < _NARROWEST:
+        return False
+    around = ConvexHull(rim)
+    if around.volume < _SPREAD * ConvexHull(points[:, :2]).volume:
+        return False
+    wall = max(_WALL, _THICK * np.ptp(rim, axis=0).min())
+    on_it = -(rim @ around.equations[:, :2].T + around.equations[:, 2]).max(1) < wall
+    corners = rim[around.vertices]
+    steps = np.linspace(0.0, 1.0, 16)[:-1, None, None]
+    outline = (corners + steps * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 2)
+    length = np.tile(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1), 15)
+    seen = cKDTree(rim[on_it]).query(outline)[0] < wall
+    return bool(on_it.mean() > _ON_IT and length[seen].sum() > _CLOSED * length.sum())
+
+
+def _with_splinters(points: Array, labels: Index, heights: Array) -> Index:
+    """Return labels (N,) in which small things that lie along a larger one, or hang in the air by it, are of it."""
+    from scipy.spatial import cKDTree
+
+    for k in np.argsort(np.bincount(labels)):
+        mine = labels == k
+        larger = np.bincount(labels)[labels] > mine.sum() / _SMALL
+        if not mine.any() or not larger.any():
+            continue
+        distance, nearest = cKDTree(points[larger]).query(points[mine])
+        along = np.quantile(distance, 0.1) < _TOUCH and (distance < _ALONG).mean() > _BESIDE
+        hangs = heights[mine].min() > _HIGH and longest_side(points[mine]) < _LARGEST
+        if along or (hangs and distance.min() < _NEAR):
+            labels[mine] = np.bincount(labels[larger][nearest]).argmax()
+    return labels
