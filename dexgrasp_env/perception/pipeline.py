@@ -28,6 +28,7 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.instances import Instances, segment_instances
 from dexgrasp_env.perception.neighbourhoods import linked
+from dexgrasp_env.perception.obstacles import find_obstacles
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -53,6 +54,7 @@ STRIDE = 7  # every so many-th pixel goes into the fits of the table
 _OTHERS, _REST = 300, 1000  # points of a neighbour, and of what belongs to no object, at most
 _LEAST_CLEARANCE = 0.004  # m above the table of a recorded cloud
 _AROUND = 0.25  # m beyond the workspace within which things stand in the way of a recorded object
+_AROUND_AND_OVER = np.array([_AROUND, _AROUND, 0.9])  # m, and above: what hangs there is in the arm's way
 
 
 def segment(
@@ -147,7 +149,9 @@ def find_object(
         selector, cell, plane = selector.placed(cloud, support.T), support.cell, support.plane
         clearance = max(_LEAST_CLEARANCE, SIGMAS * plane.rms)
         above = isolate(support.cloud, plane, clearance, support.own(own))
-        above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND)
+        above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND_AND_OVER)
+        obstacles = find_obstacles(above.points, support.levels, clearance)
+        above = above.select(~obstacles.points)
         instances = segment_instances(above, plane)
         numbers = instances.objects(above)
         objects = [(above.select(instances.labels == k), bool(instances.doubtful[k])) for k in numbers]
@@ -165,7 +169,7 @@ def find_object(
         )
         return Scene(reason=refused.reason, sentence=refused.sentence, neighbours=seen, table=cell.table)
     scene = scene_around(above, instances, number, plane, rng, cameras_known=False)
-    return _settled(replace(scene, tilt=support.tilt), support)
+    return _settled(replace(scene, tilt=support.tilt, boxes=obstacles.boxes), support)
 
 
 def _settled(scene: Scene, support: Support) -> Scene:

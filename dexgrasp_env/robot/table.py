@@ -86,7 +86,12 @@ class SeenTable:
         seen, lean = self.height(place), self.lean
         if abs(seen - expected) < _OFF and lean < LEANING:
             return ""
+        leans = (
+            f", tilted by {np.degrees(lean):.1f} degrees: levelled about the object"
+            if lean >= LEANING
+            else ""
+        )
         return (
-            f"the table is seen at z = {seen:.3f} m around the object, tilted by {np.degrees(lean):.1f} degrees; the "
-            f"cell has it at {expected:.3f} m, level: planned for the table as it is seen, levelled about the object"
+            f"the table is seen at z = {seen:.3f} m around the object (the cell has {expected:.3f} m){leans}; "
+            "planned for the table as it is seen"
         )
