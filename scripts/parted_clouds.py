@@ -142,7 +142,7 @@ def judged(cloud: Cloud, truth: Index, seed: int) -> list[dict[str, Any]]:
     from dexgrasp_env.perception.scan import cloud_of
 
     try:
-        _, support, above = stand_on(cloud_of(cloud.points), np.random.default_rng(seed), default_cell())
+        _, support, above, _ = stand_on(cloud_of(cloud.points), np.random.default_rng(seed), default_cell())
     except NoTargetError as none:
         return [{"reason": none.reason, "good": False, "doubt": "refused"}]
     instances = part_instances(above, support.cloud, support.plane)

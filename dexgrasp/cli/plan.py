@@ -175,7 +175,7 @@ class Plan(Command, Request, Scan, Scene):
             progress=progress,
             relax=True,
         )
-        return found, found.as_json(scan_name(Path(str(self.cloud)))) | {"seen": seen}
+        return found, found.as_json(scan_name(Path(str(self.cloud)))) | {"seen": seen, "table": off}
 
     def _look(self, scan: "Cloud") -> "tuple[PerceivedScene, list[DetectedObject]]":
         """Return the scene of a cloud, and the objects that are seen there."""

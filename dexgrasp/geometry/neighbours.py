@@ -37,7 +37,7 @@ def neighbours_of(scene: Scene, give: float = 0.0) -> tuple[Parts, ...]:
             object stays as it is.
     """
     found = [tuple(_smaller(part, give) for part in _parts(one, scene)) for one in scene.neighbours]
-    found.append(columns(_beside(scene)))
+    found.append(columns(_beside(scene)) + scene.boxes)
     return tuple(parts[k : k + _MOST] for parts in found for k in range(0, len(parts), _MOST))
 
 

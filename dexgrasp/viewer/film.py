@@ -43,7 +43,8 @@ class GraspPlayback:
     def facts(self) -> dict[str, str]:
         """Layers beside the scene, by name."""
         record = self.record
-        return {"planned by": record.agent or "unknown"} | figures_of(record.certificate.as_json())
+        table = {} if record.table is None else {"table, as seen": str(record.table)}
+        return {"planned by": record.agent or "unknown"} | table | figures_of(record.certificate.as_json())
 
 
 def film_of(record: GraspRecord, cloud: Array | None = None) -> GraspPlayback:

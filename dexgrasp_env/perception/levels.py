@@ -6,6 +6,7 @@ show, and only where what is held hangs together.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,10 @@ from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.perception.cloud import cells_of
 from dexgrasp_env.perception.neighbourhoods import local_planes
 from dexgrasp_env.perception.plane import Plane, fit_plane, refine_plane
+from dexgrasp_env.poses import placed
 
+CELL = 0.02
+"""m, of the grid on which what a level holds hangs together."""
 STEEPEST = np.radians(60.0)  # of a level that is looked for, to say its angle
 _THIN, _FINE = 0.010, 0.005  # m, sides of cubes: of what is judged, and of what it is averaged over
 _PATCH, _FEW, _THICK = (
@@ -27,7 +31,6 @@ _BAND = (0.003, 0.006)  # m within which the middle of a patch is a level's, at 
 _WARP = 0.007  # m that depth cameras bend a surface
 _LEVELS = 6  # looked for
 _TRIPLES = 300  # tried for each
-_CELL = 0.02  # m, of the grid on which what a level holds hangs together
 _SHARE = 0.1  # of the largest piece, that another piece of a level has
 _SHADOW = 4  # cells across that a thing, or its shadow, hides
 _WIDE = 0.14  # m, both ways: larger than faces of objects
@@ -42,13 +45,32 @@ class Level(NamedTuple):
 
     Attributes:
         plane: through what it holds.
-        area: m2 that is seen of it.
-        floor: (K, 2) cells of it, with those that things on it hide.
+        cells: (K, 2) that hold some of it.
+        floor: (L, 2) the same with those that things on it hide.
     """
 
     plane: Plane
-    area: float
+    cells: Index
     floor: Index
+
+    @property
+    def area(self) -> float:
+        """Area that is seen of it, m2."""
+        return CELL**2 * len(self.cells)
+
+    def top(self, cells: Index) -> Array:
+        """Return its heights, m, in the middle of cells (K, 2)."""
+        normal = self.plane.normal
+        return np.asarray((self.plane.offset - (cells + 0.5) * CELL @ normal[:2]) / normal[2])
+
+    def placed(self, T: Array) -> "Level":
+        """Return it in a frame in which its own has pose `T` (4, 4)."""
+        normal = T[:3, :3] @ self.plane.normal
+        plane = replace(self.plane, normal=normal, offset=float(self.plane.offset + normal @ T[:3, 3]))
+        cells, floor = (
+            cells_at(placed(T, np.c_[(old + 0.5) * CELL, self.top(old)])) for old in (self.cells, self.floor)
+        )
+        return Level(plane, np.unique(cells, axis=0), np.unique(floor, axis=0))
 
 
 def find_levels(points: Array, rng: Generator, off: float) -> list[Level]:
@@ -96,7 +118,7 @@ def _connected(points: Array, near: Mask, plane: Plane, band: float) -> tuple[Le
     """Return the level of the largest pieces of a plane, None where none is wide, and what it holds (M,)."""
     from scipy.ndimage import binary_closing, binary_fill_holes, label
 
-    cells = np.floor(points[near, :2] / _CELL).astype(np.int64)
+    cells = cells_at(points[near])
     low = cells.min(0) - _SHADOW
     grid = np.zeros(np.ptp(cells, axis=0) + 2 * _SHADOW + 1, bool)
     grid[tuple((cells - low).T)] = True
@@ -108,10 +130,10 @@ def _connected(points: Array, near: Mask, plane: Plane, band: float) -> tuple[Le
     held[near] = kept[tuple((cells - low).T)]
     whole = refine_plane(points[held], plane.normal, plane.offset, band, 60)
     largest = np.argwhere(pieces == sizes.argmax())
-    if whole is None or np.ptp(largest, axis=0).min() * _CELL < _WIDE:
+    if whole is None or np.ptp(largest, axis=0).min() * CELL < _WIDE:
         return None, near
     floor = binary_fill_holes(binary_closing(kept, np.ones((3, 3)), _SHADOW))
-    return Level(whole, _CELL**2 * float(kept.sum()), np.argwhere(floor) + low), held
+    return Level(whole, np.argwhere(kept) + low, np.argwhere(floor) + low), held
 
 
 def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = None) -> Level | None:
@@ -129,7 +151,7 @@ def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = N
         return tables[0] if tables else None
     some = thinned(points) if meant is None or not len(meant) else meant
     heights = np.array([one.plane.heights(some) for one in tables])
-    under = np.array([_over(one.floor, some) for one in tables]) & (heights > 0.0)
+    under = np.array([over(one.floor, some) for one in tables]) & (heights > 0.0)
     gaps = np.where(under, heights, np.inf)
     free = (np.abs(heights) > _STANDS).all(0) | (meant is not None and len(meant) > 0)
     standing = free & (gaps.min(0) > _STANDS) & (gaps.min(0) < _HIGHEST)
@@ -141,18 +163,21 @@ def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = N
 
 def _is_top(one: Level, lower: Level) -> bool:
     """Return True for a level that is the top of an object on a larger one."""
-    middle = np.append((one.floor.mean(0) + 0.5) * _CELL, 0.0)
-    up = np.array([0.0, 0.0, 1.0])
-    z, below = (
-        (each.offset - each.normal @ middle) / (each.normal @ up) for each in (one.plane, lower.plane)
-    )
-    return bool(z - below > _OBJECT_TOP[0]) and one.area < _OBJECT_TOP[1]
+    rise = (one.top(one.floor) - lower.top(one.floor)).mean()
+    return bool(rise > _OBJECT_TOP[0]) and one.area < _OBJECT_TOP[1]
 
 
-def _over(floor: Index, points: Array) -> Mask:
-    """Return which points (M, 3) are above or below the cells (K, 2) of a floor."""
-    cells = np.floor(points[:, :2] / _CELL).astype(np.int64)
-    low = np.minimum(floor.min(0), cells.min(0))
-    wide = int(max(floor[:, 1].max(), cells[:, 1].max()) - low[1] + 1)
-    numbers = [(each[:, 0] - low[0]) * wide + each[:, 1] - low[1] for each in (cells, floor)]
-    return np.isin(*numbers)
+def cells_at(points: Array) -> Index:
+    """Return the cells (M, 2) of points (M, 2 or 3) m."""
+    return np.floor(points[:, :2] / CELL).astype(np.int64)
+
+
+def over(floor: Index, points: Array) -> Mask:
+    """Return which points (M, 2 or 3) m are above or below the cells (K, 2) of a floor."""
+    cells = cells_at(points)
+    if not len(cells) or not len(floor):
+        return np.zeros(len(cells), bool)
+    low, high = np.minimum(floor.min(0), cells.min(0)), np.maximum(floor.max(0), cells.max(0))
+    grid = np.zeros(high - low + 1, bool)
+    grid[tuple((floor - low).T)] = True
+    return np.asarray(grid[tuple((cells - low).T)])

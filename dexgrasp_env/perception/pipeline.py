@@ -28,6 +28,7 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.instances import Instances, segment_instances
 from dexgrasp_env.perception.neighbourhoods import linked
+from dexgrasp_env.perception.obstacles import find_obstacles
 from dexgrasp_env.perception.parting import foot_of, part_instances, without_skirt
 from dexgrasp_env.perception.plane import (
     Plane,
@@ -54,6 +55,7 @@ STRIDE = 7  # every so many-th pixel goes into the fits of the table
 _OTHERS, _REST = 300, 1000  # points of a neighbour, and of what belongs to no object, at most
 _LEAST_CLEARANCE = 0.004  # m above the table of a recorded cloud
 _AROUND = 0.25  # m beyond the workspace within which things stand in the way of a recorded object
+_AROUND_AND_OVER = np.array([_AROUND, _AROUND, 0.9])  # m, and above: what hangs there is in the arm's way
 
 
 def segment(
@@ -143,7 +145,7 @@ def find_object(
     plane: Plane | None = None
     selector.marks(cloud)  # a mask of something else is a mistake whatever the cloud shows
     try:
-        cloud, support, above = stand_on(cloud, rng, cell, own, selector)
+        cloud, support, above, boxes = stand_on(cloud, rng, cell, own, selector)
         selector, cell, plane = selector.placed(cloud, support.T), support.cell, support.plane
         instances = part_instances(above, support.cloud, plane)
         numbers = instances.objects(above)
@@ -162,7 +164,7 @@ def find_object(
             plane=plane, reason=refused.reason, sentence=refused.sentence, neighbours=seen, table=cell.table
         )
     scene = scene_around(above, instances, number, plane, rng, cameras_known=False)
-    return _settled(replace(scene, tilt=support.tilt), support)
+    return _settled(replace(scene, tilt=support.tilt, boxes=boxes), support)
 
 
 def _settled(scene: Scene, support: Support) -> Scene:
@@ -175,8 +177,8 @@ def _settled(scene: Scene, support: Support) -> Scene:
 
 def stand_on(
     cloud: Cloud, rng: Generator, cell: Cell, own: Own | None = None, selector: TargetSelector | None = None
-) -> tuple[Cloud, Support, Cloud]:
-    """Return a recorded cloud in the world, its table, and of the cloud on that table what stands there.
+) -> tuple[Cloud, Support, Cloud, tuple[Array, ...]]:
+    """Return a recorded cloud in the world, its table, and what stands there: points, and corners of obstacles.
 
     Raises:
         NoTargetError: where there is no table.
@@ -186,7 +188,9 @@ def stand_on(
     support = find_support(cloud, rng, cell, (selector or TargetSelector()).meant(cloud))
     clearance = max(_LEAST_CLEARANCE, SIGMAS * support.plane.rms)
     above = isolate(support.cloud, support.plane, clearance, support.own(own))
-    return cloud, support, crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND)
+    above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND_AND_OVER)
+    obstacles = find_obstacles(above.points, support.levels, clearance)
+    return cloud, support, above.select(~obstacles.points), obstacles.boxes
 
 
 def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None) -> Cloud:

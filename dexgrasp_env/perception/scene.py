@@ -80,6 +80,7 @@ class Scene:
         sentence: the same for people, with figures; empty where the word is all there is.
         neighbours: other objects, each by itself.
         rest: what belongs to no object, e.g. walls.
+        boxes: corners (8, 3) m of boxes that are kept clear of as well: wide levels, what hangs over the table.
         cameras: (K, 4, 4) T_world_camera as they are believed to be; none where they are unknown.
         tilt: rad by which the table leaned in what came in, and was levelled.
         table: where it was seen, which is where the world is then (`Cell.seeing`); None: where the cell has it.
@@ -91,6 +92,7 @@ class Scene:
     sentence: str = ""
     neighbours: tuple[ObjectCloud, ...] = ()
     rest: ObjectCloud = field(default_factory=ObjectCloud)
+    boxes: tuple[Array, ...] = ()
     cameras: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
     tilt: float = 0.0
     table: SeenTable | None = None
@@ -102,8 +104,11 @@ class Scene:
     def standing_on(self, table: SeenTable, T: Array) -> "Scene":
         """Return it in the world of a table that was seen, in which its own has pose `T` (4, 4)."""
         target, rest, *neighbours = (one.placed(T) for one in (self.target, self.rest, *self.neighbours))
+        boxes = tuple(placed(T, box) for box in self.boxes)
         plane = None if self.plane is None else self.plane.placed(T)
-        return replace(self, target=target, rest=rest, neighbours=tuple(neighbours), plane=plane, table=table)
+        return replace(
+            self, target=target, rest=rest, boxes=boxes, neighbours=tuple(neighbours), plane=plane, table=table
+        )
 
     @classmethod
     def of_observation(cls, observation: Mapping[str, Any], info: Mapping[str, Any] | None = None) -> "Scene":

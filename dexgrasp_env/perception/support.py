@@ -18,7 +18,7 @@ from dexgrasp_env.perception.cloud import (
     cells_of,
     crop,
 )
-from dexgrasp_env.perception.levels import choose_level, find_levels
+from dexgrasp_env.perception.levels import Level, choose_level, find_levels
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, refine_plane
 from dexgrasp_env.perception.reasons import (
     EMPTY,
@@ -65,12 +65,14 @@ class Support(NamedTuple):
         plane: the table there.
         cell: with the table where it is seen.
         T: (4, 4) of the world in which the cloud came in.
+        levels: the table first, then the others.
     """
 
     cloud: Cloud
     plane: Plane
     cell: Cell
     T: Array
+    levels: tuple[Level, ...]
 
     @property
     def tilt(self) -> float:
@@ -115,7 +117,7 @@ def find_support(cloud: Cloud, rng: Generator, cell: Cell, meant: Mask | None = 
     Raises:
         NoTargetError: where there is no table, or it leans or is off too far.
     """
-    plane = _find_table(cloud, rng, meant)
+    plane, levels = _find_table(cloud, rng, meant)
     if np.arccos(min(plane.normal[2], 1.0)) > _LEVELLED:
         raise NoTargetError(TILTED, f"{np.degrees(np.arccos(plane.normal[2])):.0f} degrees")
     flat = cloud.select(np.abs(plane.heights(cloud.points)) < TOLERANCE).points
@@ -127,7 +129,9 @@ def find_support(cloud: Cloud, rng: Generator, cell: Cell, meant: Mask | None = 
     there = cell.seeing(seen)
     T = there.T_world_base @ cell.T_base_world
     level = Plane(np.array([0.0, 0.0, 1.0]), 0.0, plane.rms, plane.inliers)
-    return Support(cloud.moved(placed(T, cloud.points)), level, there, T)
+    return Support(
+        cloud.moved(placed(T, cloud.points)), level, there, T, tuple(one.placed(T) for one in levels)
+    )
 
 
 def table_around(support: Support, target: Array) -> SeenTable:
@@ -166,15 +170,16 @@ def _averaged(points: Array) -> Array:
     return means[count >= _FEW] if (count >= _FEW).sum() > _FEW_SQUARES else means
 
 
-def _find_table(cloud: Cloud, rng: Generator, meant: Mask | None) -> Plane:
-    """Return the table, level or not."""
+def _find_table(cloud: Cloud, rng: Generator, meant: Mask | None) -> tuple[Plane, list[Level]]:
+    """Return the table, level or not, and the levels of a cloud, its own first."""
     local = crop(cloud, (*WORKSPACE_LOW[:2], -np.inf), (*WORKSPACE_HIGH[:2], np.inf))
     pool = local if len(local) > MIN_POINTS else cloud
     levels = find_levels(pool.points, rng, _HEIGHTS)
     level = choose_level(levels, pool.points, None if meant is None else cloud.points[meant])
     if level is None:
         raise NoTargetError(NO_PLANE, "what is level is an object's" if len(pool) > MIN_POINTS else "")
-    others = np.array([np.abs(one.plane.heights(pool.points)) for one in levels if one is not level])
+    levels = [level, *(one for one in levels if one is not level)]
+    others = np.array([np.abs(one.plane.heights(pool.points)) for one in levels[1:]])
     own = np.abs(level.plane.heights(pool.points))
     nearest = pool.points[(own <= others).all(0)] if len(others) else pool.points
     plane = refine_plane(nearest, level.plane.normal, level.plane.offset, min_inliers=100) or level.plane
@@ -183,7 +188,7 @@ def _find_table(cloud: Cloud, rng: Generator, meant: Mask | None) -> Plane:
     elsewhere = pool.select((others > TOLERANCE).all(0)) if len(others) else pool
     if (below := _below(elsewhere, plane)) > _BELOW:
         raise NoTargetError(UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table")
-    return plane
+    return plane, levels
 
 
 def _reaches_beyond(cloud: Cloud, plane: Plane) -> bool:

@@ -82,11 +82,15 @@ class SeenTable:
 
     def differs(self, expected: float) -> str:
         """Return in words where it is in place of where it is expected, m; empty where that is so."""
-        place = self.points[:, :2].mean(0)
-        seen, lean = self.height(place), self.lean
-        if abs(seen - expected) < _OFF and lean < LEANING:
+        if abs(self._seen_at - expected) < _OFF and self.lean < LEANING:
             return ""
-        return (
-            f"the table is seen at z = {seen:.3f} m around the object, tilted by {np.degrees(lean):.1f} degrees; the "
-            f"cell has it at {expected:.3f} m, level: planned for the table as it is seen, levelled about the object"
-        )
+        levelled = ", levelled about the object" if self.lean >= LEANING else ""
+        return f"the table is seen at {self}; the cell has {expected:.3f} m: planned as it is seen{levelled}"
+
+    def __str__(self) -> str:
+        tilted = f", tilted by {np.degrees(self.lean):.1f} degrees" if self.lean >= LEANING else ""
+        return f"z = {self._seen_at:.3f} m around the object{tilted}"
+
+    @property
+    def _seen_at(self) -> float:
+        return self.height(self.points[:, :2].mean(0))

@@ -1,0 +1,131 @@
+"""Obstacles of a recorded cloud that are no objects: wide levels beside the table, and what hangs over it.
+
+Both are boxes. What stands on a table is solid down to it; a board over it is not, where the table is seen below.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.perception.levels import CELL, Level, cells_at, over
+
+_LARGE = 0.35  # m, the longer side of a level that is no object's
+_HIGH = 0.25  # m above the table, higher than hands reach past: from there on things may hang
+_AIR = 0.08  # m between what hangs and what is below it
+_SIDE = 0.04  # m of a cube of what hangs
+_SEEN_BELOW = 0.15  # share of squares below which the table is seen
+_ALIKE, _MORE = (
+    0.004,
+    0.003,
+)  # m by which rows of a level may differ in height, and boxes are higher than seen
+
+
+class Obstacles(NamedTuple):
+    """What is kept clear of besides objects.
+
+    Attributes:
+        boxes: their corners (8, 3) m each.
+        points: which points of a cloud they stand for (M,).
+    """
+
+    boxes: tuple[Array, ...]
+    points: Mask
+
+
+def find_obstacles(points: Array, levels: Sequence[Level], within: float) -> Obstacles:
+    """Return wide levels and what hangs in a cloud on a table.
+
+    Args:
+        points: (M, 3) m, world frame, what is not the table's.
+        levels: the table first, then the others, world frame.
+        within: m from it, points are a level's.
+    """
+    table, boxes, held = levels[0], list[Array](), np.zeros(len(points), bool)
+    for one in levels[1:]:
+        whole = _reaching(one, points, within)
+        if np.ptp(whole.cells, axis=0).max() * CELL > _LARGE and whole.top(whole.cells).max() > within:
+            boxes += _level_boxes(whole)
+            held |= over(whole.cells, points) & (whole.plane.heights(points) < within)
+    hangs = _hanging(points, table) & ~held
+    return Obstacles((*boxes, *_cubes(points[hangs])), held | hangs)
+
+
+def _reaching(level: Level, points: Array, within: float) -> Level:
+    """Return a level with all that hangs together with it: it was found in the workspace."""
+    from scipy.ndimage import label
+
+    near = cells_at(points[np.abs(level.plane.heights(points)) < within])
+    cells = np.unique(np.concatenate([near, level.cells]), axis=0)
+    low = cells.min(0)
+    grid = np.zeros(np.ptp(cells, axis=0) + 1, bool)
+    grid[tuple((cells - low).T)] = True
+    pieces = label(grid, np.ones((3, 3)))[0]
+    own = np.unique(pieces[tuple((level.cells - low).T)])
+    return level._replace(cells=np.argwhere(np.isin(pieces, own)) + low)
+
+
+def _level_boxes(level: Level) -> Iterator[Array]:
+    """Yield boxes from the table up to a level, row by row of its cells, rows that are alike together."""
+    tops = level.top(level.cells) + _MORE
+    for low, high in _rectangles(level.cells, tops):
+        within = ((level.cells >= low) & (level.cells < high)).all(1)
+        yield _box(np.append(low * CELL, 0.0), np.append(high * CELL, tops[within].max()))
+
+
+def _hanging(points: Array, table: Level) -> Mask:
+    """Return which points (M, 3) hang: there is air below them in their square, and around there the table is seen."""
+    from scipy.ndimage import label
+
+    high = points[:, 2] > _HIGH
+    if not high.any():
+        return high
+    squares, row = np.unique(cells_at(points), axis=0, return_inverse=True)
+    below, above = np.zeros(len(squares)), np.full(len(squares), np.inf)
+    np.maximum.at(below, row[~high], points[~high, 2])
+    np.minimum.at(above, row[high], points[high, 2])
+    free = np.isfinite(above) & (above - below > _AIR)
+    places = tuple((squares - squares.min(0)).T)
+    grid = np.zeros(np.ptp(squares, axis=0) + 1, bool)
+    grid[places] = free
+    piece = label(grid, np.ones((3, 3)))[0][places]
+    seen = over(table.cells, (squares + 0.5) * CELL)
+    share = np.bincount(piece, seen) / np.maximum(np.bincount(piece), 1)
+    return np.asarray(high & (free & (share > _SEEN_BELOW)[piece])[row])
+
+
+def _cubes(points: Array) -> Iterator[Array]:
+    """Yield boxes around points (M, 3) m, of cubes that hold some."""
+    cubes = np.unique(np.floor(points / _SIDE).astype(np.int64), axis=0)
+    for layer in np.unique(cubes[:, 2]):
+        flat = cubes[cubes[:, 2] == layer, :2]
+        for low, high in _rectangles(flat, np.zeros(len(flat))):
+            yield _box(np.append(low, layer) * _SIDE, np.append(high, layer + 1) * _SIDE)
+
+
+def _rectangles(cells: Index, tops: Array) -> Iterator[tuple[Index, Index]]:
+    """Yield rectangles, from (2,) up to (2,), that cover cells (K, 2): runs of rows, joined where they are alike."""
+    order = np.lexsort((cells[:, 1], cells[:, 0]))
+    cells, tops = cells[order], tops[order]
+    new = np.ones(len(cells), bool)
+    new[1:] = (np.diff(cells[:, 0]) != 0) | (np.diff(cells[:, 1]) != 1) | (np.abs(np.diff(tops)) > _ALIKE)
+    starts = np.flatnonzero(new)
+    ends = np.append(starts[1:], len(cells)) - 1
+    opened = dict[tuple[int, int], tuple[int, int, float]]()  # columns -> first row, last row, height
+    for start, end in zip(starts, ends, strict=True):
+        (x, y), last, top = cells[start], int(cells[end, 1]), float(tops[start])
+        columns = int(y), last
+        known = opened.get(columns)
+        if known is not None and known[1] == x - 1 and abs(known[2] - top) <= _ALIKE:
+            opened[columns] = known[0], x, known[2]
+            continue
+        if known is not None:
+            yield np.array([known[0], y]), np.array([known[1] + 1, last + 1])
+        opened[columns] = x, x, top
+    for (y, last), (first, before, _) in opened.items():
+        yield np.array([first, y]), np.array([before + 1, last + 1])
+
+
+def _box(low: Array, high: Array) -> Array:
+    return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T
