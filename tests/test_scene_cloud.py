@@ -10,8 +10,9 @@ from robots import CELL
 
 from dexgrasp.cli.plan import scan_name
 from dexgrasp_env.perception import reasons
+from dexgrasp_env.perception.camera_files import read_cameras
 from dexgrasp_env.perception.pipeline import find_object
-from dexgrasp_env.perception.scan import cloud_of, read_cameras, read_scan
+from dexgrasp_env.perception.scan import cloud_of, read_scan
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.selection import TargetSelector
 
@@ -273,7 +274,7 @@ def test_damaged_files_are_one_line(tmp_path):
     (tmp_path / "bad.ply").write_text("ply\nformat ascii 1.0\nelement vertex 3\n")
     (tmp_path / "what.xyz").write_text("one two three")
     (tmp_path / "flat.xyz").write_text("1 2\n3 4\n")
-    (tmp_path / "what.las").write_text("1 2 3")
+    (tmp_path / "what.xlsx").write_text("1 2 3")
     head = b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 9\nDATA binary_compressed\n"
     for name, body in (("short", b"12"), ("wrong", bytes(300)), ("back", b"\x02\0\0\0\x6c\0\0\0\x20\x09")):
         (tmp_path / f"{name}.pcd").write_bytes(head + body)
