@@ -9,6 +9,7 @@ from refusals import refused
 from robots import CELL
 
 from dexgrasp.cli.plan import scan_name
+from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp_env.perception import reasons
 from dexgrasp_env.perception.camera_files import read_cameras
 from dexgrasp_env.perception.pipeline import find_object
@@ -149,6 +150,17 @@ def test_what_stands_around_is_seen(rng):
     assert [len(one) for one in again.neighbours] == [len(one) for one in found.neighbours]
     assert np.array_equal(again.rest.points, found.rest.points)
     assert not Scene.of_observation(found.as_observation(1024)).neighbours
+
+
+def test_what_hangs_high_is_in_the_way_and_what_is_under_it_is_free(rng):
+    bar = rng.uniform([0.45, -0.3, 0.6], [0.5, 0.3, 0.62], (2000, 3))
+    found = find(np.concatenate([scene_points(rng, (0.5, 0.1)), bar]))
+    assert found.reason is None
+    assert found.rest.points[:, 2].min() > 0.59
+    assert len(found.rest.points) == len(found.rest.normals) == len(found.rest.pixels) > 500
+    around = np.concatenate([corners for parts in neighbours_of(found) for corners in parts])
+    assert around[:, 2].min() > 0.59
+    assert np.abs(np.ptp(around, axis=0)[:2] - [0.05, 0.6]).max() < 0.02
 
 
 def test_masks_and_boxes_choose(rng):

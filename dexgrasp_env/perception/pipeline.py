@@ -52,7 +52,10 @@ LINK = 0.015  # m: an object's points are linked by steps of at most this
 STRIDE = 7  # every so many-th pixel goes into the fits of the table
 _OTHERS, _REST = 300, 1000  # points of a neighbour, and of what belongs to no object, at most
 _LEAST_CLEARANCE = 0.004  # m above the table of a recorded cloud
-_AROUND = 0.25  # m beyond the workspace within which things stand in the way of a recorded object
+_AROUND = (
+    0.25  # m beyond the workspace within which things stand in the way of a recorded object; higher ones hang
+)
+_BESIDE_ROBOT = 0.05  # m from the robot within which what hangs is the robot, seen from its side
 
 
 def segment(
@@ -148,7 +151,9 @@ def find_object(
             selector = selector.turned(cloud, support.rotation, support.about)
         plane = support.plane
         above = isolate(support.cloud, plane, max(_LEAST_CLEARANCE, SIGMAS * plane.rms), own)
-        above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND)
+        low, high = np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND
+        overhead = crop(above, [*low[:2], high[2]], [*high[:2], np.inf])
+        above = crop(above, low, high)
         instances = segment_instances(above, plane)
         numbers = instances.objects(above)
         objects = [(above.select(instances.labels == k), bool(instances.doubtful[k])) for k in numbers]
@@ -165,7 +170,11 @@ def find_object(
             object_cloud(one, None, COUNT, doubtful, cameras_known=False) for one, doubtful in objects
         )
         return Scene(reason=refused.reason, sentence=refused.sentence, neighbours=seen)
-    return replace(scene_around(above, instances, number, plane, rng, cameras_known=False), tilt=support.tilt)
+    if own is not None:  # at its sides a robot is seen less sharply; what touches it there is it
+        overhead = overhead.select(~own(overhead.points, _BESIDE_ROBOT))
+    seen = object_cloud(overhead, None, _REST, cameras_known=False)
+    found = scene_around(above, instances, number, plane, rng, cameras_known=False)
+    return replace(found, rest=found.rest.joined(seen), tilt=support.tilt)
 
 
 def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None) -> Cloud:

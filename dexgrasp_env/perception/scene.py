@@ -55,6 +55,14 @@ class ObjectCloud:
     def __len__(self) -> int:
         return len(self.points)
 
+    def joined(self, other: "ObjectCloud") -> "ObjectCloud":
+        """Return the points of both."""
+        both = (
+            np.concatenate([getattr(self, name), getattr(other, name)])
+            for name in ("points", "normals", "pixels")
+        )
+        return ObjectCloud(*both, self.doubtful)
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
