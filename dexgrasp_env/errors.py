@@ -1,5 +1,7 @@
 """Errors that are the user's to mend."""
 
+import difflib
+
 
 class InputError(ValueError):
     """Bad input: the message is one line that says what is wrong and what is valid.
@@ -16,7 +18,10 @@ def unknown_name(kind: str, name: object, valid: object) -> InputError:
         name: what was given.
         valid: an iterable of the valid names.
     """
-    return InputError(f"unknown {kind} {name!r}: valid are {', '.join(map(str, valid))}")  # type: ignore[call-overload]
+    names = list(map(str, valid))  # type: ignore[call-overload]
+    near = difflib.get_close_matches(str(name), names, n=1)
+    hint = f" (the nearest is {near[0]!r})" if near else ""
+    return InputError(f"unknown {kind} {name!r}{hint}: valid are {', '.join(names)}")
 
 
 class UnknownArgumentError(InputError, TypeError):

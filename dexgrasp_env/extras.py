@@ -8,8 +8,8 @@ from dexgrasp_env.errors import InputError
 
 EXTRAS: dict[str, tuple[str, ...]] = {
     "planner": (
-        "clarabel", "daqp", "imageio", "imageio_ffmpeg", "jinja2", "loky", "matplotlib", "ompl", "osqp", "qpsolvers",
-        "rtree", "ruckig", "safetensors", "shtab",
+        "clarabel", "daqp", "imageio", "imageio_ffmpeg", "jinja2", "loky", "matplotlib", "ompl", "osqp", "PIL",
+        "qpsolvers", "rtree", "ruckig", "safetensors", "shtab",
     ),
     "learning": ("torch", "stable_baselines3", "tensorboard"),
     "viewer": ("viser",),
@@ -17,6 +17,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "cluster": ("ray",),
     "dm": ("dm_control", "dm_env"),
     "demos": ("h5py", "minari", "pyarrow"),
+    "formats": ("collada", "laspy", "lazrs", "lxml", "networkx", "rosbags"),
     "gpu": ("mujoco_warp", "warp"),
 }  # fmt: skip
 """Extra -> the modules that it brings and the plain installation lacks."""

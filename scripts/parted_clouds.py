@@ -57,7 +57,9 @@ class Body(NamedTuple):
         """Return it turned so that the smallest rectangle around it lies along x and y."""
         edges = np.diff(self.outline, axis=0, append=self.outline[:1])
         turned = [about_z(-angle)[:3, :3] for angle in np.arctan2(*edges.T[::-1])]
-        return self._replace(corners=min((self.corners @ R.T for R in turned), key=lambda c: np.ptp(c[:, :2], axis=0).prod()))
+        return self._replace(
+            corners=min((self.corners @ R.T for R in turned), key=lambda c: np.ptp(c[:, :2], axis=0).prod())
+        )
 
     @property
     def outline(self) -> Array:
@@ -81,7 +83,9 @@ def body(name: str, rng: Generator) -> Body:
     """Return an object at rest at the origin, one of its rest poses, turned about the vertical."""
     shape = load_target(name)
     poses = rest_poses(shape)
-    chosen = poses[rng.choice(len(poses), p=np.array([p.probability for p in poses]) / sum(p.probability for p in poses))]
+    chosen = poses[
+        rng.choice(len(poses), p=np.array([p.probability for p in poses]) / sum(p.probability for p in poses))
+    ]
     R = about_z(rng.uniform(0.0, 2.0 * np.pi))[:3, :3] @ quat_to_matrix(np.array(chosen.quat_wxyz))
     corners = shape.solid.vertices @ R.T
     return Body(corners - [0.0, 0.0, corners[:, 2].min()], shape.solid.faces)
@@ -93,14 +97,22 @@ def drawn(kind: str, names: list[str], rng: Generator) -> list[Body]:
     if kind == "single":
         return [first.moved([0.5, 0.0, 0.0])]
     if kind == "stacked":
-        while len(first.top) < 3 or np.linalg.matrix_rank(first.top - first.top[0], 1e-4) < 2 or _area(first.top) < _TOP:
+        while (
+            len(first.top) < 3
+            or np.linalg.matrix_rank(first.top - first.top[0], 1e-4) < 2
+            or _area(first.top) < _TOP
+        ):
             first = body(rng.choice(names), rng)
         other = body(rng.choice(names), rng)
         middle = 0.5 * (other.corners.max(0) + other.corners.min(0))
         place = first.top.mean(0) + rng.uniform(-0.01, 0.01, 2) - middle[:2]
         other = other.moved([*place, first.corners[:, 2].max()])
     else:
-        other, gap, angle = body(rng.choice(names), rng), rng.uniform(*KINDS[kind]), rng.uniform(0.0, 2.0 * np.pi)
+        other, gap, angle = (
+            body(rng.choice(names), rng),
+            rng.uniform(*KINDS[kind]),
+            rng.uniform(0.0, 2.0 * np.pi),
+        )
         if flush:
             first, other, angle = first.squared(), other.squared(), 0.5 * np.pi * rng.integers(4)
         way, step = np.array([np.cos(angle), np.sin(angle)]), 0.0
@@ -129,7 +141,11 @@ def seen(bodies: list[Body], rng: Generator, sensor: SensorModel) -> tuple[Cloud
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    angle, rise, far = rng.uniform(0.0, 2.0 * np.pi), np.radians(rng.uniform(25.0, 60.0)), rng.uniform(0.6, 0.9)
+    angle, rise, far = (
+        rng.uniform(0.0, 2.0 * np.pi),
+        np.radians(rng.uniform(25.0, 60.0)),
+        rng.uniform(0.6, 0.9),
+    )
     way = np.array([np.cos(rise) * np.cos(angle), np.cos(rise) * np.sin(angle), np.sin(rise)])
     eye = (Camera.look_at("eye", np.array([0.5, 0.0, 0.05]) + far * way, [0.5, 0.0, 0.05], _LENS),)
     rays, believed = RayCameras(model, eye), sensor.calibrate(eye, rng)
@@ -155,7 +171,11 @@ def judged(cloud: Cloud, truth: Index, seed: int) -> list[dict[str, Any]]:
         best = np.bincount(instances.labels[mine]).argmax()
         both = (mine & (instances.labels == best)).sum()
         share, purity = both / mine.sum(), both / (instances.labels == best).sum()
-        doubts = [instances.doubts[j] for j in np.unique(instances.labels[mine]) if j in objects and instances.doubts[j]]
+        doubts = [
+            instances.doubts[j]
+            for j in np.unique(instances.labels[mine])
+            if j in objects and instances.doubts[j]
+        ]
         rows.append(
             {"object": int(k), "share": share, "purity": purity, "things": len(objects),
              "good": bool(min(share, purity) >= GOOD), "doubt": doubts[0] if doubts else ""}

@@ -12,6 +12,8 @@ import pytest
 from refusals import refused
 from robots import ARM_JOINTS, CELL, HAND_JOINTS, HOME, LOWER, ROBOT, UPPER
 
+from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
+from dexgrasp.cli.main import main
 from dexgrasp.export.check import _looks, check_trajectory
 from dexgrasp.export.formats import moveit_grasp, write_csv, write_json, write_ros2
 from dexgrasp.export.grasp_export import export_grasp
@@ -23,6 +25,7 @@ from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_tra
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp_env.objects.load import load_object
+from dexgrasp_env.poses import rigid
 from dexgrasp_env.scene.build import build_scene
 
 ROOT = Path(__file__).parents[1]
@@ -262,6 +265,23 @@ def test_the_scene_loads_elsewhere_and_is_the_same(trajectory, tmp_path):
         read_trajectory(tmp_path, CELL), tmp_path / "there" / "scene.xml", np.random.default_rng(0)
     )
     assert not outcome.success  # nothing was grasped
+
+
+def test_replays_that_do_not_hold_are_no_and_said_last(contents, tmp_path, capsys):
+    export_grasp(record_of(contents["tomato_soup_can"]), tmp_path, "mjcf")
+    check = ["check", str(tmp_path), "--replay", "2"]
+    assert main(check) == OK
+    assert "every check holds; held in 2 of 2" in capsys.readouterr().out.splitlines()[-1]
+    write_scene(tmp_path, load_object("tomato_soup_can"), rigid(np.eye(3), [0.5, 0.4, 0.06]), CELL)
+    assert main(check) == ANSWER_IS_NO  # the can stands elsewhere
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("NOT fit to run; held in 0 of 2")
+    assert last.endswith("9/10 are needed")
+    assert main([*check, "--json", "--need", "1/3"]) == ANSWER_IS_NO
+    assert json.loads(capsys.readouterr().out)["holds"] is False
+    assert main([*check, "--need", "0/1"]) == OK
+    for wrong in (["--need", "2/1"], ["--need", "0.9"], ["--need", "1/2", "--replay", "0"]):
+        assert main([*check, *wrong]) == BAD_INPUT
 
 
 def test_a_scene_that_is_none_is_one_line(trajectory, folder):

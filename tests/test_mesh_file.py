@@ -26,6 +26,9 @@ def prism_text(outline: np.ndarray, suffix: str) -> str:
         *([i, (i + 1) % n, (i + 1) % n + n, i + n] for i in range(n)),
     ]
     rows = [" ".join(map(str, vertex)) for vertex in vertices.tolist()]
+    if suffix == "off":
+        lists = [" ".join(map(str, [len(face), *face, 0.5, 0.5, 0.5])) for face in faces]
+        return "\n".join(["OFF # of a prism", f"{2 * n} {n + 2} 0", *rows, *lists])
     if suffix == "obj":
         corners = [" ".join(f"{i + 1}//1" for i in face) for face in faces]
         return "".join(f"v {row}\n" for row in rows) + "vn 0 0 1\n" + "".join(f"f {one}\n" for one in corners)
@@ -36,7 +39,7 @@ def prism_text(outline: np.ndarray, suffix: str) -> str:
     return head + "\n".join([*rows, *lists]) + "\n"
 
 
-@pytest.mark.parametrize("suffix", ["obj", "ply"])
+@pytest.mark.parametrize("suffix", ["obj", "ply", "off"])
 @pytest.mark.parametrize("outline", [U, ARROW], ids=["U", "arrow"])
 def test_concave_polygons_are_cut_into_triangles_within_them(tmp_path, outline, suffix):
     x, y = outline.T
@@ -75,3 +78,54 @@ def test_texts_may_begin_with_a_byte_order_mark(tmp_path, encoding):
         path = tmp_path / f"a.{suffix}"
         path.write_text(prism_text(U, suffix), encoding=encoding)
         assert load_object(path).mesh.volume == pytest.approx(0.04 * 34e-4, rel=1e-6)
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian"])
+def test_strips_of_triangles_are_faces(tmp_path, form):
+    corners = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0], [0, 0, 4]], "<f4") / 100
+    strips = [0, 1, 2, 3, -1, 3, 3, 1, 0, 2]  # the second begins with a triangle without area
+    head = f"ply\nformat {form} 1.0\nelement vertex 4\n" + "".join(f"property float {a}\n" for a in "xyz")
+    head += "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+    rows = "".join(f"{x} {y} {z}\n" for x, y, z in corners) + " ".join(map(str, [10, *strips])) + "\n"
+    packed = corners.tobytes() + np.array([10, *strips], "<i4").tobytes()
+    (tmp_path / "a.ply").write_bytes(head.encode() + (rows.encode() if form == "ascii" else packed))
+    mesh = read_mesh(tmp_path / "a.ply")
+    assert len(mesh.faces) == 4
+    assert load_object(tmp_path / "a.ply").mesh.volume == pytest.approx(0.04**3 / 6, rel=1e-3)
+
+
+def test_files_that_say_their_unit_come_in_metres(tmp_path):
+    pytest.importorskip("lxml")
+    big = trimesh.Scene(trimesh.creation.box((40, 50, 60)))
+    (tmp_path / "a.3mf").write_bytes(big.export(file_type="3mf"))  # millimetres, as its makers have it
+    assert load_object(tmp_path / "a.3mf").extents == pytest.approx([0.04, 0.05, 0.06])
+
+
+def test_files_of_collada(tmp_path):
+    pytest.importorskip("collada")
+    from trimesh.exchange.dae import export_collada
+
+    data = export_collada(trimesh.creation.box((4, 5, 6)))
+    assert b"<unit" not in data or b'meter="1"' in data
+    unit = b'<unit name="centimetre" meter="0.01"/>'
+    (tmp_path / "a.dae").write_bytes(data.replace(b"<up_axis>", unit + b"<up_axis>"))
+    assert load_object(tmp_path / "a.dae").extents == pytest.approx([0.04, 0.05, 0.06])
+    (tmp_path / "b.dae").write_bytes(b"hello")
+    with refused("cannot be read as dae"):
+        read_mesh(tmp_path / "b.dae")
+
+
+def test_gltf_with_its_buffers_beside(tmp_path):
+    for name, data in trimesh.Scene(BALL).export(file_type="gltf").items():
+        (tmp_path / name).write_bytes(data)
+    assert load_object(tmp_path / "model.gltf").extents == pytest.approx(BALL.extents)
+    next(tmp_path.glob("*.bin")).unlink()
+    with refused("cannot be read as gltf"):
+        read_mesh(tmp_path / "model.gltf")
+
+
+@pytest.mark.parametrize("kind", ["gltf", "off", "3mf"])
+def test_texts_that_are_no_mesh_are_refused(kind, tmp_path):
+    (tmp_path / f"a.{kind}").write_bytes(b"hello, I am no mesh\n")
+    with refused(f"cannot be read as {kind}"):
+        read_mesh(tmp_path / f"a.{kind}")

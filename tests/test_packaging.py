@@ -14,12 +14,28 @@ from dexgrasp_env.extras import EXTRAS
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("dexgrasp_env", "dexgrasp", "agents")
-UNIMPORTED = {"imageio-ffmpeg", "moviepy", "osqp", "rtree", "tensorboard"}
-"""Used through another: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, torch's log."""
+UNIMPORTED = {
+    "imageio-ffmpeg",
+    "moviepy",
+    "osqp",
+    "rtree",
+    "tensorboard",
+    "lazrs",
+    "lxml",
+    "networkx",
+    "pycollada",
+}
+"""Used through another: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, torch's log; packed las,
+and what trimesh reads 3mf and dae with."""
 
 
-OWNERS = {"mujoco_warp": ["mujoco-warp"], "warp": ["warp-lang"]}
-"""Of modules that CI installs last, in no aggregate."""
+OWNERS = {
+    "mujoco_warp": ["mujoco-warp"],
+    "warp": ["warp-lang"],
+    "PIL": ["pillow"],
+    "collada": ["pycollada"],
+}
+"""Of modules that CI installs last, in no aggregate, or that are called otherwise."""
 
 
 def imports_of(package):
@@ -80,7 +96,7 @@ def test_environment_never_imports_agents():
     assert [str(file) for file, name in imports_of("dexgrasp_env") if name == "agents"] == []
 
 
-RUN_TIME = ("planner", "learning", "viewer", "cluster", "dm", "demos", "gpu")
+RUN_TIME = ("planner", "learning", "viewer", "cluster", "dm", "demos", "formats", "gpu")
 """Extras that the code imports; docs and dev are for developers."""
 
 

@@ -9,9 +9,11 @@ from refusals import refused
 from robots import CELL
 
 from dexgrasp.cli.plan import scan_name
+from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp_env.perception import reasons
+from dexgrasp_env.perception.camera_files import read_cameras
 from dexgrasp_env.perception.pipeline import find_object
-from dexgrasp_env.perception.scan import cloud_of, read_cameras, read_scan
+from dexgrasp_env.perception.scan import cloud_of, read_scan
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.selection import TargetSelector
 
@@ -150,6 +152,17 @@ def test_what_stands_around_is_seen(rng):
     assert not Scene.of_observation(found.as_observation(1024)).neighbours
 
 
+def test_what_hangs_high_is_in_the_way_and_what_is_under_it_is_free(rng):
+    bar = rng.uniform([0.45, -0.3, 0.6], [0.5, 0.3, 0.62], (2000, 3))
+    found = find(np.concatenate([scene_points(rng, (0.5, 0.1)), bar]))
+    assert found.reason is None
+    assert found.rest.points[:, 2].min() > 0.59
+    assert len(found.rest.points) == len(found.rest.normals) == len(found.rest.pixels) > 500
+    around = np.concatenate([corners for parts in neighbours_of(found) for corners in parts])
+    assert around[:, 2].min() > 0.59
+    assert np.abs(np.ptp(around, axis=0)[:2] - [0.05, 0.6]).max() < 0.02
+
+
 def test_masks_and_boxes_choose(rng):
     points = scene_points(rng, (0.5, 0.15), (0.5, -0.15))
     mask = np.arange(len(points)) >= 9000
@@ -273,7 +286,7 @@ def test_damaged_files_are_one_line(tmp_path):
     (tmp_path / "bad.ply").write_text("ply\nformat ascii 1.0\nelement vertex 3\n")
     (tmp_path / "what.xyz").write_text("one two three")
     (tmp_path / "flat.xyz").write_text("1 2\n3 4\n")
-    (tmp_path / "what.las").write_text("1 2 3")
+    (tmp_path / "what.xlsx").write_text("1 2 3")
     head = b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 9\nDATA binary_compressed\n"
     for name, body in (("short", b"12"), ("wrong", bytes(300)), ("back", b"\x02\0\0\0\x6c\0\0\0\x20\x09")):
         (tmp_path / f"{name}.pcd").write_bytes(head + body)

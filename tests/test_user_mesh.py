@@ -105,7 +105,7 @@ def bad_file(folder: Path, defect: str) -> Path:
         ("points", "no faces"),
         ("folder", "does not exist"),
         ("missing.obj", "does not exist"),
-        ("text.dae", "wrong kind '.dae': valid are .obj, .stl, .ply, .glb"),
+        ("text.fbx", "wrong kind '.fbx': valid are .obj, .stl, .ply, .glb"),
         *((f"half.{suffix}", "cannot be read|no faces|damaged") for suffix in ("obj", "stl", "ply", "glb")),
         ("range.obj", "cannot be read|damaged"),
         ("other buffer.glb", "cannot be read"),

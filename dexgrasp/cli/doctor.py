@@ -43,7 +43,7 @@ class Doctor(Command):
     exit codes: 0 all is well; 1 something has to be mended (the remedy is printed)
 
     Attributes:
-        meshes: obj, stl, ply or glb files.
+        meshes: obj, stl, ply, glb, gltf, off, dae or 3mf files.
         mesh_scale: factor to metres.
     """
 

@@ -101,6 +101,7 @@ class List(Command, InCell):
     def run(self) -> Answer:
         """List it."""
         from dexgrasp_env.objects.catalogue import OBJECT_SETS
+        from dexgrasp_env.objects.sets import MESH_SUFFIXES
 
         rows = _LISTS[self.what]()
         if self.what == "envs":
@@ -118,7 +119,8 @@ class List(Command, InCell):
         if self.what != "objects":
             return Answer({self.what: rows}, record_table(rows))
         sets = "; ".join(f"{name} ({len(members)})" for name, members in OBJECT_SETS.items())
-        meshes = "A mesh file (obj, stl, ply, glb) or a set file (json) does wherever an object is named."
+        kinds = ", ".join(suffix[1:] for suffix in MESH_SUFFIXES)
+        meshes = f"A mesh file ({kinds}) or a set file (json) does wherever an object is named."
         return Answer(
             {"objects": rows, "sets": OBJECT_SETS}, f"{record_table(rows)}\n\nSets: {sets}\n{meshes}"
         )

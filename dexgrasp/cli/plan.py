@@ -3,6 +3,7 @@
 import os
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -48,7 +49,7 @@ class Plan(Command, Request, Scan, Scene):
     bears the assumed weight, or none so sure as --at-least asks; the reason is printed.
 
     Attributes:
-        target: object of the catalogue or mesh file (obj, stl, ply, glb).
+        target: object of the catalogue or mesh file (obj, stl, ply, glb, gltf, off, dae, 3mf).
         agent: which planner.
         count: K grasps that differ, firmest first; with --out, grasp_000.json and so on (exit code 1 for fewer).
         at_least: a grasp that is lifted and held with at least this probability, or none (exit code 1).
@@ -115,7 +116,9 @@ class Plan(Command, Request, Scan, Scene):
             )
         from dexgrasp_env.perception.scan import read_scan
 
-        return read_scan(self.cloud, self.unit)
+        if line := self.order_line():
+            note(line)
+        return read_scan(self.cloud, self.unit, self.pose)
 
     def _plan(self, progress: "Progress") -> "tuple[PlanResult, Fields]":
         """Plan for the named object; return what came of it, and the same as JSON."""
@@ -181,8 +184,12 @@ class Plan(Command, Request, Scan, Scene):
         """Return the scene of a cloud, and the objects that are seen there."""
         from dexgrasp.planning.plan_scene import scene_of
         from dexgrasp_env.perception.detected import detected_objects
+        from dexgrasp_env.perception.reasons import OF_FRAME
 
-        scene = scene_of(scan, self.selector(), seed=self.seed, cell=self.cell)
+        look = partial(scene_of, selector=self.selector(), seed=self.seed, cell=self.cell)
+        scene = look(scan)
+        if scene.reason in OF_FRAME:
+            scene = replace(scene, sentence="; ".join([scene.sentence, *self.frame_words(scan, look)]))
         return scene, detected_objects(scene, self.cell.seeing(scene.table).T_base_world)
 
     def _list(self, scan: "Cloud") -> Answer:

@@ -1,5 +1,6 @@
 """Options of `dexgrasp plan --cloud`: a scene of one's own, and what of it is meant."""
 
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -8,11 +9,16 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Positive
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from dexgrasp_env.arrays import Array
+    from dexgrasp_env.perception.cloud import Cloud
     from dexgrasp_env.perception.detected import DetectedObject
     from dexgrasp_env.perception.scene import Scene
     from dexgrasp_env.perception.selection import TargetSelector
     from dexgrasp_env.robot.cell import Cell
 
+_LEVEL = 0.99  # cosine of the angle between tables that both pass for level
 _BESIDE = 0.15  # m from the object within which it is said what stands there
 
 
@@ -20,25 +26,30 @@ class Scan(Options):
     """Your own scene, instead of TARGET. Everything in it but the object that is meant is an obstacle.
 
     Attributes:
-        cloud: ply, pcd, xyz, npy or npz in the robot base frame; or a folder with cameras.yaml and depth images.
+        cloud: ply, pcd, txt, csv, xyz, pts, asc, npy, npz, las or a ROS bag (BAG#TOPIC), in the robot base frame or
+            with --camera-pose; or a folder with cameras.yaml and depth images.
+        camera_pose: the camera's optical frame in the robot base frame, where the cloud is in the camera's: a file
+            (4 x 4 as txt, npy, yaml or json, or a pose of ROS), or in quotes "x y z qx qy qz qw" as ROS orders it, m;
+            "x y z qw qx qy qz wxyz" with w first.
         unit: of that file's coordinates.
         objects: list the objects that are seen, and plan nothing (with --out, a picture with their numbers).
         object_near: a point near the object that is meant, m.
         box: a box that holds the object that is meant, m.
-        mask: npy, one bool or whole number for each point of the file, or each pixel of the folder's images.
+        mask: npy or png, one bool or whole number for each point of the file, or each pixel of the folder's images.
         label: the object's number in the mask, where it has several.
         pixel: where a camera of the folder sees the object that is meant, column and row.
         mass: of the object, kg, where it is known.
     """
 
     cloud: File | None = None
+    camera_pose: Annotated[str | None, "POSE"] = None
     unit: Literal["m", "cm", "mm"] = "m"
     objects: bool = False
     object_near: Annotated[tuple[float, float, float] | None, "X", "Y", "Z"] = None
     box: Annotated[
         tuple[float, float, float, float, float, float] | None, "X0", "Y0", "Z0", "X1", "Y1", "Z1"
     ] = None
-    mask: Annotated[Path | None, "FILE.npy"] = None
+    mask: Annotated[Path | None, "FILE"] = None
     label: Annotated[int | None, "K"] = None
     pixel: Annotated[tuple[str, str, str] | None, "CAMERA", "U", "V"] = None
     mass: Annotated[Positive | None, "KG"] = None
@@ -51,6 +62,42 @@ class Scan(Options):
             for name in Scan.__annotations__
             if name != "cloud" and getattr(self, name) not in (None, False, "m")
         ]
+
+    @cached_property
+    def pose(self) -> "Array | None":
+        """The camera's pose (4, 4) in the frame of the robot's base, where it is given."""
+        from dexgrasp_env.perception.camera_pose import read_pose
+
+        return None if self.camera_pose is None else read_pose(self.camera_pose)
+
+    def order_line(self) -> str:
+        """Return that the other order of a quaternion would leave the table level as well; nothing for most."""
+        from dexgrasp_env.perception.camera_pose import misread_poses
+
+        if self.pose is None or self.camera_pose is None:
+            return ""
+        words, other = next(misread_poses(self.pose, self.camera_pose))
+        likely = "wxyz" in words and other[2, :3] @ self.pose[2, :3] > _LEVEL
+        return (
+            "warning: --camera-pose is read as x y z qx qy qz qw; w first would be level too"
+            if likely
+            else ""
+        )
+
+    def frame_words(self, scan: "Cloud", look: "Callable[[Cloud], Scene]") -> "Iterator[str]":
+        """Yield what may be wrong with the frame of a cloud whose table `look` does not find in its place."""
+        import numpy as np
+
+        from dexgrasp_env.perception.camera_pose import misread_poses
+        from dexgrasp_env.perception.reasons import OF_FRAME
+
+        if self.pose is None or self.camera_pose is None:
+            yield "of a cloud in a camera's frame --camera-pose says where the camera is"
+            return
+        for words, T in misread_poses(self.pose, self.camera_pose):
+            R = T @ np.linalg.inv(self.pose)
+            if look(scan.moved(scan.points @ R[:3, :3].T + R[:3, 3])).reason not in OF_FRAME:
+                yield f"it would be right if --camera-pose {words}"
 
     def selector(self) -> "TargetSelector":
         """Return what is pointed at.
@@ -71,7 +118,7 @@ class Scan(Options):
             camera, u, v = self.pixel
             if not (u.isdecimal() and v.isdecimal()):
                 raise InputError(f"--pixel {camera} {u} {v}: valid is a camera's name, a column and a row")
-            near = point_of_pixel(Path(str(self.cloud)), camera, int(u), int(v))
+            near = point_of_pixel(Path(str(self.cloud)), camera, int(u), int(v), self.pose)
         box = None if self.box is None else np.reshape(self.box, (2, 3))
         return TargetSelector(near, box, None if self.mask is None else read_mask(self.mask, self.label))
 
@@ -81,9 +128,7 @@ def list_lines(seen: "list[DetectedObject]") -> list[str]:
     lines = []
     for one in seen:
         gap = "none" if one.next > 1e3 else f"{100 * one.next:.1f} cm"
-        lines.append(
-            f"  {one.number}: {one}, the next {gap} away{'; ' * bool(one.doubt)}{one.doubt}"
-        )
+        lines.append(f"  {one.number}: {one}, the next {gap} away{'; ' * bool(one.doubt)}{one.doubt}")
     return lines
 
 

@@ -21,6 +21,7 @@ _SIDES = 8  # level directions in which a neighbour may be grown
 _INSIDE = 0.006  # m: a hull that holds points of the target this deep is not the neighbour's shape
 _COLUMN = 0.03  # m, side of a column
 _MOST = 60  # parts of a neighbour, as a grasp file takes them
+_HANGING, _BOARD = 0.55, 0.10  # m above the table from where on points hang; side of their columns
 _LEAST = 3  # points of a column: fewer are noise
 _THICK = 0.004  # m that a column reaches at least to either side of its middle
 
@@ -80,16 +81,25 @@ def _smaller(corners: Array, give: float) -> Array:
 
 
 def columns(points: Array) -> Parts:
-    """Return the corners of boxes around points (N, 3) m, from the table up, one for each square that holds some."""
+    """Return the corners of boxes around points (N, 3) m, one for each square that holds some.
+
+    They stand on the table, but for what is seen far above it, which hangs.
+    """
+    hang = points[:, 2] > _HANGING
+    return (*_boxes(points[~hang], _COLUMN, 0.0), *_boxes(points[hang], _BOARD))
+
+
+def _boxes(points: Array, side: float, foot: float | None = None) -> Parts:
+    """Return the boxes of columns: from their lowest points on, or from the height of a foot, m."""
     if not len(points):
         return ()
-    squares, boxes = cells_of(points[:, :2], _COLUMN), list[Array]()
+    squares, boxes = cells_of(points[:, :2], side), list[Array]()
     for square in np.unique(squares):
         held = points[squares == square]
         if len(held) < _LEAST:
             continue
         centre, half = middle(held), np.maximum(0.5 * np.ptp(held, axis=0), _THICK)
         low, high = centre - half, centre + half
-        low[2] = 0.0
+        low[2] = low[2] if foot is None else foot
         boxes.append(np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T)
     return tuple(boxes)

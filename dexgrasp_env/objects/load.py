@@ -36,8 +36,8 @@ def load_object(
     """Return an object of the catalogue, or a user's mesh made fit for use.
 
     Args:
-        target: a name of the catalogue, `varied-N`, the path of an obj, stl, ply or glb file, or `FILE.json#name` of
-            a set file, whose scale and mass then hold.
+        target: a name of the catalogue, `varied-N`, the path of a mesh file, or `FILE.json#name` of a
+            set file, whose scale and mass then hold.
         scale: factor from the file's unit to metres (0.001 for millimetres), or from the catalogue's size.
         mass: kilograms, in place of the object's own.
 

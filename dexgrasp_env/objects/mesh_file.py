@@ -1,23 +1,27 @@
 """Mesh files to triangles: what the mesh library reads amiss is put right before or after it.
 
-It cuts polygons into fans, which is wrong for concave ones, and takes a binary STL whose length is not as it says for
-text.
+It cuts polygons into fans, which is wrong for concave ones, takes a binary STL whose length is not as it says for
+text, and leaves strips of triangles and units alone.
 """
 
 import io
 import re
 from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
 
 from dexgrasp_env.arrays import Array, Index, Mask
-from dexgrasp_env.files import plain_text
+from dexgrasp_env.extras import from_extra
+from dexgrasp_env.files import check_file, plain_text
 from dexgrasp_env.poses import frame_of_z
 
 _POLYGON = re.compile(r"^f(?:[ \t]+[^\s\\]+){3}[ \t]+\S", re.MULTILINE)
 _STL_HEAD, _STL_FACE = 84, 50  # bytes
+_NEEDED = {"dae": ("collada",), "3mf": ("lxml", "networkx")}  # by the mesh library to read a kind
 _LEVEL = 1e-9  # of the square of twice a polygon's area: turns of less are straight on
 
 
@@ -25,30 +29,77 @@ class DamagedMeshError(ValueError):
     """A mesh file that ends before it says; where, in words."""
 
 
-def load_file(data: bytes, kind: str) -> Any:
+def load_file(data: bytes, kind: str, folder: Path) -> Any:
     """Return what a mesh file holds, as the mesh library does: a mesh, a scene or points.
 
     Args:
         data: of the file.
-        kind: obj, stl, ply or glb.
+        kind: obj, stl, ply, glb, gltf, off, dae or 3mf; the last two say their unit, and come in metres.
+        folder: in which other files lie that it names.
 
     Raises:
         DamagedMeshError: for a file that is cut off.
         Exception: whatever else a damaged file makes the parser trip over.
     """
+    with from_extra():
+        for module in _NEEDED.get(kind, ()):
+            import_module(module)
+    options: Any = {}
     if kind == "stl":
         data = _whole_stl(data)
-    elif kind == "obj":
-        data = _with_triangles(plain_text(data).decode("utf-8", "replace")).encode()
+    elif kind in ("obj", "off"):
+        text = plain_text(data).decode("utf-8", "replace")
+        data, kind = _with_triangles(text if kind == "obj" else _obj_of_off(text)).encode(), "obj"
+        options = {"skip_materials": True}
     elif kind == "ply":
         data = plain_text(data)
-    options: Any = {"skip_materials": True} if kind == "obj" else {}
+    elif kind == "gltf":
+        options = {"resolver": _Beside(str(folder))}
     loaded: Any = trimesh.load(io.BytesIO(data), file_type=kind, process=False, **options)
-    polygons = _ply_polygons(loaded) if kind == "ply" else None
-    if polygons is not None:
+    if kind == "ply":
+        return _with_faces(loaded)
+    if kind in _NEEDED and loaded.units:
+        loaded.apply_scale(trimesh.units.unit_conversion(loaded.units, "meters"))
+    return loaded
+
+
+class _Beside(trimesh.resolvers.FilePathResolver):
+    """Files beside a mesh file, within what is read of somebody else's."""
+
+    def get(self, name: str) -> bytes:
+        """Return the bytes of a file."""
+        check_file(Path(self.parent) / name)
+        return super().get(name)
+
+
+def _with_faces(loaded: Any) -> Any:
+    """Return what a PLY holds with concave polygons cut right, and strips of triangles as faces."""
+    if (strips := _ply_lists(loaded, "tristrips")) is not None:
+        parts = (one for row in strips for one in np.split(np.ravel(row), np.flatnonzero(np.ravel(row) < 0)))
+        kept = [part for part in (one[one >= 0] for one in parts) if len(part) > 2]
+        faces = trimesh.util.triangle_strips_to_faces(kept)
+        proper = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+        return trimesh.Trimesh(loaded.vertices, faces[proper], process=False)
+    polygons = _ply_lists(loaded, "face")
+    if polygons is not None and any(len(row) != 3 for row in polygons):
         pieces = [piece for own in split_concave(loaded.vertices, polygons) for piece in own]
         loaded.faces = trimesh.geometry.triangulate_quads(pieces)
     return loaded
+
+
+def _obj_of_off(text: str) -> str:
+    """Return an OFF text as one of OBJ: what follows holds for both."""
+    lines = [words for line in text.splitlines() if (words := line.partition("#")[0].split())]
+    if not lines[0][0].endswith("OFF"):
+        raise ValueError("no OFF")
+    head = lines.pop(0)[1:] or lines.pop(0)
+    vertices, faces = map(int, head[:2])
+    if len(lines) < vertices + faces:
+        raise DamagedMeshError(f"it ends after {len(lines)} of {vertices + faces} lines")
+    rows = [f"v {' '.join(words[:3])}" for words in lines[:vertices]]
+    for count, *corners in lines[vertices : vertices + faces]:
+        rows.append(f"f {' '.join(str(int(corner) + 1) for corner in corners[: int(count)])}")
+    return "\n".join(rows)
 
 
 def split_concave(vertices: Array, polygons: Sequence[Sequence[int]]) -> list[list[Sequence[int]]]:
@@ -113,16 +164,15 @@ def _with_triangles(text: str) -> str:
     return "\n".join(lines)
 
 
-def _ply_polygons(loaded: Any) -> Any:
-    """Return the faces of a PLY file as it has them, or None where all are triangles."""
-    data = getattr(loaded, "metadata", {}).get("_ply_raw", {}).get("face", {}).get("data")
+def _ply_lists(loaded: Any, element: str) -> Any:
+    """Return the lists of vertices of an element of a PLY file, as it has them; None where it has none."""
+    data = getattr(loaded, "metadata", {}).get("_ply_raw", {}).get(element, {}).get("data")
     names = data if isinstance(data, dict) else getattr(getattr(data, "dtype", None), "names", None) or ()
     name = next((name for name in ("vertex_index", "vertex_indices") if name in names), None)
     if name is None:
         return None
     rows = data[name]
-    rows = rows["f1"] if rows.dtype.names else rows
-    return None if all(len(row) == 3 for row in rows) else rows
+    return rows["f1"] if rows.dtype.names else rows
 
 
 def _whole_stl(data: bytes) -> bytes:

@@ -22,7 +22,7 @@ from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 from dexgrasp_env.valid import Mass, Rule, number, read, several
 
 SCHEMA = 1
-MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
+MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".dae", ".3mf")
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
 
 
@@ -46,7 +46,7 @@ class SetMember:
 
     Attributes:
         name: what it is called in results; trials of the same name meet the same scenes.
-        mesh: an obj, stl, ply or glb file.
+        mesh: a file of `MESH_SUFFIXES`.
         scale: factor from its unit to metres.
         mass: kg; None: by its volume.
         friction: sliding coefficient where the environment names none; None: the environment's own default.
@@ -131,6 +131,6 @@ def mesh_file(path: str | os.PathLike[str]) -> Path:
     found = expand(path)
     if not os.path.isfile(found):  # unlike Path.is_file it takes names of any length
         raise InputError(
-            f"mesh file {str(path)!r} does not exist: give the path of an obj, stl, ply or glb file"
+            f"mesh file {str(path)!r} does not exist: give the path of one ({', '.join(MESH_SUFFIXES)})"
         )
     return found

@@ -1,6 +1,6 @@
 """A user's own mesh file made fit for use.
 
-Axes stay as they are in the file (glTF has y up: a glb keeps that); textures are ignored; the origin moves
+Axes stay as they are in the file (glTF has y up: it keeps that); textures are ignored; the origin moves
 to the centre of mass.
 """
 
@@ -13,7 +13,7 @@ import trimesh
 
 from dexgrasp_env.arrays import Arrays
 from dexgrasp_env.errors import InputError, first_line
-from dexgrasp_env.files import cached_arrays, content_hash, printable_stem, read_file
+from dexgrasp_env.files import cached_arrays, check_archive, content_hash, printable_stem, read_file
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.mesh_file import DamagedMeshError, load_file
@@ -33,8 +33,8 @@ def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float |
     """Return the object of a mesh file; the repaired surface is cached by the file's content.
 
     Args:
-        path: an obj, stl, ply or glb file.
-        scale: factor from the file's unit to metres.
+        path: a file of `MESH_SUFFIXES`.
+        scale: factor from the file's unit to metres; dae and 3mf say theirs, and come in metres.
         mass: kilograms; without it 400 kg/m^3, at least 0.02 and at most 1 kg.
 
     Raises:
@@ -119,7 +119,9 @@ def _parsed(path: Path) -> trimesh.Trimesh:
     """Read a file with the mesh library, whose many errors become one."""
     kind = path.suffix.lower()[1:]
     try:
-        loaded = load_file(read_file(path), kind)
+        if kind == "3mf":
+            check_archive(path)
+        loaded = load_file(read_file(path), kind, path.parent)
         _check_faces(loaded, path.name)
         geometry = loaded.to_geometry() if isinstance(loaded, trimesh.Scene) else loaded
     except DamagedMeshError as error:

@@ -17,6 +17,9 @@ NOTHING_MARKED = "nothing_marked"
 SEVERAL = "several_objects"
 OUT_OF_REACH = "out_of_reach"
 
+OF_FRAME = (EMPTY, UNIT, NO_PLANE, UPSIDE_DOWN, TILTED, TABLE_HEIGHT)
+"""Those of clouds whose frame may not be the base's."""
+
 WORDS = {
     EMPTY: "the cloud holds too few points to be a scene",
     UNIT: "the coordinates are too large for metres: millimetres? scale them by 0.001, or say --unit mm",

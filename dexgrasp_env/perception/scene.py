@@ -107,7 +107,13 @@ class Scene:
         boxes = tuple(placed(T, box) for box in self.boxes)
         plane = None if self.plane is None else self.plane.placed(T)
         return replace(
-            self, target=target, rest=rest, boxes=boxes, neighbours=tuple(neighbours), plane=plane, table=table
+            self,
+            target=target,
+            rest=rest,
+            boxes=boxes,
+            neighbours=tuple(neighbours),
+            plane=plane,
+            table=table,
         )
 
     @classmethod

@@ -9,10 +9,11 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Mask, middle
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.perception.camera_files import CAMERAS_FILE, read_cameras
 from dexgrasp_env.perception.cloud import WORKSPACE_HIGH, WORKSPACE_LOW, Cloud, deproject, inside
+from dexgrasp_env.perception.cloud_files import check_scan, understood
 from dexgrasp_env.perception.detected import in_words
 from dexgrasp_env.perception.reasons import NO_OBJECT, NOTHING_NEAR, OUT_OF_REACH, SEVERAL, NoTargetError
-from dexgrasp_env.perception.scan import CAMERAS_FILE, check_scan, read_cameras, understood
 from dexgrasp_env.poses import placed
 
 _NEAR = 0.08  # m from the named point to the object
@@ -149,15 +150,28 @@ def mask_of(values: Any, label: int | None = None) -> Mask:
 
 
 def read_mask(path: Path, label: int | None = None) -> Mask:
-    """Read a mask from an npy file; see `mask_of`."""
+    """Read a mask from an npy file or an image without colours; see `mask_of`."""
     check_scan(path)
-    with understood(path, "a mask: valid is a .npy file"):
-        values = np.load(path, allow_pickle=False)
+    with understood(path, "a mask: valid is a .npy file, or a .png of one channel"):
+        if path.suffix.lower() == ".npy":
+            values = np.load(path, allow_pickle=False)
+        else:
+            from PIL import Image
+
+            values = np.asarray(Image.open(path))  # of a palette the numbers
+    if path.suffix.lower() != ".npy" and values.ndim > 2:
+        if np.ptp(values[..., :3], axis=-1).any():
+            raise InputError(
+                f"{path} has colours: valid is an image of one channel, 0 where the object is not"
+            )
+        values = values[..., 0]
     return mask_of(values, label)
 
 
-def point_of_pixel(folder: Path, camera: str, u: int, v: int) -> Array:
+def point_of_pixel(folder: Path, camera: str, u: int, v: int, T_base_camera: Array | None = None) -> Array:
     """Return the point (3,) m, frame of the robot's base, that a recorded camera sees at column `u` of row `v`.
+
+    The camera's pose (4, 4) is given where its file has none.
 
     Raises:
         InputError: where there is no such camera or pixel, or no depth there.
@@ -166,7 +180,7 @@ def point_of_pixel(folder: Path, camera: str, u: int, v: int) -> Array:
         raise InputError(
             f"a pixel points in a folder with {CAMERAS_FILE}: {folder} is none; valid there is a mask"
         )
-    images = {image.camera.name: image for image in read_cameras(folder / CAMERAS_FILE)}
+    images = {image.camera.name: image for image in read_cameras(folder / CAMERAS_FILE, T_base_camera)}
     if camera not in images:
         raise unknown_name("camera", camera, images)
     image = images[camera]

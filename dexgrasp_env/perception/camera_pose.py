@@ -1,0 +1,132 @@
+"""Poses of cameras in the robot's base as people have them: matrices, ROS's quaternions, files of either."""
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import check_file, parse_json, readable
+from dexgrasp_env.poses import quat_to_matrix, rigid
+from dexgrasp_env.valid import Rule, check
+from dexgrasp_env.yaml_file import read_yaml
+
+_WORDS = (
+    "a pose of the camera's optical frame in the robot base frame, m: 4 x 4 numbers, or x y z qx qy qz qw"
+)
+_WITHIN = ("T_base_camera", "matrix", "data", "pose", "transform", "transformation")
+"""Keys of mappings that hold a pose, as ROS and calibration tools write them."""
+_PLACES = (("translation", "rotation"), ("position", "orientation"))
+_OFF = 0.01  # of the products of a rotation's rows, and of a quaternion's length: what few digits leave
+_EXACT = 1e-6  # within which it stays as it is
+_FARTHEST = 10.0  # m from the base: beyond, the unit is wrong
+_OPTICAL = np.array(
+    [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
+)  # in ROS's frame of a body: x forward
+
+
+def pose_of(value: Any) -> Array:
+    """Return a pose (4, 4) of whatever states one.
+
+    Args:
+        value: 4 x 4 or 3 x 4 numbers, in rows or one after the other; seven, x y z qx qy qz qw; or a mapping as ROS
+            writes Pose and Transform (`position` and `orientation`, `translation` and `rotation`), of those seven
+            names, or with one of the former under `T_base_camera`, `matrix`, `pose` or `transform`.
+
+    Raises:
+        ValueError: for what is no pose; KeyError and TypeError as well.
+    """
+    while isinstance(value, Mapping) and (key := next((key for key in _WITHIN if key in value), None)):
+        value = value[key]
+    if isinstance(value, Mapping):
+        value = _seven(value)
+    numbers = np.array(value, dtype=float).ravel()
+    if numbers.size == 7:
+        length = float(np.linalg.norm(numbers[3:]))
+        if not abs(length - 1.0) < _OFF:
+            raise InputError(f"the quaternion of the camera's pose has length {length:.3g}: valid is 1")
+        T = rigid(quat_to_matrix(numbers[[6, 3, 4, 5]] / length), numbers[:3])
+    else:
+        T = np.vstack([numbers.reshape(-1, 4)[:3], [0.0, 0.0, 0.0, 1.0]])
+        if numbers.size not in (12, 16) or not np.allclose(numbers[12:], T[3][: numbers.size - 12]):
+            raise ValueError
+    R, off = T[:3, :3], np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max()
+    if not (off < _OFF and np.linalg.det(R) > 0):
+        raise InputError("the rotation of the camera's pose must be orthonormal and right-handed")
+    if not (away := np.abs(T[:3, 3]).max()) < _FARTHEST:
+        raise InputError(f"the camera's pose is {away:.4g} m away: valid are metres")
+    if off > _EXACT:
+        U, _, Vt = np.linalg.svd(R)
+        T[:3, :3] = U @ Vt
+    return T
+
+
+def _seven(value: Mapping[str, Any]) -> Any:
+    """Return x, y, z, qx, qy, qz, qw of a mapping, or its matrix."""
+    for place, turn in _PLACES:
+        if place in value:
+            t, R = (
+                [part[axis] for axis in "xyzw" if axis in part] if isinstance(part, Mapping) else part
+                for part in (value[place], value[turn])
+            )
+            return [*t, *R] if np.ndim(R) == 1 else np.column_stack([R, t])
+    return [value[name] for name in ("x", "y", "z", "qx", "qy", "qz", "qw")]
+
+
+POSE = Rule(_WORDS, pose_of)
+"""What states a pose of a camera, see `pose_of`."""
+
+
+def read_pose(given: str) -> Array:
+    """Return a pose (4, 4) that somebody names on the command line.
+
+    Args:
+        given: a file (txt, csv, npy, yaml, json) of what `pose_of` takes, or the seven numbers x y z qx qy qz qw, in
+            ROS's order; `wxyz` behind them says that the quaternion is qw qx qy qz.
+
+    Raises:
+        InputError: one line that says what is wrong with it.
+    """
+    path, numbers = Path(given).expanduser(), _numbers(given)
+    if numbers is not None and not path.exists():
+        return check("--camera-pose", numbers, POSE)
+    with readable(path):
+        check_file(path)
+    kind = path.suffix.lower()
+    if kind in (".yaml", ".yml"):
+        return check(str(path), read_yaml(path), POSE)
+    try:
+        if kind == ".npy":
+            return check(str(path), np.load(path, allow_pickle=False), POSE)
+        text = path.read_text()
+        return check(str(path), parse_json(text) if kind == ".json" else _numbers(text), POSE)
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path} is no file of numbers: valid is {_WORDS}") from None
+
+
+def _numbers(text: str) -> list[float] | None:
+    """Return the numbers of a text, apart by blanks, commas and brackets; None for another text."""
+    words = re.findall(r"[^\s,;\[\]]+", "".join(line.partition("#")[0] + "\n" for line in text.splitlines()))
+    other = words[-1:] == ["wxyz"]
+    try:
+        found = [float(word) for word in words[: len(words) - other]]
+    except ValueError:
+        return None
+    return [*found[:3], *found[4:], found[3]] if other and len(found) == 7 else found
+
+
+def misread_poses(T: Array, given: str) -> Iterator[tuple[str, Array]]:
+    """Yield what is often given for a pose (4, 4), in words, and the pose that is meant then."""
+    numbers, back = _numbers(given), T[:3, :3].T
+    inverse = rigid(back, -back @ T[:3, 3])
+    if numbers is not None and len(numbers) == 7 and "wxyz" not in given:
+        other = pose_of([*numbers[:3], *numbers[4:], numbers[3]])
+        yield "had the quaternion as qw qx qy qz: then say so by `wxyz` behind it", other
+    yield "were inverted: valid is the camera in the base, not the base in the camera", inverse
+    optical = T @ rigid(_OPTICAL, np.zeros(3))
+    yield "were of a camera's body, x forward: valid is its optical frame, z forward", optical
