@@ -1,5 +1,7 @@
 """Errors that are the user's to mend."""
 
+from gymnasium.error import ClosedEnvironmentError
+
 
 class InputError(ValueError):
     """Bad input: the message is one line that says what is wrong and what is valid.
@@ -17,6 +19,10 @@ def unknown_name(kind: str, name: object, valid: object) -> InputError:
         valid: an iterable of the valid names.
     """
     return InputError(f"unknown {kind} {name!r}: valid are {', '.join(map(str, valid))}")  # type: ignore[call-overload]
+
+
+class ClosedError(InputError, ClosedEnvironmentError):
+    """Use of environments that are closed: also Gymnasium's error for it."""
 
 
 class UnknownArgumentError(InputError, TypeError):

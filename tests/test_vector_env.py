@@ -342,7 +342,7 @@ def test_pictures_follow_each_other_as_in_a_single_environment(frame_skip):
 
 def test_wrong_use_is_named_in_one_line():
     for kwargs, word in (
-        ({"obs_mode": "rgbd"}, "rgbd"), ({"threads": 0}, "threads"), ({"autoreset_mode": "Later"}, "NextStep"),
+        ({"render_mode": "human"}, "'human'"), ({"threads": 0}, "threads"), ({"autoreset_mode": "Later"}, "NextStep"),
         ({"control_mode": "torque"}, "ee_delta"),
     ):  # fmt: skip
         with refused(word):

@@ -11,7 +11,7 @@ from dexgrasp_env.objects.load import Objects, has_own_size, load_target
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, make_cell
-from dexgrasp_env.scene.constants import CONTROL_STEPS, FRICTION, TIMESTEP
+from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS, FRICTION, TIMESTEP
 from dexgrasp_env.sensing.sensor import Calibration, SensorModel
 from dexgrasp_env.tasks.constants import LONGEST_SKIP, MAX_EPISODE_STEPS, SHORTEST_SKIP, at_pace
 from dexgrasp_env.tasks.control import CONTROL_MODES
@@ -142,6 +142,12 @@ class LiftSettings:
     def weights(self) -> dict[str, float]:
         """The weight of each term of the reward."""
         return self.reward_weights or {}
+
+    @property
+    def agent_info(self) -> dict[str, Any]:
+        """What an agent may know, by name."""
+        names = "mount", "cell", "obs_mode", "control_mode", "observe"
+        return {"control_period": CONTROL_PERIOD, **{name: getattr(self, name) for name in names}}
 
     @property
     def disturbance_steps(self) -> int:
