@@ -101,6 +101,10 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         self._episodes = self._env_type.episodes_type(self.settings, num_envs)
         self._views = self._episodes.views
         threads = None if threads is None else check("threads", threads, COUNT)
+        if threads and self.settings.backend != "mujoco":
+            raise InputError(
+                f"threads={threads} changes nothing here: valid is backend='mujoco', or leave it out"
+            )
         self._physics = make_physics(self._episodes, threads)
         if self.settings.backend == "warp":
             use_device(self._episodes, self._physics, tensors)
