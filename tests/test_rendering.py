@@ -225,6 +225,28 @@ def test_the_picture_of_a_state_does_not_depend_on_what_was_drawn_before():
 
 
 @NEEDS_GL
+def test_threads_that_draw_first_at_once_get_the_same_picture():
+    code = """
+        import sys, threading
+        import mujoco, numpy as np
+        from dexgrasp_env.rendering import make_renderer, render, show_camera
+        pictures, together = [], threading.Barrier(3)
+        def draw():
+            model = mujoco.MjModel.from_xml_string(sys.argv[1])
+            data = mujoco.MjData(model)
+            mujoco.mj_forward(model, data)
+            together.wait()
+            pictures.append(render(make_renderer(model, 48, 64), data, show_camera()).copy())
+        threads = [threading.Thread(target=draw) for _ in range(3)]
+        for thread in threads: thread.start()
+        for thread in threads: thread.join()
+        print(len(pictures), *(np.array_equal(one, pictures[0]) for one in pictures), pictures[0].std() > 5)
+    """
+    env = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
+    assert python(code, SCENE.format(group=2), env=env) == "3 True True True True\n"
+
+
+@NEEDS_GL
 def test_a_process_forked_after_a_picture_is_told_to_be_spawned(monkeypatch):
     monkeypatch.setattr(rendering, "_drew_in", {os.getpid() + 1})
     with refused("context='spawn'"):
