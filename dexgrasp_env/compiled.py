@@ -6,7 +6,10 @@ are a fifth of the compilation.
 """
 
 import os
+import re
+import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -71,7 +74,31 @@ class _Kernel(CPUDispatcher):
             note_unwritable(str(cache_dir()), "nor the folders of the code, the user, temporary files")
 
 
-class _CacheDir(caching.InTreeCacheLocator):
+class _BesideCode(caching.InTreeCacheLocator):
+    """The folder beside the code; where it can only be read, as in an image, for what has been kept there."""
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> Any:
+        """Return where a function is kept; None where nothing can be and nothing is."""
+        try:
+            found = super().from_function(function, file)
+        except OSError:  # no folder of temporary files
+            return None
+        return found or cls._kept(function, file)
+
+    @classmethod
+    def _kept(cls, function: Any, file: str) -> Any:
+        """Return a folder with the function's code in it; for `njit` one with the mark that all was compiled there."""
+        name, python = re.sub("[<>]", "", function.__qualname__), "".join(map(str, sys.version_info[:2]))
+        index = f"{Path(file).stem}.{name}-{function.__code__.co_firstlineno}.py{python}*.nbi"
+        with suppress(OSError):
+            there = cls(function, file)
+            if any(Path(there.get_cache_path()).glob("compiled-*" if function is njit else index)):
+                return there
+        return None
+
+
+class _CacheDir(_BesideCode):
     """A folder as `numba` under DEXGRASP_CACHE, where the code's own cannot be written."""
 
     folder = staticmethod(cache_dir)
@@ -79,14 +106,6 @@ class _CacheDir(caching.InTreeCacheLocator):
     def __init__(self, function: Any, file: str) -> None:
         super().__init__(function, file)
         self._cache_path = os.path.join(self.folder(), "numba", self.get_suitable_cache_subpath(file))
-
-    @classmethod
-    def from_function(cls, function: Any, file: str) -> Any:
-        """Return where a function is kept; None where nothing can be."""
-        try:
-            return super().from_function(function, file)
-        except OSError:  # no folder of temporary files
-            return None
 
 
 class _UserCacheDir(_CacheDir):
@@ -99,7 +118,7 @@ class _TemporaryDir(_CacheDir):
 
 class _CacheFiles(caching.CompileResultCacheImpl):
     _locator_classes = [  # noqa: RUF012  (numba's name)
-        caching.UserProvidedCacheLocator, caching.InTreeCacheLocator, _CacheDir, _UserCacheDir, _TemporaryDir,
+        caching.UserProvidedCacheLocator, _BesideCode, _CacheDir, _UserCacheDir, _TemporaryDir,
     ]  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """Optional parts of the installation: which extra brings what, and one line that says so where it is missing."""
 
 import importlib.util
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -21,6 +22,8 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "gpu": ("mujoco_warp", "warp"),
 }  # fmt: skip
 """Extra -> the modules that it brings and the plain installation lacks."""
+NO_WHEEL: dict[str, tuple[tuple[int, int], str]] = {"dm": ((3, 13), "labmaze, which dm_control wants,")}
+"""Extra -> the first Python on which it leaves out what has no wheel there, and what that is."""
 
 
 class MissingExtraError(InputError, ImportError):
@@ -36,7 +39,7 @@ def require_extra(extra: str, what: str) -> None:
     """
     for module in EXTRAS[extra]:
         if importlib.util.find_spec(module) is None:
-            raise MissingExtraError(f"{what} needs {module}: pip install 'dexgrasp[{extra}]'")
+            raise MissingExtraError(f"{what} needs {module}: {remedy(extra)}")
 
 
 @contextmanager
@@ -53,5 +56,14 @@ def missing_extra(error: ImportError) -> MissingExtraError | None:
     root = (error.name or "").partition(".")[0]
     for extra, modules in EXTRAS.items():
         if root in modules:
-            return MissingExtraError(f"{root} is not installed: pip install 'dexgrasp[{extra}]'")
+            return MissingExtraError(f"{root} is not installed: {remedy(extra)}")
     return None
+
+
+def remedy(extra: str) -> str:
+    """Return how to install an extra, or why this Python has not all of it."""
+    first, what = NO_WHEEL.get(extra, (None, ""))
+    install = f"pip install 'dexgrasp[{extra}]'"
+    if first is None or sys.version_info < first:
+        return install
+    return f"{what} has no wheel for Python {sys.version_info[0]}.{sys.version_info[1]}: {install} under an older one"

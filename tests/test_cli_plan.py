@@ -3,6 +3,7 @@
 import errno
 import functools
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -197,6 +198,13 @@ def test_demo_without_gl_still_grasps(capsys, tmp_path, monkeypatch):
     assert files == {"cloud.png", "grasp.json", "grasp.png"}
     assert "no GL" in captured.err
     assert main(["verify", str(tmp_path / "grasp.json")]) == OK
+
+
+def test_demo_without_pictures_draws_nothing(capsys, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert typed(f"demo --object soda --no-pictures --out {tmp_path}") == OK
+    assert [file.name for file in tmp_path.iterdir()] == ["grasp.json"]
+    assert "no video" not in capsys.readouterr().err
 
 
 @pytest.mark.skipif(rendering_fault() is not None, reason="no GL library here")

@@ -1,6 +1,7 @@
 """Compiled functions: where they are kept, that they are compiled once, and by no other process."""
 
 import errno
+import importlib
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 from numba.core import caching
 from processes import python
 
+from dexgrasp.cli import doctor
 from dexgrasp_env import compiled, files
 
 SCRIPT = """
@@ -69,6 +71,49 @@ def test_where_nothing_can_be_kept_functions_are_compiled_in_memory(nowhere, mon
     monkeypatch.setattr(files.tempfile, "tempdir", "/proc/nowhere")
     assert compiled.njit(lambda x: 2 * x)(2.0) == 4.0
     assert capsys.readouterr().err.count("note: ") == 1
+
+
+def test_doctor_says_which_folder_and_why(nowhere, tmp_path, monkeypatch):
+    monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "own"))
+    found = doctor._check_code()
+    assert (found.level, str(tmp_path / "own") in found.problem) == ("info", True)
+    assert "where it can be written" in found.problem
+    monkeypatch.setenv("DEXGRASP_CACHE", "/proc/nowhere")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    monkeypatch.setattr(files.tempfile, "tempdir", "/proc/nowhere")
+    found = doctor._check_code()
+    assert found.level == "warning"
+    assert "NUMBA_CACHE_DIR" in found.remedy
+
+
+def test_a_user_without_home_and_name_has_a_cache_of_temporary_files(tmp_path, monkeypatch):
+    monkeypatch.delenv("DEXGRASP_CACHE", raising=False)
+    monkeypatch.setattr(
+        files.platformdirs, "user_cache_dir", lambda name: f"~/.cache/{name}"
+    )  # as it was not expanded
+    monkeypatch.setattr(files.tempfile, "tempdir", str(tmp_path))
+    assert files.cache_dir().parent == tmp_path
+    assert files.cache_dir().stat().st_mode & 0o077 == 0
+
+
+def test_code_is_read_where_it_is_kept_and_nothing_can_be_written(monkeypatch, tmp_path, capsys):
+    """An image's: compiled when it was made, with a root file system that is read-only when it runs."""
+    (tmp_path / "shapes.py").write_text(
+        "def tripled(x):\n    return 3 * x\n\ndef halved(x):\n    return x / 2\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    shapes = importlib.import_module("shapes")
+    assert compiled.njit(shapes.tripled)(2.0) == 6.0
+
+    def refuse(locator):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(caching._CacheLocator, "ensure_cache_path", refuse)
+    kept, new = compiled.njit(shapes.tripled), compiled.njit(shapes.halved)
+    assert kept(2.0) == 6.0
+    assert sum(kept.stats.cache_hits.values()) == 1
+    assert new(2.0) == 1.0
+    assert compiled.code_folder() is None or compiled.code_folder().name == "__pycache__"
 
 
 def test_a_full_disk_is_done_without(monkeypatch, capsys):

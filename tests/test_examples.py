@@ -45,6 +45,21 @@ def test_an_example_is_short_and_of_the_public_api(example):
             )
 
 
+def test_the_notebook_runs_top_to_bottom(tmp_path):
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    book = nbformat.read(ROOT / "examples" / "first_steps.ipynb", as_version=4)
+    assert not any(cell.get("outputs") for cell in book.cells)  # kept without: they differ by machine
+    nbclient.NotebookClient(book, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    said = "".join(part.get("text", "") for cell in book.cells for part in cell.get("outputs", ()))
+    assert "lifted and held: True" in said
+    assert "hardcoded 2 of 2" in said
+    pictures = [
+        part for cell in book.cells for part in cell.get("outputs", ()) if "image/png" in part.get("data", {})
+    ]
+    assert len(pictures) == 2
+
+
 def test_there_are_ten_to_twenty_and_their_list_has_each():
     page = (ROOT / "examples" / "README.md").read_text()
     assert 10 <= len(EXAMPLES) <= 20

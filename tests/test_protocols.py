@@ -1,15 +1,15 @@
 """Protocols: what they are made of, their scenes, and how parts are counted together."""
 
-import gymnasium as gym
 import pytest
 from refusals import refused
 from trial_rows import row as trial_row
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, parts, protocol_names
-from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.evaluation.summary import judged, protocol_counts
+from dexgrasp.evaluation.trial_runner import TrialRunner
 
 
 def row(protocol, success, trial=0, agent="a"):
@@ -32,10 +32,11 @@ def test_an_unknown_name_lists_the_valid_ones():
     assert "pushed@1" in protocol_names()
 
 
+@pytest.mark.parametrize("agent", ["random", "hardcoded"])  # by the state, by clouds
 @pytest.mark.parametrize("name", [name for name in PROTOCOLS if name != "lift@warp"])  # an extra of its own
-def test_every_protocol_makes_its_environment(name):
-    protocol = PROTOCOLS[name]
-    env = gym.make(protocol.env_id, objects="gelatin_box", **protocol.scene)
+def test_every_protocol_makes_its_environment(name, agent):
+    settings = EvaluationSettings.of([agent], ["gelatin_box"], protocols=(name,))
+    env = TrialRunner(settings).make_env(TrialSpec(agent, "gelatin_box", "gelatin_box", 0, name))
     steps = env.unwrapped.disturbance_steps
     own = (
         1800 if "heap" in name else 600 if "clutter" in name else 300

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import gymnasium as gym
 import mujoco
@@ -19,6 +20,7 @@ from dexgrasp_env import rendering
 from dexgrasp_env.rendering import choose_gl, make_renderer, render, show_camera, show_options
 from dexgrasp_env.robot.cell import default_cell
 
+ROOT = Path(__file__).resolve().parents[1]
 NEEDS_GL = pytest.mark.skipif(choose_gl() is None, reason="no GL library here")
 SCENE = """
 <mujoco>
@@ -223,7 +225,105 @@ def test_the_picture_of_a_state_does_not_depend_on_what_was_drawn_before():
 
 
 @NEEDS_GL
+def test_threads_that_draw_first_at_once_get_the_same_picture():
+    code = """
+        import sys, threading
+        import mujoco, numpy as np
+        from dexgrasp_env.rendering import make_renderer, render, show_camera
+        pictures, together = [], threading.Barrier(3)
+        def draw():
+            model = mujoco.MjModel.from_xml_string(sys.argv[1])
+            data = mujoco.MjData(model)
+            mujoco.mj_forward(model, data)
+            together.wait()
+            pictures.append(render(make_renderer(model, 48, 64), data, show_camera()).copy())
+        threads = [threading.Thread(target=draw) for _ in range(3)]
+        for thread in threads: thread.start()
+        for thread in threads: thread.join()
+        print(len(pictures), *(np.array_equal(one, pictures[0]) for one in pictures), pictures[0].std() > 5)
+    """
+    env = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
+    assert python(code, SCENE.format(group=2), env=env) == "3 True True True True\n"
+
+
+@NEEDS_GL
 def test_a_process_forked_after_a_picture_is_told_to_be_spawned(monkeypatch):
     monkeypatch.setattr(rendering, "_drew_in", {os.getpid() + 1})
     with refused("context='spawn'"):
         rendering.make_renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16)
+
+
+ASYNC = """
+import sys
+import gymnasium as gym, dexgrasp_env
+if __name__ == "__main__":
+    env = gym.make("DexGrasp/Lift-v2", objects="soda", render_mode="rgb_array", render_size=(32, 32))
+    env.reset(seed=0)
+    env.render()
+    made = {"vectorization_mode": "async", "vector_kwargs": {"context": sys.argv[1]}, "num_envs": 1}
+    envs = gym.make_vec("DexGrasp/Lift-v2", objects="soda", obs_mode="rgbd", observe="reset", views=1, **made)
+    try:
+        print("drawn", envs.reset(seed=0)[0]["rgb"].std() > 5)
+    except dexgrasp_env.InputError as error:
+        print("refused", "context='spawn'" in str(error))
+    envs.close(terminate=True)
+"""
+
+
+@NEEDS_GL
+@pytest.mark.parametrize(
+    ("context", "said"),
+    [
+        ("fork", "refused True"),
+        pytest.param("forkserver", "drawn True", marks=pytest.mark.slow),
+        pytest.param("spawn", "drawn True", marks=pytest.mark.slow),
+    ],
+)
+def test_workers_draw_or_say_why_not_after_a_picture(context, said, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(ASYNC)
+    done = subprocess.run(
+        [sys.executable, script, context], capture_output=True, text=True, timeout=120,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert said in done.stdout, done.stderr
+
+
+def test_the_library_of_triton_is_loaded_before_a_gl(monkeypatch, tmp_path):
+    """Two LLVMs in a process: the other way around learners crash after a picture."""
+    library = tmp_path / "triton" / "_C" / "libtriton.cpython.so"
+    library.parent.mkdir(parents=True)
+    library.touch()
+    (tmp_path / "triton" / "__init__.py").write_text("raise RuntimeError('it takes a second')")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "triton", raising=False)
+    order = []
+
+    def load(path):
+        order.append(path)
+        if path == str(library):
+            raise OSError("no library")
+
+    def use(backend):
+        order.append(backend)
+        raise RuntimeError("no GL")
+
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
+    monkeypatch.setattr(rendering.ctypes, "CDLL", load)
+    monkeypatch.setattr(rendering, "_use", use)
+    rendering._load_triton.cache_clear()
+    with refused("no GL"):
+        make_renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16)
+    assert order == [str(library), "osmesa"]
+    rendering._load_triton.cache_clear()
+
+
+@NEEDS_GL
+def test_colours_for_policies_are_drawn_without_shadows_and_multisampling():
+    env = gym.make("DexGrasp/Lift-v2", objects="soda", obs_mode="rgbd", render_mode="rgb_array", views=1)
+    seen, _ = env.reset(seed=0)
+    assert seen["rgb"].std() > 5
+    (colours,) = [made for (kind, *_), made in env.unwrapped._views._contexts.items() if kind == "rgb"]
+    assert colours.renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] == 0
+    assert colours.renderer._mjr_context.offSamples == 0
+    env.close()

@@ -1,11 +1,93 @@
 """Attributes and calls of a native vector environment, as Gymnasium's own ones have them."""
 
+import inspect
+
 import numpy as np
 import pytest
 import trimesh
-from gymnasium.vector import AutoresetMode
+from gymnasium.error import ClosedEnvironmentError
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from lift_envs import few, skip_without_gl
 from refusals import refused
-from vector_envs import native, singles
+from vector_envs import assert_same, native, singles
+
+from dexgrasp_env.tasks.clutter_env import ClutterEnv
+from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.observations import OBS_SUMS
+from dexgrasp_env.tasks.place import PlaceEnv
+from dexgrasp_env.tasks.vector import ClutterVectorEnv, LiftVectorEnv, PlaceVectorEnv
+
+OF_SYNC = {"env_fns", "envs", "copy", "observation_mode"}
+"""Of how `SyncVectorEnv` is made of single environments."""
+TOGETHER = {"step", "start_step", "finish_step", "start_from", "close"}
+"""What environments that are side by side do together, with `step` and others of the vector environment."""
+OF_THE_CLASS = {"episodes_type", "settings_type", "obs_modes"}
+OF_WRAPPERS = {"get_wrapper_attr", "has_wrapper_attr", "set_wrapper_attr"}
+
+
+def public(kind):
+    return {name for name in dir(kind) if not name.startswith("_")}
+
+
+def test_nothing_is_missing_that_gymnasiums_own_has():
+    theirs, ours = singles(2), native(2)
+    names = public(theirs) - OF_SYNC
+    assert {name for name in names if not hasattr(ours, name)} == set()
+    for name in names:
+        if inspect.isroutine(inspect.getattr_static(SyncVectorEnv, name, None)):
+            wanted, got = (inspect.signature(getattr(envs, name)).parameters for envs in (theirs, ours))
+            assert [(p.name, p.kind, p.default) for p in wanted.values()] == [
+                (p.name, p.kind, p.default) for p in got.values()
+            ], name
+    assert set(theirs.metadata) <= set(ours.metadata)
+    for envs in (ours, theirs):
+        envs.reset(seed=[4, 9])
+    assert ours.np_random_seed == theirs.np_random_seed == (4, 9)
+    drawn = [[rng.random() for rng in envs.np_random] for envs in (ours, theirs)]
+    assert drawn[0] == drawn[1]
+
+
+@pytest.mark.parametrize(
+    ("vector", "single"),
+    [(LiftVectorEnv, LiftEnv), (ClutterVectorEnv, ClutterEnv), (PlaceVectorEnv, PlaceEnv)],
+)
+def test_each_has_the_attributes_of_a_single_environment(vector, single):
+    envs = vector(2, objects="soda", **few(single.__name__))
+    envs.reset(seed=0)
+    other = single(objects="soda", **few(single.__name__))
+    other.reset(seed=1)
+    names = public(single) | {name for name in vars(other) if not name.startswith("_")}
+    names -= TOGETHER | OF_THE_CLASS | OF_WRAPPERS | public(envs.members[1])
+    assert {name for name in names if not hasattr(envs.members[1], name)} == set()
+    assert_same(envs.call("observe")[1][0], other.observe()[0])
+    assert np.array_equal(envs.get_attr("simulation")[1].data.qpos, other.simulation.data.qpos)
+
+
+def test_one_is_reset_and_observed_by_itself():
+    envs, other = native(2), native(2)
+    envs.reset(seed=0)
+    other.reset(seed=[5, 1])
+    observation, info = envs.members[0].reset(seed=5)
+    first, infos = other.observe()
+    assert all(np.array_equal(observation[key], first[key][0]) for key in first)
+    assert info["object"] == infos["object"][0]
+    envs.set_state(other.get_state(0), [1])
+    assert all(np.array_equal(envs.observe()[0][key][1], first[key][0]) for key in first)
+
+
+@pytest.mark.parametrize("obs_mode", [mode for mode in OBS_SUMS if "+" not in mode or "rgbd" in mode])
+def test_every_mode_is_that_of_gymnasiums_own(obs_mode):
+    """Objects and sizes of each its own: what draws them is made for each."""
+    skip_without_gl(obs_mode.removeprefix("state+"))
+    settings = {"obs_mode": obs_mode, "views": 2, "objects": ["soda", "pear"]}
+    settings["randomisation"] = {"size": (0.8, 1.1)}
+    both = native(2, **settings), singles(2, **settings)
+    assert both[0].single_observation_space == both[1].single_observation_space
+    assert_same(*(envs.reset(seed=3) for envs in both))
+    for _ in range(2):
+        assert_same(*(envs.step(np.full((2, 23), 0.3)) for envs in both))
+    for envs in both:
+        envs.close()
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
@@ -28,7 +110,7 @@ def test_attributes_of_each_are_those_of_gymnasiums_own(mode):
         assert envs.get_attr("level") == (3, 3)
     with pytest.raises(AttributeError, match="other arguments"):
         ours.set_attr("dt", 0.1)
-    with pytest.raises(AttributeError, match="valid are target, "):
+    with pytest.raises(AttributeError, match="valid are unwrapped, target, "):
         ours.get_attr("speed")
     with refused("3 values given"):
         ours.set_attr("level", [1, 2, 3])
@@ -41,6 +123,8 @@ def test_no_limit_in_gymnasiums_word_and_closed_environments_say_so():
     envs.close()
     for what in (envs.reset, lambda: envs.step(np.zeros((2, 23))), envs.render, envs.get_state):
         with refused("closed"):
+            what()
+        with pytest.raises(ClosedEnvironmentError):
             what()
 
 

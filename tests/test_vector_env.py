@@ -200,9 +200,8 @@ def test_state_continues_bit_for_bit_here_and_in_a_single_environment():
 
 @pytest.mark.parametrize("obs_mode", ["state", "pointcloud"])
 def test_deepcopy_and_pickle_keep_the_episode(obs_mode):
-    env = gym.make(
-        ID, objects=OBJECTS, randomisation=RANDOM, obs_mode=obs_mode, observe="reset", max_episode_steps=9
-    )
+    looks = {} if obs_mode == "state" else {"observe": "reset"}
+    env = gym.make(ID, objects=OBJECTS, randomisation=RANDOM, obs_mode=obs_mode, max_episode_steps=9, **looks)
     env.reset(seed=4)
     rng = np.random.default_rng(0)
     for _ in range(3):
@@ -306,19 +305,11 @@ def test_states_of_other_settings_are_refused_in_one_line(settings, word):
 
 
 def test_states_of_other_views_are_refused_where_views_are_seen():
-    for obs_mode in ("state", "depth"):
-        one, two = (
-            gym.make(
-                ID, objects="sugar_box", obs_mode=obs_mode, views=names, disable_env_checker=True
-            ).unwrapped
-            for names in (["front_left"], 2)
-        )
-        one.reset(seed=0)
-        if obs_mode == "state":
-            two.set_state(one.get_state())
-        else:
-            with refused("views"):
-                two.set_state(one.get_state())
+    settings = {"objects": "sugar_box", "obs_mode": "depth", "disable_env_checker": True}
+    one, two = (gym.make(ID, views=names, **settings).unwrapped for names in (["front_left"], 2))
+    one.reset(seed=0)
+    with refused("views"):
+        two.set_state(one.get_state())
 
 
 def test_what_cameras_have_not_seen_is_not_left_out_of_a_reset():
@@ -342,7 +333,7 @@ def test_pictures_follow_each_other_as_in_a_single_environment(frame_skip):
 
 def test_wrong_use_is_named_in_one_line():
     for kwargs, word in (
-        ({"obs_mode": "rgbd"}, "rgbd"), ({"threads": 0}, "threads"), ({"autoreset_mode": "Later"}, "NextStep"),
+        ({"render_mode": "human"}, "'human'"), ({"threads": 0}, "threads"), ({"autoreset_mode": "Later"}, "NextStep"),
         ({"control_mode": "torque"}, "ee_delta"),
     ):  # fmt: skip
         with refused(word):
@@ -368,6 +359,7 @@ def test_wrong_use_is_named_in_one_line():
     ("settings", "words"),
     [
         ({"backend": "mjx"}, "backend is 'mjx'"),
+        ({"backend": "warp", "threads": 2}, "threads=2 changes nothing here"),
         ({"tensors": True}, "tensors=True is of DexGrasp/Lift with backend='warp'"),
         ({"tensors": True, "env_id": "DexGrasp/ClutterSparse-v1"}, "tensors=True is of DexGrasp/Lift"),
     ],

@@ -39,12 +39,14 @@ class Demo(Command, Scene):
         agent: who plans.
         out: folder.
         no_video: leave video and demo.png out: drawing takes time.
+        no_pictures: leave all pictures out.
     """
 
     object: Annotated[str, "TARGET"] = "sugar_box"
     agent: Annotated[str, "AGENT"] = "bilevel"
     out: Folder = Path("out/demo")
     no_video: bool = False
+    no_pictures: bool = False
     film: VideoSettings = VideoSettings()
 
     def run(self) -> Answer:
@@ -56,22 +58,24 @@ class Demo(Command, Scene):
 
         check_target(self.object, self.agent, self)
         make_folder(self.out)
-        missing = "left out" if self.no_video else rendering_fault()
+        unwanted = self.no_video or self.no_pictures
+        missing = "left out" if unwanted else rendering_fault()
         drawn = {} if missing else self.film.env_settings
         began, agent = time.perf_counter(), agent_for(self.agent, self.friction)
         seen = look_at(self.object, agent, self.seed, **self.env_settings, **drawn)
         agent.reset(seen.observation, seen.info)
         found = _result(agent)
         result = found.as_json(seen.subject.identity, self.agent, seen.subject.pose)
-        _cloud_picture(self.out / "cloud.png", seen, found)
+        if not self.no_pictures:
+            _cloud_picture(self.out / "cloud.png", seen, found)
         if found.success:
-            write_results(self.out, found, result)
+            write_results(self.out, found, result, pictures=not self.no_pictures)
             print(describe(result))
         failure = agent.report.failure
         outcome = {"is_success": False, "failure": failure} if failure else _execute(agent, seen, self.out)
         outcome["seconds"] = time.perf_counter() - began
         seen.env.close()
-        if missing and not self.no_video:
+        if missing and not unwanted:
             note(f"no video and no demo.png: {missing}")
         whole = result | {"outcome": outcome, "success": outcome["is_success"], "out": self.out}
         files = ", ".join(sorted(file.name for file in self.out.iterdir()))

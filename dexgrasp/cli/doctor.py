@@ -12,6 +12,7 @@ from dexgrasp.cli.output import coloured, note
 from dexgrasp.runs.versions import package_version
 from dexgrasp_env.cores import usable_cores
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import NO_WHEEL, remedy
 from dexgrasp_env.findings import Finding
 
 _NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "gymnasium", "numba", "trimesh", "manifold3d")
@@ -81,6 +82,11 @@ def check_versions() -> list[Finding]:
     return [
         Finding("info", f"python {'.'.join(map(str, sys.version_info[:3]))}"),
         *map(_judged, (*_NEEDED, *_OPTIONAL)),
+        *(
+            Finding("info", f"the extra {extra} is not whole", remedy(extra))
+            for extra, (first, _) in NO_WHEEL.items()
+            if sys.version_info >= first
+        ),
     ]
 
 

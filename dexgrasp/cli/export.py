@@ -56,7 +56,7 @@ class Export(Command, InCell):
         write_grasp(self.out / "grasp.json", as_json(record))
         lines = [f"wrote {file}" for file in files if file.suffix != ".obj"]
         cell = f" --robot {shlex.quote(self.robot)}" if self.robot else ""
-        lines.append(f"check it before anything moves: dexgrasp check {self.out}{cell}")
+        lines.append(f"check it before anything moves: dexgrasp check {shlex.quote(str(self.out))}{cell}")
         if rejected:
             lines.insert(0, f"verify rejects this grasp, and the files say so: {', '.join(rejected)}")
         return Answer({"object": record.object.name, "files": files, "rejected": rejected}, lines)

@@ -21,14 +21,14 @@ _SET = {
 }
 
 
-def write_results(folder: Path, found: "PlanResult", content: Fields) -> str:
-    """Write grasp.json and grasp.png, or the files of a set; return a line that says so."""
+def write_results(folder: Path, found: "PlanResult", content: Fields, pictures: bool = True) -> str:
+    """Write grasp.json and, with `pictures`, grasp.png, or the files of a set; return a line that says so."""
     from dexgrasp.grasp.file import write_grasp
     from dexgrasp.grasp.picture import grasp_picture
 
     if found.asked is None:
         write_grasp(folder / "grasp.json", content["grasp"])
-        if found.grasp is not None and found.target is not None:
+        if pictures and found.grasp is not None and found.target is not None:
             title = f"{content['object']}: planned from what was seen"
             grasp_picture(folder / "grasp.png", found.grasp, found.target, title)
         return f"wrote {folder / 'grasp.json'} and {folder / 'grasp.png'}"

@@ -6,6 +6,7 @@ examples:
   dexgrasp robot check leap.yaml
 """
 
+import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -68,7 +69,8 @@ class Make(Command):
         if self.out.suffix not in (".yaml", ".yml"):
             raise InputError(f"--out is {str(self.out)!r}: valid is a file that ends in .yaml")
         assumed = make_robot(self.hand, self.arm, self.out)
-        lines = [f"{self.out} is written; test it with: dexgrasp robot check {self.out}"]
+        test = shlex.join(["dexgrasp", "robot", "check", str(self.out)])
+        lines = [f"{self.out} is written; test it with: {test}"]
         lines += ["assumed:"] * bool(assumed) + [f"  {line}" for line in assumed]
         return Answer({"robot": self.out, "assumed": assumed}, lines)
 

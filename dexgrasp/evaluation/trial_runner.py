@@ -17,6 +17,7 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import has_own_size
+from dexgrasp_env.tasks.settings import OF_CAMERAS
 
 _MOST_ENVS = 4  # each holds a compiled scene
 
@@ -71,7 +72,11 @@ class TrialRunner:
             InputError: if a setting is wrong.
         """
         render = spec.film.env_settings if spec.video else {}
-        return gym.make(**self._env_arguments(spec), disable_env_checker=True, **render)
+        arguments = self._env_arguments(spec)
+        seen = arguments.get("obs_mode", "state")  # a protocol's cameras are nothing to who does not look
+        idle = {*(OF_CAMERAS if seen == "state" else ()), *(() if seen.endswith("pointcloud") else ("mask",))}
+        needed = {key: value for key, value in arguments.items() if key not in idle}
+        return gym.make(**needed, disable_env_checker=True, **render)
 
     def _env_arguments(self, spec: TrialSpec) -> Fields:
         """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""

@@ -64,6 +64,13 @@ class ClutterSettings(LiftSettings):
     mask: Annotated[str, one_of(MASKS)] = "perceived"
     bin: bool = False
 
+    def needs(self) -> dict[str, tuple[bool, str]]:
+        """Return what arguments need; the mask is of clouds, and neighbours' objects of neighbours."""
+        return super().needs() | {
+            "mask": (self.obs_mode.endswith("pointcloud"), "an obs_mode of clouds"),
+            **dict.fromkeys(("neighbour_objects", "bin"), (self.neighbours[1] > 0, "neighbours")),
+        }
+
     @property
     def pointing(self) -> str:
         """Hint by which perception finds the object that is meant."""

@@ -49,7 +49,7 @@ class Episodes:
     """What they are drawn from."""
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
-        self.settings, self.views, robot = settings, CameraObserver(settings), settings.cell.robot
+        self.settings, self.views, robot = settings, CameraObserver(settings, number), settings.cell.robot
         self.simulations = {
             target: Simulation(model, settings.cell)
             for target, model in settings.load_objects(settings.objects).items()

@@ -11,6 +11,15 @@ def with_masks(infos: Fields, number: int) -> Fields:
     return values | {f"_{key}": np.ones(number, bool) for key in infos}
 
 
+def of_one(infos: Fields, i: int) -> Fields:
+    """Return the infos of environment `i` alone, without masks and without those of an episode that has ended."""
+    return {
+        key: of_one(value, i) if isinstance(value, dict) else value[i]
+        for key, value in infos.items()
+        if not key.startswith("_") and key not in ("final_obs", "final_info")
+    }
+
+
 def masked(infos: Fields, mask: Mask) -> Fields:
     """Return the infos of a part of the environments, as Gymnasium has them: nothing and False for the others."""
     kept: Fields = {}

@@ -1,28 +1,36 @@
 """Single environments inside of a vector environment, as `get_attr`, `set_attr` and `call` see them."""
 
 import copy
-from typing import Any
+from typing import Any, Self
 
 import mujoco
+import numpy as np
 from numpy.random import Generator
 
-from dexgrasp_env.arrays import Array, Fields
+from dexgrasp_env.arrays import Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.tasks.infos import of_one
+from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.slots import EpisodeState
 
-_SHARED = ("settings", "metadata", "render_mode", "spec", "compute_reward")
+_SHARED = ("settings", "metadata", "render_mode", "spec", "compute_reward", "twin")
 
 
 class Member:
     """Environment `i` of a vector environment: attributes of `LiftEnv`, and those that a user has set.
 
-    It has no `reset` and no `step`: environments that are side by side step together.
+    It has no `step`: environments that are side by side step together.
     """
 
     def __init__(self, envs: Any, i: int, notes: Fields) -> None:
         """Name the environment of a `LiftVectorEnv`; `notes` are the attributes that a user has set."""
         self._envs, self._i, self._notes = envs, i, notes
         self.action_space, self.observation_space = envs.single_action_space, envs.single_observation_space
+
+    @property
+    def unwrapped(self) -> Self:
+        """The environment itself: nothing wraps it."""
+        return self
 
     @property
     def target(self) -> str:
@@ -35,19 +43,31 @@ class Member:
         return self._envs.targets[self._i]
 
     @property
+    def simulation(self) -> Simulation:
+        """The scene of the episode at the present positions: a copy."""
+        simulation = copy.copy(self._envs.simulation(self._i))
+        simulation.model, simulation.data = copy.copy(simulation.model), copy.copy(simulation.data)
+        return simulation
+
+    @property
     def model(self) -> mujoco.MjModel:
         """MuJoCo's model of the episode, with its variation: a copy."""
-        return copy.copy(self._envs.simulation(self._i).model)
+        return self.simulation.model
 
     @property
     def data(self) -> mujoco.MjData:
         """MuJoCo's data at the present positions: a copy."""
-        return copy.copy(self._envs.simulation(self._i).data)
+        return self.simulation.data
 
     @property
     def np_random(self) -> Generator:
         """Random generator of the environment."""
-        return self._envs.generator(self._i)
+        return self._envs.np_random[self._i]
+
+    @property
+    def np_random_seed(self) -> int:
+        """Seed of it."""
+        return self._envs.np_random_seed[self._i]
 
     @property
     def dt(self) -> float:
@@ -58,6 +78,27 @@ class Member:
     def disturbance_steps(self) -> int:
         """Control steps that the disturbance takes."""
         return self._envs.settings.disturbance_steps
+
+    @property
+    def agent_info(self) -> Fields:
+        """Settings that an agent may know."""
+        return {"action_space": self.action_space, **self._envs.settings.agent_info}
+
+    def reset(self, *, seed: int | None = None, options: Fields | None = None) -> tuple[Arrays, Fields]:
+        """Start an episode here alone; see `LiftEnv.reset`."""
+        number = self._envs.num_envs
+        only = {"reset_mask": np.arange(number) == self._i}
+        seeds = [seed if i == self._i else None for i in range(number)]
+        return self._mine(*self._envs.reset(seed=seeds, options={**(options or {}), **only}))
+
+    def observe(self) -> tuple[Arrays, Fields]:
+        """Return observation and info of the last reset or step."""
+        self.get_state()
+        return self._mine(*self._envs.observe())
+
+    def _mine(self, observations: Arrays, infos: Fields) -> tuple[Arrays, Fields]:
+        mine = {key: values[self._i] for key, values in observations.items()}
+        return mine, of_one(infos, self._i) | self.agent_info
 
     def get_state(self) -> EpisodeState:
         """Return the state of the episode; see `LiftEnv.get_state`."""
@@ -103,12 +144,12 @@ class MemberAccess:
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Return what a method of each environment returns, or an attribute of each; see `Member`."""
-        found = self.get_attr(name)
+        found = [getattr(member, name) for member in self.members]
         return tuple(part(*args, **kwargs) if callable(part) else part for part in found)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """Return an attribute of each environment; see `Member`."""
-        return tuple(getattr(member, name) for member in self._members())
+        """Return an attribute of each environment, or what a method returns; see `Member`."""
+        return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:
         """Set an attribute of one's own: one value for all, or a list or tuple with one for each.
@@ -118,12 +159,12 @@ class MemberAccess:
             InputError: for a wrong number of values.
         """
         several = list(values) if isinstance(values, list | tuple) else [values] * self.num_envs
-        for member, value in zip(
-            self._members(), one_for_each("values", several, self.num_envs), strict=True
-        ):
+        for member, value in zip(self.members, one_for_each("values", several, self.num_envs), strict=True):
             member.set(name, value)
 
-    def _members(self) -> list[Member]:
+    @property
+    def members(self) -> list[Member]:
+        """The single environments."""
         return [Member(self, i, notes) for i, notes in enumerate(self._notes)]
 
 

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Annotated, Any
 
 from dexgrasp_env.errors import InputError, unknown_argument, unknown_name
@@ -11,7 +11,7 @@ from dexgrasp_env.objects.load import Objects, has_own_size, load_target
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, make_cell
-from dexgrasp_env.scene.constants import CONTROL_STEPS, FRICTION, TIMESTEP
+from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS, FRICTION, TIMESTEP
 from dexgrasp_env.sensing.sensor import SENSORS, Calibration, SensorModel
 from dexgrasp_env.tasks.constants import LONGEST_SKIP, MAX_EPISODE_STEPS, SHORTEST_SKIP, at_pace
 from dexgrasp_env.tasks.control import CONTROL_MODES
@@ -44,7 +44,10 @@ def reward_weights(given: Mapping[str, float] | None) -> dict[str, float]:
 BACKENDS = ("mujoco", "warp")
 _VIEWS = 4
 OBSERVE = ("step", "reset", "clear")
-RENDER_MODES = ("human", "rgb_array", "depth_array")
+OF_CAMERAS = ("views", "calibration", "sensor", "observe")
+"""Arguments that change nothing where no camera looks."""
+PICTURES = ("rgb_array", "depth_array")
+RENDER_MODES = ("human", *PICTURES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,22 +98,28 @@ class LiftSettings:
                 raise unknown_argument(key, known)
         cell = make_cell(given.pop("robot", None), given.pop("mount", None))
         settings = read(cls, given | {"cell": cell})
-        settings.refuse_idle()
         check("render_camera", settings.render_camera, one_of((*SHOW_CAMERAS, *cell.camera_names)))
         latency = settings.randomisation.latency
         if latency and latency[1] > settings.period:
             raise InputError(
                 f"randomisation latency is {latency}: valid is up to a control step, {settings.period} s"
             )
-        return replace(
+        checked = replace(
             settings, reward_weights=reward_weights(settings.reward_weights),
             views=check("views", settings.views, _views_of(cell.camera_names)),
         )  # fmt: skip
+        settings.refuse_idle()
+        return checked
 
     def needs(self) -> dict[str, tuple[bool, str]]:
         """Return the arguments that have an effect beside some others only: whether these are there, and which."""
         meshes = not all(map(has_own_size, self.objects)), "a mesh file among objects"
+        looks = any(mode in self.obs_mode for mode in ("pointcloud", "depth", "rgbd"))
+        cameras = looks, "an obs_mode of cameras"
+        pictures = self.render_mode in PICTURES, f"a render_mode of {' or '.join(PICTURES)}"
         return {
+            **dict.fromkeys(OF_CAMERAS, cameras),
+            **dict.fromkeys(("render_size", "render_camera"), pictures),
             "device": (self.backend == "warp", "backend='warp'"),
             "mesh_scale": meshes,
             "mesh_mass": meshes,
@@ -127,11 +136,23 @@ class LiftSettings:
         Raises:
             InputError: naming the first of them, and what it needs.
         """
-        defaults = {entry.name: entry.default for entry in fields(self)}
-        for name, (met, need) in self.needs().items():
-            value = getattr(self, name)
-            if not met and value != defaults[name]:
-                raise InputError(f"{name}={value!r} changes nothing here: valid is {need}, or leave it out")
+        for name in self.idle():
+            need = self.needs()[name][1]
+            raise InputError(
+                f"{name}={getattr(self, name)!r} changes nothing here: valid is {need}, or leave it out"
+            )
+
+    def idle(self) -> list[str]:
+        """Return the arguments that would change nothing."""
+        defaults = {
+            entry.name: entry.default if entry.default_factory is MISSING else entry.default_factory()
+            for entry in fields(self)
+        }
+        return [
+            name
+            for name, (met, _) in self.needs().items()
+            if not met and getattr(self, name) != defaults[name]
+        ]
 
     @property
     def period(self) -> float:
@@ -142,6 +163,12 @@ class LiftSettings:
     def weights(self) -> dict[str, float]:
         """The weight of each term of the reward."""
         return self.reward_weights or {}
+
+    @property
+    def agent_info(self) -> dict[str, Any]:
+        """What an agent may know, by name."""
+        names = "mount", "cell", "obs_mode", "control_mode", "observe"
+        return {"control_period": CONTROL_PERIOD, **{name: getattr(self, name) for name in names}}
 
     @property
     def disturbance_steps(self) -> int:

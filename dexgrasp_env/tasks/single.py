@@ -81,16 +81,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
     @property
     def agent_info(self) -> Fields:
         """Settings that an agent may know; the info of every reset has them."""
-        settings = self.settings
-        return {
-            "action_space": self.action_space,
-            "control_period": CONTROL_PERIOD,
-            "mount": settings.mount,
-            "cell": settings.cell,
-            "obs_mode": settings.obs_mode,
-            "control_mode": settings.control_mode,
-            "observe": settings.observe,
-        }
+        return {"action_space": self.action_space, **self.settings.agent_info}
 
     @property
     def disturbance_steps(self) -> int:

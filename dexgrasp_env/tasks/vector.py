@@ -7,6 +7,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from gymnasium.error import ClosedEnvironmentError
 from gymnasium.utils import EzPickle, seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -29,6 +30,10 @@ from dexgrasp_env.tasks.slots import EpisodeState, Starts
 from dexgrasp_env.valid import COUNT, Rule, check, instance
 
 _AUTORESET = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
+
+
+class ClosedError(InputError, ClosedEnvironmentError):
+    """Use of environments that are closed: also Gymnasium's error for it."""
 
 
 class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
@@ -69,7 +74,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
     rewards are tensors that share memory with the device's arrays and change with the next step, and the flags are
     tensors.
 
-    `obs_mode="rgbd"` is not here: GL draws one picture at a time, so many environments gain nothing.
+    Colours of `obs_mode="rgbd"` want a GL, which draws one picture at a time; depth is by rays and wants none.
     """
 
     _env_type: type[LiftEnv] = LiftEnv
@@ -86,10 +91,8 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         EzPickle.__init__(self, num_envs, max_episode_steps, autoreset_mode, threads, tensors, **kwargs)
         self.settings = self._env_type.settings_type.of(**kwargs)
         self.num_envs = check("num_envs", num_envs, COUNT)
-        if self.settings.obs_mode.endswith("rgbd") or self.settings.render_mode == "human":
-            raise InputError(
-                "the vector environment has no 'rgbd' and no 'human': use vectorization_mode='sync'"
-            )
+        if self.settings.render_mode == "human":
+            raise InputError("the vector environment has no 'human': use vectorization_mode='sync'")
         self._tensors = check("tensors", tensors, instance(bool, "true or false"))
         if tensors and (self.settings.backend != "warp" or self._env_type is not LiftEnv):
             raise InputError("tensors=True is of DexGrasp/Lift with backend='warp'")
@@ -103,6 +106,10 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         self._episodes = self._env_type.episodes_type(self.settings, num_envs)
         self._views = self._episodes.views
         threads = None if threads is None else check("threads", threads, COUNT)
+        if threads and self.settings.backend != "mujoco":
+            raise InputError(
+                f"threads={threads} changes nothing here: valid is backend='mujoco', or leave it out"
+            )
         self._physics = make_physics(self._episodes, threads)
         if self.settings.backend == "warp":
             use_device(self._episodes, self._physics, tensors)
@@ -111,7 +118,9 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         self.single_observation_space = self._episodes.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._rngs = [seeding.np_random()[0] for _ in range(num_envs)]
+        self._rngs, self._drawn_from = map(
+            list, zip(*(seeding.np_random() for _ in range(num_envs)), strict=True)
+        )
         self._observation: Arrays = {
             key: np.zeros((num_envs, *(part.shape or ())), part.dtype)
             for key, part in self.single_observation_space.items()
@@ -166,7 +175,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
             )
         for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None:
-                self._rngs[i], _ = seeding.np_random(seeds[i])
+                self._rngs[i], self._drawn_from[i] = seeding.np_random(seeds[i])
             self._reset_one(i, options if states[i] is None else {**options, "state": states[i]})
         infos = self._infos()
         return self._observations(), infos if mask.all() else masked(infos, mask)
@@ -200,6 +209,10 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
             )
         return self._observations(), rewards, terminated, truncated, self._infos() | final
 
+    def observe(self) -> tuple[Arrays, Fields]:
+        """Return observations and infos of the last reset or step, or of the states that were set."""
+        return self._observations(), self._infos()
+
     def render(self) -> tuple[Any, ...] | None:
         """Return a picture of each environment."""
         return tuple(map(self.render_one, range(self.num_envs)))
@@ -213,15 +226,21 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
 
     def _check_open(self, what: str) -> None:
         if self.closed:
-            raise InputError(f"{what}() called on environments that are closed: make others")
+            raise ClosedError(f"{what}() called on environments that are closed: make others")
 
     def target(self, i: int) -> str:
         """Return the object of environment `i`, as `objects` names it."""
         return self._episodes.slots[i].target
 
-    def generator(self, i: int) -> Generator:
-        """Return the random generator of environment `i`."""
-        return self._rngs[i]
+    @property
+    def np_random(self) -> tuple[Generator, ...]:  # type: ignore[override, misc]
+        """Random generators, one of each environment."""
+        return tuple(self._rngs)
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """Seeds of these."""
+        return tuple(self._drawn_from)
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads, free what rendering holds."""
@@ -251,7 +270,12 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
             which: the environments that go on from it; None for all.
         """
         for i in range(self.num_envs) if which is None else which:
-            self._physics.load(i, self._episodes.set_state(i, state, self._rngs[i]))
+            simulation = self._episodes.set_state(i, state, self._rngs[i])
+            self._physics.load(i, simulation)
+            rng, only = copy.deepcopy(self._rngs[i]), slice(i, i + 1)
+            now = self._episodes.conclude(only, simulation, np.zeros(1, np.int64), [rng], judge=False)
+            self._note(only, now)
+            self._note(i, self._episodes.slots[i].view.seen)
             timed_out = self._limit is not None and state.record["elapsed"] >= self._limit
             self._started[i], self._ended[i] = True, bool(state.record["failure"]) or timed_out
 
@@ -268,7 +292,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         return {
             "made": EzPickle.__getstate__(self),
             "spec": self.spec,
-            "rngs": self._rngs,
+            "rngs": (self._rngs, self._drawn_from),
             "episodes": {i: self.get_state(i) for i in np.flatnonzero(self._started).tolist()},
             "ended": self._ended,
             "observation": self._observation,
@@ -278,9 +302,10 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
     def __setstate__(self, kept: Fields) -> None:
         EzPickle.__setstate__(self, kept["made"])
         self.spec, self._episodes.starts = kept["spec"], kept["starts"]
-        self._rngs, self._observation = copy.deepcopy((kept["rngs"], kept["observation"]))
+        self._rngs, self._drawn_from = copy.deepcopy(kept["rngs"])
         for i, state in kept["episodes"].items():
             self.set_state(state, [i])
+        self._observation = copy.deepcopy(kept["observation"])
         self._ended = kept["ended"].copy()
 
     # -- inside --------------------------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
 
 _AT_HOME = 0.02  # rad of every joint of the arm
+_MOST_CONTEXTS = 32  # of GL, of a kind: drivers run out of them at some hundreds
 
 
 @dataclass
@@ -43,12 +44,13 @@ class CameraViews:
 class CameraObserver:
     """Camera observations of the environment; builds nothing until a mode asks for it."""
 
-    def __init__(self, settings: LiftSettings) -> None:
-        self._settings = settings
+    def __init__(self, settings: LiftSettings, number: int = 1) -> None:
+        """Prepare the views of so many episodes side by side."""
+        self._settings, self._most = settings, min(number, _MOST_CONTEXTS)
         self._perceptions = WeakKeyDictionary[Simulation, tuple[Any, Perception]]()
         self.rays: Callable[..., RayCameras] = RayCameras
         """Makes what casts the rays."""
-        self._contexts: dict[str, tuple[tuple[Simulation, float], Any]] = {}
+        self._contexts: dict[tuple[str, Simulation, float], Any] = {}
         self._cameras = settings.cell.make_cameras()
         intrinsics = self._cameras[0].intrinsics
         number = settings.views if isinstance(settings.views, int) else len(settings.views)
@@ -122,6 +124,7 @@ class CameraObserver:
             colour: ColourCameras = self._context(
                 "rgb", simulation, lambda: ColourCameras(simulation.model, self._cameras)
             )
+            mujoco.mj_camlight(simulation.model, simulation.data)
             which = [names.index(camera.name) for camera in perception.cameras]
             views["rgb"] = colour.render_rgb(simulation.data)[which]
         return views, info
@@ -142,13 +145,17 @@ class CameraObserver:
         return known[1]
 
     def _context(self, kind: str, simulation: Simulation, make: Callable[[], Any]) -> Any:
-        """Return what draws, one of a kind; meshes are uploaded when it is made, in the size of the episode."""
-        key = simulation, simulation.variation.size
-        if kind not in self._contexts or self._contexts[kind][0] != key:
-            if kind in self._contexts:
-                self._contexts.pop(kind)[1].close()
-            self._contexts[kind] = key, make()
-        return self._contexts[kind][1]
+        """Return what draws; meshes are uploaded when it is made, in the size of the episode.
+
+        There are as many of a kind as episodes at most: the one that was used last stays longest.
+        """
+        key = kind, simulation, simulation.variation.size
+        found = self._contexts.pop(key, None)
+        same = [other for other in self._contexts if other[0] == kind]
+        if found is None and len(same) >= self._most:
+            self._contexts.pop(same[0]).close()
+        self._contexts[key] = found or make()
+        return self._contexts[key]
 
     def render(self, mode: str | None, simulation: Simulation) -> Any:
         """Render the scene in a mode of `LiftEnv.metadata`."""
@@ -172,7 +179,7 @@ class CameraObserver:
     def close(self) -> None:
         """Free what draws and close the window."""
         while self._contexts:
-            self._contexts.popitem()[1][1].close()
+            self._contexts.popitem()[1].close()
 
 
 def _open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:

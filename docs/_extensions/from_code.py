@@ -1,18 +1,22 @@
-"""Pages filled in from the code: `{{ docstring module:Class }}`, `{{ settings module:Class }}`, `{{ module name }}`."""
+"""What pages show of the code: written into them between `<!-- from code: KIND NAME ... -->` and `<!-- /from code -->`.
+
+`scripts/fill_pages.py` writes it, so that pages can be read where they lie. On the site, built from the same pages,
+modules and commands are shown whole.
+"""
 
 import argparse
 import dataclasses
 import importlib
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
-_DOCSTRING = re.compile(r"^\{\{ docstring ([\w.]+):(\w+) \}\}$", re.MULTILINE)
-SETTINGS = re.compile(r"^\{\{ settings ([\w.]+):(\w+) \}\}$", re.MULTILINE)
+BLOCK = re.compile(
+    r"^<!-- from code: (?P<kind>\w+)(?P<names>[\s\w.:]*) -->\n(?P<text>.*?)^<!-- /from code -->$",
+    re.MULTILINE | re.DOTALL,
+)
 _ATTRIBUTE = re.compile(r"^ {4}(\w+): (.*(?:\n {8,}.*)*)", re.MULTILINE)
-_MODULE = re.compile(r"^\{\{ module ([\w.]+) \}\}$", re.MULTILINE)
-_SECTION = "## \\1\n\n```{eval-rst}\n.. automodule:: \\1\n```\n"
 _CODE_OR_BAR = re.compile(r"(`+[^`]*`+)|\|")
 _ARRAY = re.compile(r"[\w~.]*ndarray\[tuple\[[\w~.]*Any, \.\.\.\], [\w~.]*dtype\[[\w~.]*float64\]\]")
 
@@ -25,12 +29,23 @@ def setup(app: Any) -> dict[str, Any]:
     return {"parallel_read_safe": True}
 
 
+def filled(page: str, kinds: dict[str, Callable[..., str]] | None = None) -> str:
+    """Return a page with what the code says now between its marks."""
+
+    def written(found: "re.Match[str]") -> str:
+        mark = (
+            found[0].partition("\n")[0]
+            if "\n" not in found["names"]
+            else found[0].partition("-->")[0] + "-->"
+        )
+        text = (kinds or _KINDS)[found["kind"]](*found["names"].split())
+        return f"{mark}\n\n{text.strip()}\n\n<!-- /from code -->"
+
+    return BLOCK.sub(written, page)
+
+
 def _fill_in(app: Any, name: str, source: list[str]) -> None:
-    text = SETTINGS.sub(lambda found: settings_table(*found.groups()), source[0])
-    source[0] = _MODULE.sub(_SECTION, _DOCSTRING.sub(_docstring, text))
-    for mark, text in {"{{ commands }}": _commands, "{{ protocols }}": _protocols}.items():
-        if mark in source[0]:
-            source[0] = source[0].replace(mark, text())
+    source[0] = filled(source[0], _KINDS | {"modules": _whole_modules, "commands": _whole_commands})
 
 
 def _keep_norms(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
@@ -45,13 +60,18 @@ def _shorten(
     return tuple(part and _ARRAY.sub("Array", part) for part in signature)
 
 
-def _docstring(match: "re.Match[str]") -> str:
-    return str(inspect.getdoc(getattr(importlib.import_module(match[1]), match[2])))
+def _docstring(name: str) -> str:
+    return str(inspect.getdoc(_named(name)))
 
 
-def settings_of(module: str, name: str) -> dict[str, tuple[str, str]]:
-    """Return default and meaning of each field of a settings class, inherited ones included."""
-    kind = getattr(importlib.import_module(module), name)
+def _named(name: str) -> Any:
+    module, _, kind = name.partition(":")
+    return getattr(importlib.import_module(module), kind)
+
+
+def settings_of(name: str) -> dict[str, tuple[str, str]]:
+    """Return default and meaning of each field of a settings class, `module:Class`, inherited ones included."""
+    kind = _named(name)
     meanings: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         meanings |= {
@@ -61,11 +81,11 @@ def settings_of(module: str, name: str) -> dict[str, tuple[str, str]]:
     return {field.name: (_default(field), meanings.get(field.name, "")) for field in dataclasses.fields(kind)}
 
 
-def settings_table(module: str, name: str) -> str:
+def settings_table(name: str) -> str:
     """Return a settings class as a table: setting, default, meaning with unit and source."""
     rows = [
         f"| `{field}` | {default} | {_in_cell(meaning)} |"
-        for field, (default, meaning) in settings_of(module, name).items()
+        for field, (default, meaning) in settings_of(name).items()
     ]
     return "\n".join(["| setting | default | meaning, unit, source |", "| --- | --- | --- |", *rows])
 
@@ -82,7 +102,33 @@ def _in_cell(text: str) -> str:
     return text.replace("|", "\\|")
 
 
+def _modules(*names: str) -> str:
+    """Modules with their first lines, as links from a page of docs/api."""
+    rows = [
+        f"| [`{name}`](../../{name.replace('.', '/')}.py) | {_in_cell(_docstring_line(name))} |"
+        for name in names
+    ]
+    return "\n".join(["| module | what it is |", "| --- | --- |", *rows])
+
+
+def _docstring_line(name: str) -> str:
+    return str(inspect.getdoc(importlib.import_module(name))).partition("\n")[0]
+
+
+def _whole_modules(*names: str) -> str:
+    """All that modules have for others, each as a section."""
+    return "\n".join(f"## {name}\n\n```{{eval-rst}}\n.. automodule:: {name}\n```\n" for name in names)
+
+
 def _commands() -> str:
+    """What `dexgrasp --help` lists, as a table."""
+    from dexgrasp.cli.commands import COMMANDS
+
+    rows = [f"| `dexgrasp {name}` | {_in_cell(line)} |" for name, line in COMMANDS.items()]
+    return "\n".join(["| command | does |", "| --- | --- |", *rows])
+
+
+def _whole_commands() -> str:
     """Every command's help as a section, those within others as well."""
     from dexgrasp.cli.commands import COMMANDS, make_parser
 
@@ -106,3 +152,9 @@ def _protocols() -> str:
 
     rows = [f"| `{row['name']}` | {row['env']} | {row['description']} |" for row in list_protocols()]
     return "\n".join(["| name | of | what is special |", "| --- | --- | --- |", *rows])
+
+
+_KINDS: dict[str, Callable[..., str]] = {
+    "docstring": _docstring, "settings": settings_table, "protocols": _protocols, "modules": _modules,
+    "commands": _commands,
+}  # fmt: skip

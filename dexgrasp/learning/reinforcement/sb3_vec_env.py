@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp_env.arrays import Fields
+from dexgrasp_env.tasks.infos import of_one
 
 
 class SB3VecEnv(VecEnv):
@@ -38,7 +38,7 @@ class SB3VecEnv(VecEnv):
         # Of options that are given for all, `set_options` makes one copy.
         if not any(self._options) or len({id(options) for options in self._options}) == 1:
             observation, infos = self.envs.reset(seed=self._seeds, options=self._options[0])
-            self.reset_infos = [self._one(infos, i) for i in range(self.num_envs)]
+            self.reset_infos = [of_one(infos, i) for i in range(self.num_envs)]
         else:
             observation = self._reset_singly()
         self._reset_seeds()
@@ -51,7 +51,7 @@ class SB3VecEnv(VecEnv):
         for i, options in enumerate(self._options):
             only = {"reset_mask": np.arange(self.num_envs) == i}
             observation, infos = self.envs.reset(seed=self._seeds, options=options | only)
-            self.reset_infos[i] = self._one(infos, i)
+            self.reset_infos[i] = of_one(infos, i)
         return observation
 
     def step_async(self, actions: NDArray[Any]) -> None:
@@ -63,45 +63,35 @@ class SB3VecEnv(VecEnv):
         observation, rewards, terminated, truncated, infos = self.envs.step(self._actions)
         done = terminated | truncated
         passed = infos if self._told is None else {key: infos[key] for key in self._told}
-        told = [self._one(passed, i) for i in range(self.num_envs)]
+        told = [of_one(passed, i) for i in range(self.num_envs)]
         for i in np.flatnonzero(done).tolist():
             self.reset_infos[i] = told[i]
-            told[i] = self._one(infos["final_info"], i) | {
+            told[i] = of_one(infos["final_info"], i) | {
                 "terminal_observation": infos["final_obs"][i],
                 "TimeLimit.truncated": bool(truncated[i] and not terminated[i]),
             }
         return observation, rewards.astype(np.float32), done, told
-
-    def _one(self, infos: Fields, i: int) -> Fields:
-        """Return the infos of environment `i`, without Gymnasium's masks."""
-        return {
-            key: self._one(value, i) if isinstance(value, dict) else value[i]
-            for key, value in infos.items()
-            if not key.startswith("_") and key not in ("final_obs", "final_info")
-        }
 
     def close(self) -> None:
         """Free the environments."""
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return an attribute of the vector environment, once for each environment asked for."""
-        value = getattr(self.envs, attr_name)
-        return [value for _ in self._get_indices(indices)]
+        """Return an attribute of each environment asked for; see `LiftVectorEnv.get_attr`."""
+        return [getattr(member, attr_name) for member in self._members(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute of the vector environment."""
-        setattr(self.envs, attr_name, value)
+        """Set an attribute of one's own of each environment asked for."""
+        for member in self._members(indices):
+            member.set(attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Call a method of the vector environment with each index asked for as first argument.
+        """Call a method of each environment asked for; see `LiftVectorEnv.call`."""
+        return [getattr(member, method_name)(*args, **kwargs) for member in self._members(indices)]
 
-        `compute_reward`, which hindsight replay calls, is the same for all and gets none.
-        """
-        method = getattr(self.envs, method_name)
-        if method_name == "compute_reward":
-            return [method(*args, **kwargs) for _ in self._get_indices(indices)]
-        return [method(i, *args, **kwargs) for i in self._get_indices(indices)]
+    def _members(self, indices: Any) -> list[Any]:
+        """Return the environments asked for."""
+        return [self.envs.members[i] for i in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """Return False for each: nothing wraps the simulations singly."""

@@ -1,0 +1,35 @@
+"""Writes into the pages of docs/ what they show of the code, so that they can be read in the repository.
+
+    python scripts/fill_pages.py
+
+`docs/_extensions/from_code.py` says how a page marks the places; a test holds every page against the code.
+"""
+
+import sys
+from pathlib import Path
+
+from dexgrasp.cli.command import Script
+from dexgrasp.cli.commands import run_script
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+sys.path.insert(0, str(DOCS / "_extensions"))
+from from_code import filled  # noqa: E402
+
+
+def stale() -> dict[Path, str]:
+    """Return the pages that no longer show what the code says, each with what it should be."""
+    now = {path: filled(path.read_text()) for path in DOCS.rglob("*.md")}
+    return {path: text for path, text in now.items() if path.read_text() != text}
+
+
+class FillPages(Script):
+    """Writes the pages."""
+
+    def run(self) -> int:
+        for path, text in stale().items():
+            path.write_text(text)
+        return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run_script(FillPages))
