@@ -84,6 +84,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         settings = self.settings
         return {
             "action_space": self.action_space,
+            "observation_space": self.observation_space,
             "control_period": CONTROL_PERIOD,
             "mount": settings.mount,
             "cell": settings.cell,
