@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from gymnasium import spaces, wrappers
 
 from dexgrasp.agent import Agent, Observation
-from dexgrasp.evaluation.protocol import AGENT_KEYS
+from dexgrasp.evaluation.protocol import AGENT_KEYS, agent_keywords
 from dexgrasp.learning.reinforcement.env_record import EnvRecord, WrapperRecord, read_record
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, first_line, unknown_name
@@ -68,7 +67,9 @@ class CheckpointAgent(Agent):
         self._counted = None
         self._own: frozenset[str] = frozenset()
         self.assumed = ""
-        self._record = self._with_wrappers(self._known(_keywords(env_kwargs)), tuple(map(_parsed, wrappers)))
+        self._record = self._with_wrappers(
+            self._known(agent_keywords(env_kwargs)), tuple(map(_parsed, wrappers))
+        )
         self.env_settings = {  # type: ignore[misc]  # of the instance here
             key: value
             for key, value in self._record.env.items()
@@ -190,19 +191,6 @@ class CheckpointAgent(Agent):
         if self._player is None:
             self.reset(observation, {})
         return self._player.action(observation)
-
-
-def _keywords(given: Mapping[str, Any] | Sequence[str]) -> Fields:
-    """Return keywords of `gym.make` from a mapping, or from words `KEY=VALUE`.
-
-    Raises:
-        InputError: for one that is not the policy's to choose.
-    """
-    pairs = given.items() if isinstance(given, Mapping) else [word.partition("=")[::2] for word in given]
-    for key, _ in pairs:
-        if key not in AGENT_KEYS:
-            raise unknown_name("--env-kwargs key", key, AGENT_KEYS)
-    return {key: yaml.safe_load(value) if isinstance(value, str) else value for key, value in pairs}
 
 
 def _parsed(text: str) -> WrapperRecord:

@@ -34,6 +34,7 @@ _OTHER_FORMS = (
     "package.module:Class",
     "the folder of a trained policy",
     "a checkpoint's path ending in .zip",
+    "lerobot:FOLDER",
 )
 
 
@@ -42,8 +43,8 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
 
     Args:
         name: a key of `AGENTS`; `package.module:Class` of one's own, looked for in the current directory
-            too; the folder of a policy of `dexgrasp train`; or a Stable-Baselines3 checkpoint, `path.zip` or
-            `algorithm:path.zip`.
+            too; the folder of a policy of `dexgrasp train`; a Stable-Baselines3 checkpoint, `path.zip` or
+            `algorithm:path.zip`; or `lerobot:` and the folder of a policy of LeRobot.
         kwargs: of the class.
 
     Raises:
@@ -53,6 +54,8 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
         return _load(AGENTS[name])(**kwargs)
     if name.endswith(".zip"):
         return _load("dexgrasp.agents.checkpoint:CheckpointAgent")(name, **kwargs)
+    if name.startswith("lerobot:"):
+        return _load("dexgrasp.agents.lerobot:LeRobotAgent")(name, **kwargs)
     if is_policy(name):
         return _load("dexgrasp.agents.learned:LearnedAgent")(name, **kwargs)
     check_name(name)
@@ -116,6 +119,8 @@ def agent_files(name: str) -> list[Path]:
         return policy_files(name)
     if name.endswith(".zip"):
         return _load("dexgrasp.agents.checkpoint:checkpoint_files")(name)
+    if name.startswith("lerobot:"):
+        return _load("dexgrasp.agents.lerobot:policy_files")(name)
     if ":" in name and name not in _READ:
         with suppress(InputError):  # whoever makes it for a trial says what is wrong
             make_agent(name)
@@ -129,7 +134,7 @@ def agent_sources(name: str) -> list[Path]:
     text, as weights, with or without the folder: nothing is run for it.
     """
     module = name.partition(":")[0]
-    if ":" not in name or name.endswith(".zip"):
+    if ":" not in name or name.endswith(".zip") or name.startswith("lerobot:"):
         return []
     _look_here()
     try:

@@ -222,7 +222,7 @@ def test_what_contradicts_the_record_is_refused(tmp_path):
     assert make_agent(path, env_kwargs=["frame_skip=50"]).assumed == ""
     with refused("was trained with mount palm_normal: here it is fingers_along"):
         scores(path, tmp_path, mount="fingers_along")
-    with refused("are of checkpoints"):
+    with refused("is of checkpoints"):
         EvaluationSettings.of(["random"], [OBJECT], env_kwargs=["frame_skip=50"])
 
 

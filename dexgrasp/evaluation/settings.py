@@ -22,6 +22,8 @@ from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.valid import TEXT, CellFile, Count, Friction, Mass, Mount, Natural, Positive, Rule, read
 
 _BOUNDED = ".zip", ".obj", ".ply", ".stl", ".glb"  # of ours; what agents of somebody's own read is theirs
+_TOLD = {".zip": ("env_kwargs", "wrappers"), "lerobot:": ("env_kwargs",)}
+"""Kind of checkpoint -> settings that it is told."""
 _PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
 
 
@@ -55,10 +57,10 @@ class EvaluationSettings:
         friction: sliding friction coefficient (default: the protocol's, the object's, or 0.7).
         mesh_scale: factor from a mesh file's unit to metres, 0.001 for millimetres.
         mesh_mass: mass of a mesh, kg (default: by its volume).
-        env_kwargs: what checkpoints (.zip) were trained with where no record beside them says so: obs_mode,
+        env_kwargs: what checkpoints (.zip, lerobot:) were trained with where no record beside them says so: obs_mode,
             control_mode, observe, frame_skip, action_scale.
-        wrappers: likewise, the innermost first: Name(key=value) of gymnasium.wrappers, or module.Class(key=value) of
-            your own, which runs that module.
+        wrappers: likewise (.zip), innermost first: Name(key=value) of gymnasium.wrappers, or module.Class(key=value)
+            of your own, which runs that module.
     """
 
     agents: Annotated[
@@ -91,10 +93,12 @@ class EvaluationSettings:
             raise InputError(
                 f"protocol {own[0]!r} has a friction of its own: leave --friction out, or take lift"
             )
-        if (self.env_kwargs or self.wrappers) and not any(map(self.told, self.agents)):
-            raise InputError(
-                f"--env-kwargs and --wrappers are of checkpoints (.zip): {self.agents[0]!r} is none"
-            )
+        used = {key for agent in self.agents for key in self.told(agent)}
+        for key in ("env_kwargs", "wrappers"):
+            if getattr(self, key) and key not in used:
+                raise InputError(
+                    f"--{key.replace('_', '-')} is of checkpoints ({', '.join(_TOLD)}): {self.agents[0]!r} is none"
+                )
 
     @classmethod
     def of(cls, agents: Sequence[str], objects: Sequence[str], **rest: Any) -> "EvaluationSettings":
@@ -117,8 +121,14 @@ class EvaluationSettings:
 
     def told(self, agent: str) -> Fields:
         """Return what `make_agent` is told of a checkpoint; nothing of other agents."""
-        given = {"env_kwargs": self.env_kwargs, "wrappers": self.wrappers}
-        return {key: value for key, value in given.items() if value} if agent.endswith(".zip") else {}
+        keys = (
+            _TOLD[".zip"]
+            if agent.endswith(".zip")
+            else _TOLD["lerobot:"]
+            if agent.startswith("lerobot:")
+            else ()
+        )
+        return {key: getattr(self, key) for key in keys if getattr(self, key)}
 
     @property
     def protocol(self) -> str:

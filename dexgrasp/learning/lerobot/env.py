@@ -7,6 +7,7 @@ import numpy as np
 from gymnasium import spaces
 
 from dexgrasp.agent import Observation
+from dexgrasp.data.demonstrations.lerobot_format import object_keys, task_of
 from dexgrasp.evaluation.protocol import trial_seeds
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import unknown_name
@@ -32,16 +33,6 @@ def obs_mode_of(obs_type: str) -> str:
     if obs_type not in OBS_TYPES:
         raise unknown_name("obs_type", obs_type, OBS_TYPES)
     return OBS_TYPES[obs_type]
-
-
-def object_keys(observation: Any) -> list[str]:
-    """Return the keys whose numbers, in this order, are `environment_state`."""
-    return sorted(key for key in observation if key.startswith("object_"))
-
-
-def task_of(name: str) -> str:
-    """Return the task on an object in words."""
-    return f"lift {name}"
 
 
 def lerobot_observation(observation: Observation) -> Fields:
