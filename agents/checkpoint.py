@@ -214,10 +214,12 @@ def _parsed(text: str) -> WrapperRecord:
 
 def _space_of(observation: Observation) -> spaces.Dict:
     """Return a space that an observation is of."""
-    return spaces.Dict({
-        key: spaces.Box(-np.inf, np.inf, np.shape(value), np.asarray(value).dtype)  # type: ignore[arg-type]
-        for key, value in observation.items()
-    })  # fmt: skip
+    return spaces.Dict(
+        {
+            key: spaces.Box(-np.inf, np.inf, np.shape(value), np.asarray(value).dtype)  # type: ignore[arg-type]
+            for key, value in observation.items()
+        }
+    )
 
 
 def _is_part(known: spaces.Space[Any], seen: spaces.Space[Any]) -> bool:

@@ -62,10 +62,11 @@ class LeRobotAgent(Agent):
         modes = ["state"] if "observation.environment_state" in seen else []
         modes += ["rgbd"] if any(name.startswith("observation.image") for name in seen) else []
         self.assumed = (
-            "" if "control_mode" in stated
+            ""
+            if "control_mode" in stated
             else f"{folder} does not say what its actions mean: played with control_mode=joint_delta, unless "
             "--env-kwargs says otherwise"
-        )  # fmt: skip
+        )
         settings = {"obs_mode": "+".join(modes) or "state", "control_mode": "joint_delta"}
         self.env_settings = settings | stated  # type: ignore[misc]  # of the instance here
 

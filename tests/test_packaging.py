@@ -14,8 +14,9 @@ from dexgrasp_env.extras import EXTRAS
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("dexgrasp_env", "dexgrasp", "agents")
-UNIMPORTED = {"imageio-ffmpeg", "moviepy", "osqp", "rtree", "tensorboard"}
-"""Used through another: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, torch's log."""
+UNIMPORTED = {"imageio-ffmpeg", "moviepy", "osqp", "rtree", "sb3-contrib", "tensorboard"}
+"""Used through another, or by name: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, learners,
+torch's log."""
 
 
 OWNERS = {"mujoco_warp": ["mujoco-warp"], "warp": ["warp-lang"]}
@@ -80,7 +81,7 @@ def test_environment_never_imports_agents():
     assert [str(file) for file, name in imports_of("dexgrasp_env") if name == "agents"] == []
 
 
-RUN_TIME = ("planner", "learning", "viewer", "cluster", "dm", "demos", "gpu")
+RUN_TIME = ("planner", "learning", "viewer", "cluster", "dm", "demos", "gpu", "lerobot")
 """Extras that the code imports; docs and dev are for developers."""
 
 
@@ -110,6 +111,7 @@ def test_extras_say_what_they_bring(project):
         "all",
         "fit",
         "gpu",
+        "lerobot",
     }
 
 
@@ -147,7 +149,7 @@ def test_constraints_pin_every_dependency(project):
     pinned = dict(line.split("==") for line in lines)
     extras = project["optional-dependencies"].values()
     every = [*project["dependencies"], *(line for extra in extras for line in extra)]
-    assert names(every) - {normal(name) for name in pinned} == {"dexgrasp"}
+    assert names(every) - {normal(name) for name in pinned} == {"dexgrasp", "lerobot"}  # whose own are older
     assert (
         pinned["torch"] == "2.13.0"
     )  # without a local part: it also resolves where there is no CPU build of its own

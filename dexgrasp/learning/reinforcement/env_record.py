@@ -22,17 +22,29 @@ from dexgrasp_env.valid import Word, list_of, read
 
 SCHEMA = 1
 _IDLE = {
-    "TimeLimit", "OrderEnforcing", "PassiveEnvChecker", "Autoreset", "RecordEpisodeStatistics", "RecordVideo",
-    "RenderCollection", "HumanRendering", "ClipReward", "TransformReward", "NormalizeReward", "Monitor", "VecMonitor",
-    "VecCheckNan", "VecVideoRecorder",
-}  # fmt: skip
+    "TimeLimit",
+    "OrderEnforcing",
+    "PassiveEnvChecker",
+    "Autoreset",
+    "RecordEpisodeStatistics",
+    "RecordVideo",
+    "RenderCollection",
+    "HumanRendering",
+    "ClipReward",
+    "TransformReward",
+    "NormalizeReward",
+    "Monitor",
+    "VecMonitor",
+    "VecCheckNan",
+    "VecVideoRecorder",
+}
 """Wrappers that change neither what a policy sees nor what it does."""
 _VEC_ARGUMENTS = {
     "VecNormalize": ("clip_obs", "epsilon", "norm_obs_keys"),
     "VecFrameStack": ("n_stack",),
     "VecTransposeImage": ("skip",),
     "VecExtractDictObs": ("key",),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
@@ -150,10 +162,15 @@ def environment_record(env: Any) -> EnvRecord:
                 stacklevel=4,
             )
     return EnvRecord(
-        {key: getattr(settings, key) for key in AGENT_KEYS}, spec.id, jsonable(spec.kwargs),
-        settings.cell.robot.stamp, settings.mount, spec.kwargs.get("max_episode_steps", spec.max_episode_steps),
-        wrappers, _acting(around),
-    )  # fmt: skip
+        {key: getattr(settings, key) for key in AGENT_KEYS},
+        spec.id,
+        jsonable(spec.kwargs),
+        settings.cell.robot.stamp,
+        settings.mount,
+        spec.kwargs.get("max_episode_steps", spec.max_episode_steps),
+        wrappers,
+        _acting(around),
+    )
 
 
 def array_of(value: Any) -> Any:
