@@ -1,79 +1,253 @@
 """Policies trained with Stable-Baselines3, as agents.
 
-A checkpoint is a zip with pickled parts; `checkpoint_reader` sees to it that none of them runs.
+A checkpoint is a zip with pickled parts; `checkpoint_reader` sees to it that none of them runs. What it was trained in
+says the record beside it (`learning.reinforcement.env_record`); where there is none, its spaces and the user do.
 """
 
-from collections.abc import Mapping
+import ast
+import importlib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
+from gymnasium import spaces, wrappers
 
 from dexgrasp.agent import Agent, Observation
-from dexgrasp_env.arrays import Fields, Single
+from dexgrasp.evaluation.protocol import AGENT_KEYS, agent_keywords
+from dexgrasp.learning.reinforcement.env_record import EnvRecord, WrapperRecord, read_record
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, first_line, unknown_name
 from dexgrasp_env.extras import require_extra
-from dexgrasp_env.files import expand, read_json_object
-from dexgrasp_env.scene.constants import CONTROL_STEPS
+from dexgrasp_env.files import expand
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.tasks.settings import LiftSettings
 
 from .checkpoint_reader import counted, harmless_objects, read_settings, statistics_files
 
-ALGORITHMS = ("ppo", "sac", "td3", "ddpg", "a2c")
+ALGORITHMS = {
+    **dict.fromkeys(("ppo", "sac", "td3", "ddpg", "a2c"), "stable_baselines3"),
+    **dict.fromkeys(("tqc", "recurrentppo", "trpo", "crossq", "ars"), "sb3_contrib"),
+}
+"""Algorithm -> the library that has it."""
+_CLASSES = {"recurrentppo": "RecurrentPPO", "crossq": "CrossQ"}
+_CAMERAS = {"pointcloud": "cloud", "rgbd": "rgb", "depth": "depth"}
+_DEFAULTS = {key: LiftSettings.__dataclass_fields__[key].default for key in AGENT_KEYS}
 
 
 class CheckpointAgent(Agent):
-    """Acts by a Stable-Baselines3 policy, without exploration noise.
+    """Acts by a Stable-Baselines3 policy, without exploration noise, behind the wrappers that it was trained in.
 
-    Its `env_settings` are those it was trained with, as far as its spaces tell; a file of the checkpoint's name ending
-    in `.json` may say more (`{"observe": "reset"}`). What `VecNormalize` had counted, saved as `NAME.pkl` or
-    `vecnormalize.pkl` beside it, is used.
+    Attributes:
+        assumed: what had to be assumed of the environment, as nothing beside the checkpoint says it; empty otherwise.
     """
 
-    def __init__(self, spec: str) -> None:
+    def __init__(
+        self, spec: str, env_kwargs: Mapping[str, Any] | Sequence[str] = (), wrappers: Sequence[str] = ()
+    ) -> None:
         """Open a checkpoint.
 
         Args:
             spec: `path.zip`, or `algorithm:path.zip` where the path does not tell the algorithm.
+            env_kwargs: keywords of `gym.make` that it was trained with, where no record says so; also `KEY=VALUE`.
+            wrappers: likewise, the innermost first, as `RescaleAction(min_action=-0.5, max_action=0.5)`; those of
+                one's own as `module.Class(...)`, which runs that module.
 
         Raises:
-            InputError: if there is no such file, it is no checkpoint, or Stable-Baselines3 is not installed.
+            InputError: if there is no such file, it is no checkpoint, Stable-Baselines3 is not installed, or what is
+                given contradicts what the checkpoint says of itself.
         """
-        algorithm, path = _split(spec)
-        if not path.is_file():
-            raise InputError(f"checkpoint {path} does not exist: valid is a .zip file of Stable-Baselines3")
-        self._policy = _open(path, algorithm or _guess(path))
-        self._counted = counted(path)
-        known, beside = _env_settings_of(self._policy), path.with_suffix(".json")
-        if beside.is_file():
-            known |= read_json_object(beside, 'it holds environment settings, e.g. {"obs_mode": "state"}')
+        algorithm, self._path = _split(spec)
+        if not self._path.is_file():
+            raise InputError(
+                f"checkpoint {self._path} does not exist: valid is a .zip file of Stable-Baselines3"
+            )
+        self._policy = _open(self._path, algorithm or _guess(self._path))
+        self._counted = None
+        self._own: frozenset[str] = frozenset()
+        self.assumed = ""
+        self._record = self._with_wrappers(
+            self._known(agent_keywords(env_kwargs)), tuple(map(_parsed, wrappers))
+        )
+        self.env_settings = {  # type: ignore[misc]  # of the instance here
+            key: value
+            for key, value in self._record.env.items()
+            if (key.endswith("_mode") and key != "reward_mode") or value != _DEFAULTS[key]
+        }
+        self._relay: Any = None
+        self._player: Any = None
+        self._seed: int | None = None
+
+    def _known(self, given: Fields) -> EnvRecord:
+        """Return what the checkpoint was trained in: as its record says, else as its spaces, and the user, do."""
+        beside = self._path.with_suffix(".json")
+        found = read_record(beside) if beside.is_file() else {}
+        if isinstance(found, EnvRecord):
+            self._agree(found.env, given, str(beside))
+            return found
+        self._counted = counted(self._path)
+        stated = _of_spaces(self._policy)
+        self._agree({key: stated[key] for key in stated if key != "obs_mode"}, given, "its action space")
+        known = stated | found | given
         if "control_mode" not in known:
             raise InputError(
-                f"{path} was trained on actions that a wrapper changed, or elsewhere, and does not tell their meaning: "
-                f'write {{"control_mode": "joint_delta"}} into {beside} if that is what they are, or name an agent of '
-                "your own, package.module:Class"
+                f"{self._path} was trained on actions that a wrapper changed, or elsewhere, and does not tell their "
+                "meaning: say --env-kwargs control_mode=joint_delta if that is what they are, and the wrapper with "
+                f'--wrappers (or write {{"control_mode": "joint_delta"}} into {beside}), or name an agent of your own, '
+                "package.module:Class"
             )
-        self.env_settings = known  # type: ignore[misc]  # of the instance here
+        words = ", ".join(f"{key}={value}" for key, value in (_DEFAULTS | known).items() if key in AGENT_KEYS)
+        self.assumed = (
+            f"{self._path} says no more of what it was trained in than its spaces: played with {words}; --env-kwargs "
+            "and --wrappers say otherwise, and save_checkpoint() of dexgrasp records it"
+        )
+        return EnvRecord(_DEFAULTS | known)
+
+    def _agree(self, known: Fields, given: Fields, source: str) -> None:
+        for key in given.keys() & known.keys():
+            if given[key] != known[key]:
+                raise InputError(
+                    f"{self._path} was trained with {key}={known[key]}, as {source} says, which {key}={given[key]} "
+                    "contradicts"
+                )
+
+    def _with_wrappers(self, record: EnvRecord, given: tuple[WrapperRecord, ...]) -> EnvRecord:
+        """Return a record with the wrappers that the user names, which are those of the record if it has any."""
+        if not given:
+            return record
+        names = [each.short for each in record.wrappers]
+        if record.id and names != [each.short for each in given]:
+            raise InputError(
+                f"{self._path} was trained in {', '.join(names) or 'no wrappers'}, as its record says, which "
+                "--wrappers contradicts"
+            )
+        self._own = frozenset(each.name for each in given)
+        states = [each.state for each in record.wrappers] or [Fields()] * len(given)
+        return replace(
+            record,
+            wrappers=tuple(replace(each, state=own) for each, own in zip(given, states, strict=True)),
+        )
 
     def seed(self, seed: int) -> None:
-        """Seed the policy's own draws."""
+        """Seed the policy's own draws, and its wrappers'."""
         self._policy.set_random_seed(seed)
+        self._seed = seed
+
+    def check_info(self, info: Mapping[str, Any]) -> None:
+        """Refuse an environment that the policy was not trained in; wrap what stands for it otherwise.
+
+        Raises:
+            InputError: for another robot, other observations or actions, or a wrapper that cannot be made.
+        """
+        from .wrapped import Relay, wrapped
+
+        cell, policy, record = info.get("cell"), self._policy, self._record
+        here = {"robot": cell.robot.stamp if isinstance(cell, Cell) else None, "mount": info.get("mount")}
+        for part, value in here.items():
+            if value is not None and getattr(record, part) not in (None, value):
+                raise InputError(
+                    f"{self._path} was trained with {part} {getattr(record, part)}: here it is {value}, give its own "
+                    f"with --{part}"
+                )
+        if record.wrappers and "action_space" not in info:
+            raise InputError(
+                "the policy acts through wrappers: reset() needs the info of the environment's reset"
+            )
+        seen, known = info.get("observation_space", policy.observation_space), policy.observation_space
+        if not record.id and not record.wrappers and _is_part(known, seen):
+            record = replace(record, wrappers=(_parsed(f"FilterObservation(filter_keys={list(known)})"),))
+        self._relay = Relay(seen, info.get("action_space", policy.action_space), record)
+        self._envs = wrapped(self._relay, record, self._own)
+        _check_observations(policy.observation_space, self._envs.observation_space)
+        acts, here = policy.action_space, self._envs.action_space
+        if not all(np.array_equal(getattr(acts, end), getattr(here, end)) for end in ("low", "high")):
+            raise InputError(
+                f"{self._path} was trained on actions {_box(acts)}, here they are {_box(here)}: name the wrapper that "
+                "changed them, as --wrappers 'RescaleAction(min_action=-0.5, max_action=0.5)'"
+            )
+        if self._counted is not None:  # as it was saved, around all else
+            self._counted.training = False
+            self._counted.set_venv(self._envs)
+            self._envs, self._counted = self._counted, None
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
-        """Begin an episode; nothing of the last one is kept."""
+        """Begin an episode; nothing of the last one is kept.
 
-    def act(self, observation: Observation) -> Single:
-        """Return the policy's mean action."""
-        keys = self._policy.observation_space.spaces
-        if missing := sorted(keys - observation.keys()):
+        Raises:
+            InputError: as `check_info`.
+        """
+        from .wrapped import Player
+
+        if self._player:
+            self._player.end()
+        if self._relay is None:
+            self.check_info({"observation_space": _space_of(observation), **info})
+        self._envs.seed(self._seed)
+        self._player = Player(self._policy, self._envs, self._relay, observation)
+
+    def act(self, observation: Observation) -> Any:
+        """Return the action that the policy's mean one comes to behind its wrappers."""
+        if self._player is None:
+            self.reset(observation, {})
+        return self._player.action(observation)
+
+
+def _parsed(text: str) -> WrapperRecord:
+    """Return the wrapper that is written as a call, `Name(key=value)` or `module.Class(key=value)`; nothing is run."""
+    try:
+        call = ast.parse(text if "(" in text else f"{text}()", mode="eval").body
+        if not isinstance(call, ast.Call) or call.args:
+            raise ValueError
+        kwargs = {str(word.arg): ast.literal_eval(word.value) for word in call.keywords}
+        module, _, name = ast.unparse(call.func).rpartition(".")
+    except (SyntaxError, ValueError):
+        raise InputError(
+            f"wrapper {text!r}: valid is Name(key=value, ...) of gymnasium.wrappers, or module.Class(key=value, ...)"
+        ) from None
+    if not module:
+        if not hasattr(wrappers, name):
+            raise unknown_name("wrapper", name, wrappers.__all__)
+        module = getattr(wrappers, name).__module__
+    return WrapperRecord(f"{module}:{name}", kwargs)
+
+
+def _space_of(observation: Observation) -> spaces.Dict:
+    """Return a space that an observation is of."""
+    return spaces.Dict(
+        {
+            key: spaces.Box(-np.inf, np.inf, np.shape(value), np.asarray(value).dtype)  # type: ignore[arg-type]
+            for key, value in observation.items()
+        }
+    )
+
+
+def _is_part(known: spaces.Space[Any], seen: spaces.Space[Any]) -> bool:
+    return isinstance(known, spaces.Dict) and isinstance(seen, spaces.Dict) and known.keys() < seen.keys()
+
+
+def _check_observations(known: spaces.Space[Any], here: spaces.Space[Any]) -> None:
+    """Refuse observations of other keys or shapes than a policy was trained on."""
+    if not (isinstance(known, spaces.Dict) and isinstance(here, spaces.Dict)):
+        if type(known) is not type(here) or known.shape != here.shape:
             raise InputError(
-                f"the checkpoint was trained with {', '.join(missing)}, which the environment lacks"
+                f"the checkpoint was trained on observations {_box(known)}, here they are {_box(here)}: name the "
+                "wrappers between, as --wrappers FlattenObservation"
             )
-        seen = {key: observation[key] for key in keys}
-        if self._counted is not None:
-            seen = self._counted.normalize_obs(seen)
-        action, _ = self._policy.predict(seen, deterministic=True)
-        return np.asarray(action, dtype=np.float32)
+        return
+    if missing := sorted(known.keys() - here.keys()):
+        raise InputError(f"the checkpoint was trained with {', '.join(missing)}, which the environment lacks")
+    for key, space in known.items():
+        if space.shape != here[key].shape:
+            raise InputError(
+                f"the checkpoint was trained with {key} of shape {space.shape}: here it is {here[key].shape}"
+            )
+
+
+def _box(space: Any) -> str:
+    if not isinstance(space, spaces.Box):
+        return f"by key ({', '.join(space)})" if isinstance(space, spaces.Dict) else str(space)
+    return f"of shape {space.shape} from {np.min(space.low):g} to {np.max(space.high):g}"
 
 
 def checkpoint_files(spec: str) -> list[Path]:
@@ -96,46 +270,46 @@ def _guess(path: Path) -> str:
     data = read_settings(path)
     about = data.get("policy_class")
     policy = str(about.get("__module__", "")) if isinstance(about, dict) else ""
-    candidates = [name for name in ALGORITHMS if f".{name}." in policy or name in path.stem.lower()]
-    if candidates:
-        return candidates[0]
-    # PPO and A2C share their policies; PPO alone has a clip range.
-    if "common" in policy:
-        return "ppo" if "clip_range" in data else "a2c"
+    named = [name for name in ALGORITHMS if f".{name}." in policy]
+    # Several share their policies: what else they hold tells them apart.
+    if "recurrent" in policy:
+        named = ["recurrentppo"]
+    elif "common" in policy:
+        named = ["trpo" if "cg_max_steps" in data else "ppo" if "clip_range" in data else "a2c"]
+    found = named or [name for name in ALGORITHMS if name in path.stem.lower()]
+    if found:
+        return found[-1]
     raise InputError(
         f"cannot tell the algorithm of {path}: write it before, e.g. ppo:{path}; valid are {', '.join(ALGORITHMS)}"
     )
 
 
 def _open(path: Path, algorithm: str) -> Any:
-    settings = read_settings(path)
+    settings, library = read_settings(path), ALGORITHMS[algorithm]
     require_extra("learning", f"checkpoint {path}")
-    import stable_baselines3
-
     objects = harmless_objects(path, settings)
     try:
-        policy = getattr(stable_baselines3, algorithm.upper()).load(
-            path, device="cpu", custom_objects=objects
-        )
+        kind = getattr(importlib.import_module(library), _CLASSES.get(algorithm, algorithm.upper()))
+        policy = kind.load(path, device="cpu", custom_objects=objects)
+    except ImportError:
+        raise InputError(f"checkpoint {path} needs {library}: pip install 'dexgrasp[learning]'") from None
     except Exception as error:
         raise InputError(
             f"{path} cannot be opened as a {algorithm} checkpoint: {first_line(error)[:160]}"
         ) from error
-    if not isinstance(policy.observation_space, spaces.Dict):
-        raise InputError(
-            f"{path} was not trained on this environment's dict observations: use MultiInputPolicy"
-        )
+    if not isinstance(policy.action_space, spaces.Box):
+        raise InputError(f"{path} has actions {policy.action_space}: valid are boxes of numbers")
     return policy
 
 
-def _env_settings_of(policy: Any) -> Fields:
+def _of_spaces(policy: Any) -> Fields:
     """Return the environment settings that the spaces of a policy tell."""
-    keys = policy.observation_space.keys()
-    seen = [
-        mode for mode, key in {"pointcloud": "cloud", "rgbd": "rgb", "depth": "depth"}.items() if key in keys
-    ][:1]
-    known = ["state"] if "object_pose" in keys or "observation" in keys or not seen else []
-    space, stated = policy.action_space, {"obs_mode": "+".join(known + seen)}
-    usual = {"control_mode": None, "frame_skip": CONTROL_STEPS, "action_scale": 1.0}
-    own = {key: getattr(space, key, value) for key, value in usual.items()}
-    return stated | {key: value for key, value in own.items() if value != usual[key]}
+    seen = policy.observation_space
+    keys = seen.keys() if isinstance(seen, spaces.Dict) else ()
+    cameras = [mode for mode, key in _CAMERAS.items() if key in keys][:1]
+    known = ["state"] if "object_pose" in keys or "observation" in keys or not cameras else []
+    stated = {"obs_mode": "+".join(known + cameras)}
+    own = {
+        key: getattr(policy.action_space, key, None) for key in ("control_mode", "frame_skip", "action_scale")
+    }
+    return stated | {key: value for key, value in own.items() if value is not None}

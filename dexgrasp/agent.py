@@ -56,13 +56,23 @@ class Agent(ABC):
     def seed(self, seed: int) -> None:  # noqa: B027  (agents without randomness need not override it)
         """Seed the agent's own randomness; called before every episode's `reset`."""
 
+    def check_info(self, info: Mapping[str, Any]) -> None:  # noqa: B027  (most agents play in any environment)
+        """Refuse an environment that the agent was not made for; called before the first trial.
+
+        Args:
+            info: as for `reset`.
+
+        Raises:
+            InputError: saying what is wrong.
+        """
+
     @abstractmethod
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Start an episode: plan, or forget.
 
         Args:
             observation: the first observation.
-            info: of the environment's reset, or its public part (`public_info`): action_space, control_period (s),
+            info: of the environment's reset, or its public part (`public_info`): its spaces, control_period (s),
                 mount, cell, modes, when cameras look (observe), what perception says.
         """
 

@@ -5,11 +5,13 @@ import importlib
 import importlib.util
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from dexgrasp.agent import Agent, complete
 from dexgrasp.runs.policy_folder import is_policy, policy_files
+from dexgrasp.runs.reading import files_read
 from dexgrasp_env.errors import InputError, unknown_name
 
 AGENTS: dict[str, str] = {
@@ -26,11 +28,14 @@ AGENTS: dict[str, str] = {
 }
 """Name -> module and class; imported when asked for, some need torch."""
 
+_READ: dict[str, dict[Path, None]] = {}
+"""Agent of the user's -> files that its module and making it have read in this process."""
 _OTHER_FORMS = (
     "package.module:Class",
     "the folder of a trained policy",
     "a checkpoint's path ending in .zip",
     "the address of a policy server, ws://HOST:PORT",
+    "lerobot:FOLDER",
 )
 
 
@@ -40,7 +45,8 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     Args:
         name: a key of `AGENTS`; `package.module:Class` of one's own, looked for in the current directory
             too; the folder of a policy of `dexgrasp train`; a Stable-Baselines3 checkpoint, `path.zip` or
-            `algorithm:path.zip`; or the address of a policy server, `ws://HOST:PORT`.
+            `algorithm:path.zip`; `lerobot:` and the folder of a policy of LeRobot; or the address of a policy server,
+            `ws://HOST:PORT`.
         kwargs: of the class.
 
     Raises:
@@ -52,11 +58,15 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
         return _load("dexgrasp.agents.remote:RemoteAgent")(name, **kwargs)
     if name.endswith(".zip"):
         return _load("dexgrasp.agents.checkpoint:CheckpointAgent")(name, **kwargs)
+    if name.startswith("lerobot:"):
+        return _load("dexgrasp.agents.lerobot:LeRobotAgent")(name, **kwargs)
     if is_policy(name):
         return _load("dexgrasp.agents.learned:LearnedAgent")(name, **kwargs)
     check_name(name)
     try:
-        made = _load(name)(**kwargs)
+        with files_read() as found:
+            made = _load(name)(**kwargs)
+        _READ.setdefault(name, {}).update(found)
     except InputError:
         raise
     except Exception as error:  # that a user's class cannot be made is the user's to mend
@@ -64,13 +74,13 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     return complete(name, made)
 
 
-def placing_agent(name: str) -> Agent:
+def placing_agent(name: str, **kwargs: Any) -> Agent:
     """Make an agent for goals: one that commands set-points of joints has its grasp carried on to the goal.
 
     Raises:
         InputError: as `make_agent`.
     """
-    agent = make_agent(name)
+    agent = make_agent(name, **kwargs)
     if agent.env_settings.get("control_mode") != "joint_position":
         return agent
     return _load("dexgrasp.agents.placing:PlacingAgent")(agent)
@@ -128,22 +138,27 @@ def server_identity(name: str) -> dict[str, Any]:
 
 
 def agent_files(name: str) -> list[Path]:
-    """Return the files, code apart, that what an agent does rests on: of a trained policy, or of a checkpoint."""
+    """Return the files that what an agent does rests on: of a policy, of a checkpoint, or what making one has read."""
     if is_policy(name):
         return policy_files(name)
     if name.endswith(".zip"):
         return _load("dexgrasp.agents.checkpoint:checkpoint_files")(name)
-    return []
+    if name.startswith("lerobot:"):
+        return _load("dexgrasp.agents.lerobot:policy_files")(name)
+    if ":" in name and name not in _READ:
+        with suppress(InputError):  # whoever makes it for a trial says what is wrong
+            make_agent(name)
+    return list(_READ.get(name, ()))
 
 
 def agent_sources(name: str) -> list[Path]:
     """Return the files that an agent `package.module:Class` rests on.
 
-    They are its module, the modules of the same folder that it imports, and files that these name in their text, as
-    weights: nothing is run for it, so a name that is put together is not seen.
+    They are its module, the modules of the same folder that it imports or names, and files that these name in their
+    text, as weights, with or without the folder: nothing is run for it.
     """
     module = name.partition(":")[0]
-    if ":" not in name or name.endswith(".zip") or is_server(name):
+    if ":" not in name or name.endswith(".zip") or name.startswith("lerobot:") or is_server(name):
         return []
     _look_here()
     try:
@@ -181,9 +196,15 @@ def named_files(source: Path) -> list[Path]:
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             texts.append(node.value)
     own = [root for root in roots if root.name not in ("site-packages", "dist-packages")]
-    stems = [root / name.replace(".", "/") for root in own for name in modules if name]
+    modules += [
+        text for text in texts if all(map(str.isidentifier, text.split(".")))
+    ]  # of importlib.import_module
+    stems = [root / name.replace(".", "/") for root in own for name in dict.fromkeys(modules) if name]
     tried = [path for stem in stems for path in (stem.with_suffix(".py"), stem / "__init__.py")]
-    tried += [base / text for text in texts if 0 < len(text) < 256 for base in (Path.cwd(), roots[0])]
+    short = [text for text in dict.fromkeys(texts) if 0 < len(text) < 256 and "\0" not in text]
+    bases = [Path.cwd(), roots[0]]
+    bases += [base / text for text in short for base in tuple(bases) if (base / text).is_dir()]
+    tried += [base / text for text in short for base in bases]
     return [path for path in tried if os.path.isfile(path)]
 
 

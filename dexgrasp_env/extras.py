@@ -19,6 +19,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "dm": ("dm_control", "dm_env"),
     "demos": ("h5py", "minari", "pyarrow"),
     "formats": ("collada", "laspy", "lazrs", "lxml", "networkx", "rosbags"),
+    "lerobot": ("lerobot",),
     "gpu": ("mujoco_warp", "warp"),
 }  # fmt: skip
 """Extra -> the modules that it brings and the plain installation lacks."""

@@ -2,8 +2,10 @@
 
 import base64
 import json
+import os
 import pathlib
 import pickle
+import subprocess
 import sys
 import textwrap
 import zipfile
@@ -252,8 +254,7 @@ def test_a_checkpoint_tells_the_pace_and_scale_of_its_actions(tmp_path):
     env = gym.make("DexGrasp/Lift-v2", objects="lego", frame_skip=50, action_scale=0.5, max_episode_steps=150)
     agent = saved_ppo(env, tmp_path / "ppo.zip")
     assert (agent.env_settings["frame_skip"], agent.env_settings["action_scale"]) == (50, 0.5)
-    with refused("which the protocol decides"):
-        agent_settings("ppo.zip", agent)
+    assert agent_settings("ppo.zip", agent)["frame_skip"] == 50
 
 
 def test_a_checkpoint_is_given_the_keys_that_it_was_trained_with(tmp_path):
@@ -262,7 +263,7 @@ def test_a_checkpoint_is_given_the_keys_that_it_was_trained_with(tmp_path):
     agent, (observation, _) = saved_ppo(env, tmp_path / "ppo.zip"), whole.reset(seed=0)
     assert whole.action_space.contains(agent.act(observation))
     with refused("trained with palm_pose, which the environment lacks"):
-        agent.act({"object_pose": observation["object_pose"]})
+        make_agent(str(tmp_path / "ppo.zip")).act({"object_pose": observation["object_pose"]})
 
 
 def test_actions_that_a_wrapper_changed_are_not_taken_for_another_mode(tmp_path):
@@ -286,6 +287,57 @@ def test_an_agent_rests_on_the_modules_and_weights_beside_it(tmp_path, monkeypat
     before = code_hash(["acts:Acts"])
     (tmp_path / "w.npy").write_text("trained on")
     assert code_hash(["acts:Acts"]) != before
+
+
+READS = """
+import importlib, json, os, sys
+from pathlib import Path
+helps = importlib.import_module("helps_" + "late")
+with open(Path(__file__).parent / "weights" / f"{json.load(open('kind.json'))}.bin", "rb") as file:
+    WEIGHTS = file.read()
+class Reads:
+    def __init__(self):
+        with open(os.environ["ELSEWHERE"]) as file:
+            file.read()
+        open("log.txt", "w").close()
+    def reset(self, observation, info): pass
+    def act(self, observation): return helps.action()
+"""
+
+
+@pytest.mark.parametrize("changed", ["weights/actor.bin", "elsewhere/part.txt", "helps_late.py", "kind.json"])
+def test_an_agent_rests_on_what_it_reads_under_whatever_name(changed, tmp_path):
+    texts = {
+        "reads.py": READS, "kind.json": '"actor"', "weights/actor.bin": "old", "weights/other.bin": "",
+        "elsewhere/part.txt": "old", "helps_late.py": "import numpy\ndef action(): return numpy.zeros(23)\n",
+    }  # fmt: skip
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    ask = (
+        "import json; from dexgrasp.evaluation.settings import EvaluationSettings as E; "
+        "i = E.of(['reads:Reads'], ['pear']).identity(); print(json.dumps([i['code'], i['files']]))"
+    )
+    surroundings = os.environ | {"ELSEWHERE": str(tmp_path / "elsewhere/part.txt")}
+
+    def identity():
+        done = subprocess.run(
+            [sys.executable, "-c", ask],
+            cwd=tmp_path,
+            env=surroundings,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return json.loads(done.stdout)
+
+    before = identity()
+    assert identity() == before  # whether modules are compiled by now or not
+    named = {pathlib.Path(path).name for path in before[1]}
+    assert {"actor.bin", "part.txt"} <= named
+    assert not {"other.bin", "log.txt"} & named
+    (tmp_path / changed).write_text(texts[changed].replace("zeros", "ones").replace("old", "new") + " ")
+    assert identity() != before
 
 
 class Harm:

@@ -10,6 +10,7 @@ from test_demos import folder, settings
 
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
 from dexgrasp.data.demonstrations.minari_format import read_episodes, write_minari
+from dexgrasp.data.demonstrations.robomimic_format import write_robomimic
 from dexgrasp.data.demonstrations.settings import DemoSettings
 
 
@@ -52,3 +53,58 @@ def test_minaris_environment_has_every_object(settings, folder, tmp_path):
     write_minari(tmp_path, both, list(read_episodes(folder))[:1])
     env = minari.MinariDataset(tmp_path / "data").recover_environment()
     assert list(env.unwrapped.settings.objects) == ["sugar_box", "pear"]
+
+
+def test_minaris_environment_has_every_mesh(settings, folder, tmp_path):
+    minari = pytest.importorskip("minari")
+    import trimesh
+
+    files = [str(tmp_path / f"{name}.obj") for name in ("ball", "brick")]
+    trimesh.creation.icosphere(radius=0.03).export(files[0])
+    trimesh.creation.box((0.04, 0.05, 0.06)).export(files[1])
+    write_minari(tmp_path, DemoSettings.of(files, agent=settings.agent), list(read_episodes(folder))[:1])
+    env = minari.MinariDataset(tmp_path / "data").recover_environment()
+    assert list(env.unwrapped.settings.objects) == files
+
+
+def test_a_picture_that_was_seen_once_is_there_at_every_step(settings, folder, tmp_path):
+    import imageio.v3 as iio
+    import pyarrow.parquet as pq
+
+    episode = next(read_episodes(folder))
+    episode.once["rgb"] = np.random.default_rng(0).integers(0, 256, (2, 12, 16, 3), dtype=np.uint8)
+    write_lerobot(tmp_path, settings, [episode])
+    rows = pq.read_table(tmp_path / "lerobot/data/chunk-000/file-000.parquet").to_pylist()
+    assert len(rows) == len(episode)
+    for row in (rows[0], rows[-1]):
+        assert_array_equal(iio.imread(row["observation.images.view_1"]["bytes"]), episode.once["rgb"][1])
+    about = pq.read_table(tmp_path / "lerobot/meta/episodes/chunk-000/file-000.parquet").to_pylist()[0]
+    assert about["success"]
+    assert about["tasks"] == [f"lift {episode.about['object']}"]
+    assert not [name for name in about if name.startswith("once/rgb")]
+
+
+def test_robomimic_finds_its_layout(settings, folder, tmp_path):
+    import h5py
+
+    episodes = list(read_episodes(folder))[:1] * 11
+    episodes[0].once["rgb"] = np.random.default_rng(0).integers(0, 256, (2, 12, 16, 3), dtype=np.uint8)
+    write_robomimic(tmp_path, settings, episodes)
+    with h5py.File(tmp_path / "robomimic/demos.hdf5") as file:
+        about, first, steps = (
+            json.loads(file["data"].attrs["env_args"]),
+            file["data/demo_0"],
+            len(episodes[0]),
+        )
+        assert (about["env_name"], about["type"]) == ("DexGrasp/Lift-v2", 2)
+        assert about["env_kwargs"]["objects"] == list(settings.objects)
+        assert file["data"].attrs["total"] == 11 * steps
+        assert first.attrs["num_samples"] == steps
+        assert_array_equal(first["actions"][:], episodes[0].actions)
+        assert_array_equal(first["obs/object_pose"][1:], first["next_obs/object_pose"][:-1])
+        assert_array_equal(first["next_obs/object_pose"][-1], episodes[0].observations["object_pose"][-1])
+        assert first["obs/view_1_image"].shape == (steps, 12, 16, 3)
+        assert list(first["dones"][:]) == [0] * (steps - 1) + [1]
+        masks = {name: [each.decode() for each in file[f"mask/{name}"]] for name in ("train", "valid")}
+    assert masks["valid"] == ["demo_9"]
+    assert len(masks["train"]) == 10

@@ -22,13 +22,14 @@ UNIMPORTED = {
     "moviepy",
     "osqp",
     "rtree",
+    "sb3-contrib",
     "tensorboard",
     "lazrs",
     "lxml",
     "networkx",
     "pycollada",
 }
-"""Used through another: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, torch's log; packed las,
+"""Used through another, or by name: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, learners, torch's log; packed las,
 and what trimesh reads 3mf and dae with."""
 
 
@@ -99,7 +100,7 @@ def test_environment_never_imports_agents():
     assert [str(file) for file, name in imports_of("dexgrasp_env") if name == "agents"] == []
 
 
-RUN_TIME = ("planner", "learning", "viewer", "cluster", "dm", "demos", "formats", "gpu")
+RUN_TIME = ("planner", "learning", "viewer", "serve", "cluster", "dm", "demos", "formats", "gpu", "lerobot")
 """Extras that the code imports; docs and dev are for developers."""
 
 
@@ -129,6 +130,7 @@ def test_extras_say_what_they_bring(project):
         "all",
         "fit",
         "gpu",
+        "lerobot",
     }
 
 
@@ -186,7 +188,7 @@ def test_constraints_pin_every_dependency(project):
     pinned = dict(line.split("==") for line in lines)
     extras = project["optional-dependencies"].values()
     every = [*project["dependencies"], *(line for extra in extras for line in extra)]
-    assert names(every) - {normal(name) for name in pinned} == {"dexgrasp"}
+    assert names(every) - {normal(name) for name in pinned} == {"dexgrasp", "lerobot"}  # whose own are older
     assert (
         pinned["torch"] == "2.13.0"
     )  # without a local part: it also resolves where there is no CPU build of its own

@@ -26,12 +26,12 @@ class Generate(Command):
       dexgrasp demos generate --agent my_package.policies:Mine --objects ycb6 --control-mode ee_delta --out runs/mine
       dexgrasp demos generate --objects ycb6 --formats minari lerobot --out runs/both
 
-    The agent acts in its own modes; what it commands is converted to --control-mode and replayed from the same
-    scene under --obs-mode, and kept if that succeeds as well; where these are its own, it is kept as it was.
-    OUT/data is a Minari data set (minari.MinariDataset("OUT/data")), OUT/lerobot one in the layout of LeRobot v3. A
-    run that was interrupted goes on when the same command is given again; the demonstrations do not depend on
-    --workers. varied-0..99 are a hundred objects of random sizes that no test set has. The agent
-    dexgrasp.agents.teacher:Teacher is `hardcoded` with choices that are easy to learn,
+    The agent acts in its own modes; what it commands is converted to --control-mode and replayed from the same scene
+    under --obs-mode, and kept if that succeeds as well; where these are its own, it is kept as it was. OUT/data is a
+    Minari data set (minari.MinariDataset("OUT/data")), OUT/lerobot one in the layout of LeRobot v3,
+    OUT/robomimic/demos.hdf5 one in robomimic's. A run that was interrupted goes on when the same command is given
+    again; the demonstrations do not depend on --workers. varied-0..99 are a hundred objects of random sizes that no
+    test set has. The agent dexgrasp.agents.teacher:Teacher is `hardcoded` with choices that are easy to learn,
     dexgrasp.agents.teacher:PlansOnce is `bilevel` that looks once.
 
     Attributes:
@@ -41,7 +41,7 @@ class Generate(Command):
 
     settings: Annotated[DemoSettings, {"chunk"}]
     out: Folder
-    formats: tuple[Annotated[str, one_of(("minari", "lerobot"))], ...] = ("minari",)
+    formats: tuple[Annotated[str, one_of(("minari", "lerobot", "robomimic"))], ...] = ("minari",)
     backend: Backend = Backend()
 
     def run(self) -> Answer:

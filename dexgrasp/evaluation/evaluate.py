@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from dexgrasp.agent import Agent, public_info
 from dexgrasp.evaluation.replay import record
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
 from dexgrasp.evaluation.store import TrialStore, check_folder, failed_or_disturbed
@@ -75,8 +76,15 @@ def _check(planned: Sequence[TrialSpec], runner: TrialRunner) -> None:
         if target not in CATALOGUE:
             load_target(target, settings.mesh_scale, settings.mesh_mass)
     first = {(spec.agent, spec.protocol): spec for spec in reversed(planned)}
+    told = set[str]()
     for spec in first.values():
-        runner.make_env(spec).close()
+        env, agent = runner.make_env(spec), runner.agent(spec)
+        if isinstance(agent, Agent):
+            agent.check_info(public_info(env, {}))
+        env.close()
+        if (assumed := getattr(agent, "assumed", "")) and spec.agent not in told:
+            told.add(spec.agent)
+            warn(f"note: {assumed}")
 
 
 @dataclass

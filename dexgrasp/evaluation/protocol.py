@@ -1,7 +1,9 @@
 """Protocols: what every agent is scored on, and the seeds that give all of them the same scenes."""
 
 import hashlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import yaml
@@ -12,7 +14,7 @@ from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import seed_name
 
-AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode")
+AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode", "frame_skip", "action_scale")
 """The settings that an agent may choose; everything else belongs to the protocol."""
 
 
@@ -116,3 +118,16 @@ def agent_settings(name: str, agent: Agent) -> Fields:
                 f"valid are {', '.join(AGENT_KEYS)}"
             )
     return dict(agent.env_settings)
+
+
+def agent_keywords(given: Mapping[str, Any] | Sequence[str]) -> Fields:
+    """Return keywords of `gym.make` that are an agent's, from a mapping, or from words `KEY=VALUE`.
+
+    Raises:
+        InputError: for one that is not an agent's to choose.
+    """
+    pairs = given.items() if isinstance(given, Mapping) else [word.partition("=")[::2] for word in given]
+    for key, _ in pairs:
+        if key not in AGENT_KEYS:
+            raise unknown_name("--env-kwargs key", key, AGENT_KEYS)
+    return {key: yaml.safe_load(value) if isinstance(value, str) else value for key, value in pairs}

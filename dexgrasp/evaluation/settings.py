@@ -19,8 +19,11 @@ from dexgrasp_env.files import check_file, content_hash, expand, file_hash, json
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import Objects, object_name, target_files
 from dexgrasp_env.robot.cell import make_cell
-from dexgrasp_env.valid import CellFile, Count, Friction, Mass, Mount, Natural, Positive, Rule, read
+from dexgrasp_env.valid import TEXT, CellFile, Count, Friction, Mass, Mount, Natural, Positive, Rule, read
 
+_BOUNDED = ".zip", ".obj", ".ply", ".stl", ".glb"  # of ours; what agents of somebody's own read is theirs
+_TOLD = {".zip": ("env_kwargs", "wrappers"), "lerobot:": ("env_kwargs",)}
+"""Kind of checkpoint -> settings that it is told."""
 _PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
 
 
@@ -54,6 +57,10 @@ class EvaluationSettings:
         friction: sliding friction coefficient (default: the protocol's, the object's, or 0.7).
         mesh_scale: factor from a mesh file's unit to metres, 0.001 for millimetres.
         mesh_mass: mass of a mesh, kg (default: by its volume).
+        env_kwargs: what checkpoints (.zip, lerobot:) were trained with where no record beside them says so: obs_mode,
+            control_mode, observe, frame_skip, action_scale.
+        wrappers: likewise (.zip), innermost first: Name(key=value) of gymnasium.wrappers, or module.Class(key=value)
+            of your own, which runs that module.
     """
 
     agents: Annotated[
@@ -70,12 +77,15 @@ class EvaluationSettings:
     friction: Annotated[Friction | None, "MU"] = None
     mesh_scale: Annotated[Positive, "F"] = 1.0
     mesh_mass: Annotated[Mass | None, "KG"] = None
+    env_kwargs: tuple[Annotated[str, TEXT, "KEY=VALUE"], ...] = ()
+    wrappers: tuple[Annotated[str, TEXT, "WRAPPER"], ...] = ()
 
     def __post_init__(self) -> None:
         """Check what no field alone can be wrong in.
 
         Raises:
-            InputError: for a cell or a mount that there is not, or a friction beside a protocol that has its own.
+            InputError: for a cell or a mount that there is not, a friction beside a protocol that has its own, or what
+                is of checkpoints where there are none.
         """
         make_cell(self.robot, self.mount)
         own = [name for name in self.parts if "friction" in get_protocol(name).scene]
@@ -83,6 +93,12 @@ class EvaluationSettings:
             raise InputError(
                 f"protocol {own[0]!r} has a friction of its own: leave --friction out, or take lift"
             )
+        used = {key for agent in self.agents for key in self.told(agent)}
+        for key in ("env_kwargs", "wrappers"):
+            if getattr(self, key) and key not in used:
+                raise InputError(
+                    f"--{key.replace('_', '-')} is of checkpoints ({', '.join(_TOLD)}): {self.agents[0]!r} is none"
+                )
 
     @classmethod
     def of(cls, agents: Sequence[str], objects: Sequence[str], **rest: Any) -> "EvaluationSettings":
@@ -102,6 +118,17 @@ class EvaluationSettings:
         """
         saved = {**run, "protocols": str(run.get("protocol")).split("+")}
         return read(cls, saved, "run.json", more=True)
+
+    def told(self, agent: str) -> Fields:
+        """Return what `make_agent` is told of a checkpoint; nothing of other agents."""
+        keys = (
+            _TOLD[".zip"]
+            if agent.endswith(".zip")
+            else _TOLD["lerobot:"]
+            if agent.startswith("lerobot:")
+            else ()
+        )
+        return {key: getattr(self, key) for key in keys if getattr(self, key)}
 
     @property
     def protocol(self) -> str:
@@ -123,8 +150,12 @@ class EvaluationSettings:
             "mesh_mass": self.mesh_mass,
         }
 
-    def identity(self) -> Fields:
-        """Return the settings with the versions and contents they rest on, as JSON can hold them."""
+    def identity(self, files: Iterable[str] | None = None) -> Fields:
+        """Return the settings with the versions and contents they rest on, as JSON can hold them.
+
+        Args:
+            files: those that count, where another process has found out which; None: those found here.
+        """
         settings = jsonable(asdict(self))
         settings["protocol"] = "+".join(settings.pop("protocols"))
         del settings["robot"]  # the cell is its content, wherever the file lies
@@ -133,8 +164,10 @@ class EvaluationSettings:
             **settings,
             **({"servers": servers} if servers else {}),
             "cell": make_cell(self.robot).version,
-            "files": {str(path): _file_hash(path) for path in self._files()},
-            "code": code_hash(self.agents),
+            "files": {
+                str(path): _file_hash(path) for path in (self._files() if files is None else map(Path, files))
+            },
+            "code": code_hash((*self.agents, *self._own_wrappers())),
             "versions": versions(),
         }
 
@@ -144,11 +177,20 @@ class EvaluationSettings:
         own = self.robot is not None and expand(self.robot).is_file()
         return str(expand(self.robot).resolve()) if self.robot is not None and own else self.robot
 
+    def _own_wrappers(self) -> list[str]:
+        """Return the wrappers that are somebody's own, as agents are called: `module:Class`."""
+        named = [text.partition("(")[0].rpartition(".") for text in self.wrappers]
+        return [f"{module}:{name}" for module, _, name in named if module]
+
     def _files(self) -> list[Path]:
-        """Return the files that outcomes rest on: meshes, checkpoints and what lies beside these."""
+        """Return the files that outcomes rest on: meshes, checkpoints and what lies beside these, what agents read."""
         named = [path for name in self.objects for path in target_files(name)]
         named += [path for name in self.agents for path in agent_files(name)]
-        return [path for path in dict.fromkeys(map(expand, named)) if path.is_file()]
+        found = [path for path in dict.fromkeys(map(expand, named)) if path.is_file()]
+        for path in found:
+            if path.suffix in _BOUNDED:
+                check_file(path)
+        return found
 
     def default_folder(self) -> Path:
         """Return runs/<protocol>-<agents>-seed<seed>-<hash>: the same command finds its own results again."""
@@ -232,5 +274,4 @@ def code_hash(agents: Sequence[str]) -> str:
 
 def _file_hash(path: Path) -> str:
     with readable(path):
-        check_file(path)
         return file_hash(path)[:16]

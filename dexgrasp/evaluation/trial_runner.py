@@ -17,6 +17,8 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import has_own_size
+from dexgrasp_env.scene.constants import CONTROL_STEPS
+from dexgrasp_env.tasks.constants import at_pace
 from dexgrasp_env.tasks.settings import OF_CAMERAS
 
 _MOST_ENVS = 4  # each holds a compiled scene
@@ -53,7 +55,8 @@ class TrialRunner:
         """
         key = spec.agent, get_protocol(spec.protocol).places
         if key not in self._agents:
-            self._agents[key] = placing_agent(spec.agent) if key[1] else make_agent(spec.agent)
+            make = placing_agent if key[1] else make_agent
+            self._agents[key] = make(spec.agent, **self.settings.told(spec.agent))
         return self._agents[key]
 
     def _env(self, spec: TrialSpec) -> Env:
@@ -80,12 +83,16 @@ class TrialRunner:
 
     def _env_arguments(self, spec: TrialSpec) -> Fields:
         """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
+        env_id, own = get_protocol(spec.protocol).env_id, agent_settings(spec.agent, self.agent(spec))
+        limit, pace = gym.spec(env_id).max_episode_steps, own.get("frame_skip", CONTROL_STEPS)
         return {
-            "id": get_protocol(spec.protocol).env_id,
+            "id": env_id,
             "objects": [spec.target],
             **self.settings.scene(spec.protocol),
             **({"mesh_scale": 1.0, "mesh_mass": None} if has_own_size(spec.target) else {}),
-            **agent_settings(spec.agent, self.agent(spec)),
+            **own,
+            # As many seconds as the protocol has, at whatever pace.
+            **({"max_episode_steps": at_pace(limit, pace)} if limit and pace != CONTROL_STEPS else {}),
         }
 
     def close(self) -> None:
@@ -105,7 +112,7 @@ def _runner_elsewhere(settings: EvaluationSettings, identity: Fields) -> TrialRu
     Raises:
         InputError: where that has other code or files.
     """
-    here = settings.identity()
+    here = settings.identity(identity["files"])
     if other := [key for key, value in identity.items() if here[key] != value]:
         raise InputError(
             f"a worker has other {', '.join(other)} than the run began with: leave these alone while it runs; the "

@@ -81,7 +81,8 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
     @property
     def agent_info(self) -> Fields:
         """Settings that an agent may know; the info of every reset has them."""
-        return {"action_space": self.action_space, **self.settings.agent_info}
+        spaces = {"action_space": self.action_space, "observation_space": self.observation_space}
+        return {**spaces, **self.settings.agent_info}
 
     @property
     def disturbance_steps(self) -> int:

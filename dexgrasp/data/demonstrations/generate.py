@@ -10,6 +10,7 @@ from pathlib import Path
 
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
 from dexgrasp.data.demonstrations.minari_format import write_minari
+from dexgrasp.data.demonstrations.robomimic_format import write_robomimic
 from dexgrasp.data.demonstrations.rollout import Episode, Recorder
 from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings
 from dexgrasp.runs.arrays import below
@@ -30,7 +31,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
 
-FORMATS = {"minari": write_minari, "lerobot": write_lerobot}
+FORMATS = {"minari": write_minari, "lerobot": write_lerobot, "robomimic": write_robomimic}
 ABOUT = "demos.json"
 _PARTS = "parts"
 
@@ -57,7 +58,7 @@ def generate(
     Args:
         settings: what they are made of.
         folder: where; one that holds demonstrations of other settings is refused.
-        formats: `minari` (in `data/`), `lerobot` (in `lerobot/`).
+        formats: `minari` (in `data/`), `lerobot`, `robomimic` (in folders of their names).
         backend: where the work is done; the nodes of a cluster share `folder`.
         progress: called with files done and files in all.
 

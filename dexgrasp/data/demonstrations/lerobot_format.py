@@ -2,7 +2,8 @@
 
 `data/` has a row a control step, `meta/episodes/` a row an episode, `meta/info.json` the columns and `meta/stats.json`
 their distributions. LeRobot's policies take `observation.state` (joints), `observation.environment_state` (the object)
-and `observation.images.*`. What cameras saw at reset is in the episodes' table, flat, as are object and seeds.
+and `observation.images.*`. Clouds and depths that were seen once are in the episodes' table, flat, with object, seeds
+and success; pictures are there at every step.
 """
 
 import json
@@ -58,7 +59,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
     tasks: dict[str, int] = {}
     start = 0
     for number, episode in enumerate(episodes):
-        task = f"lift {episode.about['object']}"
+        task = task_of(episode.about["object"])
         columns = _columns(episode, number, start, tasks.setdefault(task, len(tasks)))
         table = pa.table({name: _array(pa, values) for name, values in columns.items()})
         writer = writer or pq.ParquetWriter(making / _DATA, table.schema)
@@ -86,12 +87,23 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
     making.rename(folder / FOLDER)
 
 
+def task_of(name: str) -> str:
+    """Return the task on an object in words."""
+    return f"lift {name}"
+
+
+def object_keys(keys: Iterable[str]) -> list[str]:
+    """Return the keys of observations whose numbers, in this order, are `observation.environment_state`."""
+    return sorted(key for key in keys if key.startswith("object_"))
+
+
 def _columns(episode: Episode, number: int, start: int, task: int) -> Arrays:
     count = len(episode)
     steps = np.arange(count)
     seen = {key: array[:-1] for key, array in episode.observations.items()}
-    pictures = seen.pop("rgb", np.zeros((count, 0), np.uint8))  # (T, views, H, W, 3)
-    about = [array.reshape(count, -1) for key, array in seen.items() if key.startswith("object_")]
+    once = episode.once.get("rgb", np.zeros(0, np.uint8))
+    pictures = seen.pop("rgb", np.broadcast_to(once, (count, *once.shape)))  # (T, views, H, W, 3)
+    about = [seen[key].reshape(count, -1) for key in object_keys(seen)]
     return {
         "observation.state": seen["joint_positions"].astype(np.float32),
         **({"observation.environment_state": np.hstack(about).astype(np.float32)} if about else {}),
@@ -113,7 +125,11 @@ def _array(pa: Any, values: NDArray[Any]) -> Any:
     if values.ndim == _PICTURES:
         import imageio.v3 as iio
 
-        files = [{"bytes": iio.imwrite("<bytes>", each, extension=".png"), "path": None} for each in values]
+        still = values.strides[0] == 0  # one picture all along
+        files = [
+            {"bytes": iio.imwrite("<bytes>", each, extension=".png"), "path": None}
+            for each in (values[:1] if still else values)
+        ] * (len(values) if still else 1)
         return pa.array(files, pa.struct([("bytes", pa.binary()), ("path", pa.string())]))
     numbers = pa.array(values.ravel())
     if values.size == len(values):  # LeRobot has single numbers as such
@@ -127,9 +143,9 @@ def _episode_row(episode: Episode, number: int, start: int, task: str, spread: d
         "data/chunk_index": 0, "data/file_index": 0,
         "dataset_from_index": start, "dataset_to_index": start + len(episode),
         "meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0,
-        "scene_seed": episode.about["scene_seed"], "about": json.dumps(episode.about),
+        "scene_seed": episode.about["scene_seed"], "success": True, "about": json.dumps(episode.about),
     }  # fmt: skip
-    row |= {f"once/{key}": np.ravel(array).tolist() for key, array in episode.once.items()}
+    row |= {f"once/{key}": np.ravel(array).tolist() for key, array in episode.once.items() if key != "rgb"}
     return row | {
         f"stats/{name}/{kind}": value for name, own in spread.items() for kind, value in own.items()
     }

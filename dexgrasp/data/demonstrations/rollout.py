@@ -16,9 +16,11 @@ from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp.runs.arrays import below
 from dexgrasp_env.arrays import Array, Arrays, Fields, Mask, Single
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.control import max_step
 
 _LINGER = 10  # control steps that a replay goes on after the rollout
@@ -86,10 +88,15 @@ class Recorder:
         self._settings, self._target = settings, target
         self._agent: Any = make_agent(settings.agent)
         asked = agent_settings(settings.agent, self._agent)
+        if (pace := asked.get("frame_skip", CONTROL_STEPS)) != CONTROL_STEPS:
+            raise InputError(
+                f"agent {settings.agent!r} acts every {pace} physics steps: demonstrations have {CONTROL_STEPS}"
+            )
         arguments = settings.env_arguments | {"objects": [target]}
         scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction", "randomisation")}
         self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
         alike = settings.observe == "reset" and all(asked.get(key) == arguments[key] for key in MODES)
+        alike = alike and "action_scale" not in asked
         # Where the agent's own modes are those of the demonstrations, a replay would do the same.
         self._demo_env = None if alike else gym.make(ENV_ID, **arguments, disable_env_checker=True)
         cell = self._env.unwrapped.settings.cell  # type: ignore[attr-defined]

@@ -1,0 +1,142 @@
+"""Policies trained with LeRobot, as agents: `lerobot:` and the folder that its scripts call `pretrained_model`."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.agent import Agent, Observation
+from dexgrasp.data.demonstrations.lerobot_format import task_of
+from dexgrasp.evaluation.protocol import agent_keywords
+from dexgrasp.learning.lerobot.env import lerobot_observation
+from dexgrasp_env.arrays import Fields, Single
+from dexgrasp_env.errors import InputError, first_line
+from dexgrasp_env.extras import from_extra
+from dexgrasp_env.files import expand, read_json_object
+
+PREFIX = "lerobot:"
+_CONFIG, _TRAINING = "config.json", "train_config.json"
+
+
+class LeRobotAgent(Agent):
+    """Acts by a policy of LeRobot through its own processors, one environment at a time.
+
+    Attributes:
+        assumed: what had to be assumed of the environment, as nothing beside the policy says it; empty otherwise.
+    """
+
+    def __init__(self, spec: str, env_kwargs: Mapping[str, Any] | Sequence[str] = ()) -> None:
+        """Open a policy.
+
+        Args:
+            spec: `lerobot:FOLDER`.
+            env_kwargs: keywords of `gym.make` that it was trained with, where its folder does not say so.
+
+        Raises:
+            InputError: if there is no such policy, LeRobot is not installed, or `env_kwargs` contradict its folder.
+        """
+        folder = policy_folder(spec)
+        with from_extra():
+            from lerobot.configs.policies import PreTrainedConfig
+            from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+        try:
+            config = PreTrainedConfig.from_pretrained(folder)
+            config.device = "cpu"
+            self._policy = get_policy_class(config.type).from_pretrained(folder, config=config).eval()
+            here = {"preprocessor_overrides": {"device_processor": {"device": "cpu"}}}
+            self._before, self._after = make_pre_post_processors(config, pretrained_path=str(folder), **here)
+        except Exception as error:  # of whatever kind its author chose
+            raise InputError(
+                f"{folder} cannot be opened as a policy of LeRobot: {first_line(error)[:160]}"
+            ) from error
+        self._acts = tuple(config.output_features["action"].shape)
+        given, known = agent_keywords(env_kwargs), _trained_in(folder)
+        for key in given.keys() & known.keys():
+            if given[key] != known[key]:
+                raise InputError(
+                    f"{folder} was trained with {key}={known[key]}, which {key}={given[key]} contradicts"
+                )
+        stated, seen = known | given, config.input_features
+        modes = ["state"] if "observation.environment_state" in seen else []
+        modes += ["rgbd"] if any(name.startswith("observation.image") for name in seen) else []
+        self.assumed = (
+            ""
+            if "control_mode" in stated
+            else f"{folder} does not say what its actions mean: played with control_mode=joint_delta, unless "
+            "--env-kwargs says otherwise"
+        )
+        settings = {"obs_mode": "+".join(modes) or "state", "control_mode": "joint_delta"}
+        self.env_settings = settings | stated  # type: ignore[misc]  # of the instance here
+
+    def check_info(self, info: Mapping[str, Any]) -> None:
+        """Refuse an environment with other actions.
+
+        Raises:
+            InputError: saying both.
+        """
+        here = info["action_space"].shape
+        if here != self._acts:
+            raise InputError(f"the policy of LeRobot has actions of shape {self._acts}, here they are {here}")
+
+    def seed(self, seed: int) -> None:
+        """Seed the draws of policies that sample."""
+        import torch
+
+        torch.manual_seed(seed)
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Begin an episode."""
+        self._policy.reset()
+
+    def act(self, observation: Observation) -> Single:
+        """Return the next action."""
+        import torch
+        from lerobot.envs.utils import preprocess_observation
+
+        # No agent is told the object's name, which a policy that reads its task may have learned by.
+        seen = preprocess_observation(_batch(lerobot_observation(observation)))
+        seen["task"] = [task_of("the object")]
+        with torch.inference_mode():
+            action = self._after(self._policy.select_action(self._before(seen)))
+        return np.asarray(action.cpu().numpy()[0])
+
+
+def policy_folder(spec: str) -> Path:
+    """Return the folder that an agent's name stands for.
+
+    Raises:
+        InputError: if it holds no policy of LeRobot.
+    """
+    folder = expand(spec.removeprefix(PREFIX))
+    if not (folder / _CONFIG).is_file():
+        raise InputError(
+            f"{folder} holds no policy of LeRobot (no {_CONFIG}): name a folder pretrained_model"
+        )
+    return folder
+
+
+def policy_files(spec: str) -> list[Path]:
+    """Return the files that such an agent's outcomes rest on."""
+    return sorted(path for path in policy_folder(spec).iterdir() if path.suffix in (".json", ".safetensors"))
+
+
+def _trained_in(folder: Path) -> Fields:
+    """Return the keywords that the training says of its environment or of its demonstrations."""
+    training = (
+        read_json_object(folder / _TRAINING, "train it again") if (folder / _TRAINING).is_file() else {}
+    )
+    env, root = training.get("env") or {}, (training.get("dataset") or {}).get("root")
+    if env.get("type") == "dexgrasp" and "control_mode" in env:
+        return {"control_mode": env["control_mode"]}
+    demos = Path(str(root)).parent / "demos.json"
+    if root and demos.is_file():
+        return {"control_mode": json.loads(demos.read_text())["settings"]["control_mode"]}
+    return {}
+
+
+def _batch(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _batch(part) for key, part in value.items()}
+    return np.asarray(value)[None]

@@ -1,0 +1,141 @@
+"""`--env.type=dexgrasp` of LeRobot's scripts: protocols are suites, objects are tasks."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.evaluation.protocol import get_protocol
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.learning.lerobot.env import LeRobotEnv, object_sizes, obs_mode_of
+from dexgrasp_env.arrays import Fields
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import from_extra
+from dexgrasp_env.robot.cell import make_cell
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.tasks.control import action_size
+
+with from_extra():
+    from lerobot.configs import FeatureType, PolicyFeature
+    from lerobot.envs.configs import EnvConfig
+    from lerobot.utils.constants import ACTION, OBS_ENV_STATE, OBS_IMAGES, OBS_STATE
+
+
+@EnvConfig.register_subclass("dexgrasp")
+@dataclass
+class DexGraspEnv(EnvConfig):  # type: ignore[misc]  # LeRobot is not there when types are checked
+    """The suite.
+
+        lerobot-eval --env.type=dexgrasp --env.task=lift --env.objects=seen --policy.path=DIR --seed=0
+
+    Episode k of an object is trial k of `dexgrasp evaluate` with seed `evaluation_seed`, counted from LeRobot's own
+    `--seed`.
+
+    Attributes:
+        task: protocols, with commas between.
+        fps: control steps of a second, always 20.
+        objects: names, sets or mesh files, with commas between.
+        evaluation_seed: of the scenes.
+        obs_type: `environment_state_agent_pos`, `pixels_agent_pos` or `pixels_environment_state_agent_pos`.
+        control_mode: what actions mean.
+        episode_length: control steps; the protocol's by default.
+        render_mode: rgb_array; none draws nothing, and films are black.
+        robot: file of your cell, or of a robot.
+        mount: how the hand sits on the arm's flange.
+    """
+
+    task: str | None = "lift"
+    fps: int = round(1 / CONTROL_PERIOD)
+    objects: str = "ycb6"
+    evaluation_seed: int = 0
+    obs_type: str = "environment_state_agent_pos"
+    control_mode: str = "joint_delta"
+    episode_length: int | None = None
+    render_mode: str = "rgb_array"
+    robot: str | None = None
+    mount: str | None = None
+
+    def __post_init__(self) -> None:
+        """State the features.
+
+        Raises:
+            InputError: for an unknown protocol, object, kind of observation or cell.
+        """
+        settings, mode = self._settings, obs_mode_of(self.obs_type)
+        if self.fps != round(1 / CONTROL_PERIOD):
+            raise InputError(f"fps is {self.fps}: valid is {round(1 / CONTROL_PERIOD)}")
+        if self.render_mode not in ("rgb_array", "none"):
+            raise InputError(f"render_mode is {self.render_mode!r}: valid are rgb_array, none")
+        cell = make_cell(settings.robot, settings.mount)
+        self._add(ACTION, FeatureType.ACTION, (action_size(self.control_mode, cell.robot),), ACTION)
+        self._add("agent_pos", FeatureType.STATE, (cell.robot.dof,), OBS_STATE)
+        if sizes := object_sizes(mode, cell.robot):
+            self._add("environment_state", FeatureType.ENV, (sum(sizes.values()),), OBS_ENV_STATE)
+        if "rgb" in mode:
+            with_pictures = self._environment(settings.objects[0], settings.parts[0])
+            for name, space in with_pictures.observation_space["pixels"].items():
+                self._add(f"pixels/{name}", FeatureType.VISUAL, space.shape, f"{OBS_IMAGES}.{name}")
+            with_pictures.close()
+
+    @property
+    def _settings(self) -> EvaluationSettings:
+        words = {"protocols": (self.task or "").split(","), "robot": self.robot, "mount": self.mount}
+        return EvaluationSettings.of(["random"], self.objects.split(","), seed=self.evaluation_seed, **words)
+
+    def _add(self, key: str, kind: Any, shape: tuple[int, ...], policy_key: str) -> None:
+        self.features[key] = PolicyFeature(type=kind, shape=shape)
+        self.features_map[key] = policy_key
+
+    @property
+    def gym_kwargs(self) -> Fields:
+        """Keywords of `gym.make` that are the policy's."""
+        mode = {} if self.render_mode == "none" else {"render_mode": self.render_mode}
+        limit = {"max_episode_steps": self.episode_length} if self.episode_length else {}
+        return {"obs_mode": obs_mode_of(self.obs_type), "control_mode": self.control_mode, **mode, **limit}
+
+    def _environment(self, target: str, protocol: str) -> LeRobotEnv:
+        scene, env_id = self._settings.scene(protocol), get_protocol(protocol).env_id
+        env = gym.make(env_id, objects=[target], disable_env_checker=True, **scene | self.gym_kwargs)
+        return LeRobotEnv(env, target, self.evaluation_seed)
+
+    def create_envs(self, n_envs: int, use_async_envs: bool = False) -> dict[str, dict[int, Any]]:
+        """Return the vector environment of every object, by protocol; each is made when it is first used."""
+        settings = self._settings
+        return {
+            protocol: {
+                k: _Deferred(partial(self._vector, n_envs, use_async_envs, target, protocol), n_envs)
+                for k, target in enumerate(settings.objects)
+            }
+            for protocol in settings.parts
+        }
+
+    def _vector(self, n_envs: int, use_async_envs: bool, target: str, protocol: str) -> gym.vector.VectorEnv:
+        makers: list[Callable[[], Any]] = [partial(self._environment, target, protocol)] * n_envs
+        same_step = gym.vector.AutoresetMode.SAME_STEP
+        if use_async_envs and n_envs > 1:
+            return gym.vector.AsyncVectorEnv(makers, context="forkserver", autoreset_mode=same_step)
+        return gym.vector.SyncVectorEnv(makers, autoreset_mode=same_step)
+
+
+class _Deferred:
+    """Vector environment that is made when something is first asked of it: of many tasks one is open at a time."""
+
+    def __init__(self, make: Callable[[], Any], num_envs: int) -> None:
+        self._make, self.num_envs = make, num_envs
+        self._made: Any = None
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        if self._made is None:
+            self._made = self._make()
+        return getattr(self._made, name)
+
+    def close(self) -> None:
+        """Free what was made."""
+        if self._made is not None:
+            self._made.close()
+            self._made = None

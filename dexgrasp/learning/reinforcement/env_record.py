@@ -1,0 +1,238 @@
+"""Record of the environment that a policy learned in, as JSON beside its checkpoint: `ppo.json` of `ppo.zip`.
+
+A checkpoint of Stable-Baselines3 says little of it, and what `VecNormalize` counted it saves as a pickle. A record has
+the id and keywords of `gym.make`, the wrappers by name with their arguments, and statistics as numbers.
+"""
+
+import importlib
+import inspect
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from dexgrasp.evaluation.protocol import AGENT_KEYS
+from dexgrasp_env.arrays import Fields
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import jsonable, read_json_object, write_json
+from dexgrasp_env.valid import Word, list_of, read
+
+SCHEMA = 1
+_IDLE = {
+    "TimeLimit",
+    "OrderEnforcing",
+    "PassiveEnvChecker",
+    "Autoreset",
+    "RecordEpisodeStatistics",
+    "RecordVideo",
+    "RenderCollection",
+    "HumanRendering",
+    "ClipReward",
+    "TransformReward",
+    "NormalizeReward",
+    "Monitor",
+    "VecMonitor",
+    "VecCheckNan",
+    "VecVideoRecorder",
+}
+"""Wrappers that change neither what a policy sees nor what it does."""
+_VEC_ARGUMENTS = {
+    "VecNormalize": ("clip_obs", "epsilon", "norm_obs_keys"),
+    "VecFrameStack": ("n_stack",),
+    "VecTransposeImage": ("skip",),
+    "VecExtractDictObs": ("key",),
+}
+
+
+@dataclass(frozen=True)
+class WrapperRecord:
+    """Record of a wrapper.
+
+    Attributes:
+        name: `module:Class`.
+        kwargs: of its constructor; None where it does not tell them.
+        state: mean and variance of what it has counted, by the observation's key, "" for one without keys.
+    """
+
+    name: Word
+    kwargs: dict[str, Any] | None = None
+    state: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def short(self) -> str:
+        """Name of the class alone."""
+        return self.name.rpartition(":")[2]
+
+
+_Wrappers = Annotated[tuple[WrapperRecord, ...], list_of(WrapperRecord)]
+
+
+@dataclass(frozen=True)
+class EnvRecord:
+    """Record of an environment.
+
+    Attributes:
+        env: what of the keywords is a policy's own to choose (`AGENT_KEYS`), all of it.
+        id: of `gym.make`.
+        kwargs: of `gym.make`, as JSON holds them.
+        robot: its stamp; None for any.
+        mount: of the hand, by name; None for any.
+        max_episode_steps: of an episode.
+        wrappers: of each environment, the innermost first, without those that change nothing for a policy.
+        vec_wrappers: of Stable-Baselines3, around all environments, likewise.
+        schema: of this.
+    """
+
+    env: dict[str, Any]
+    id: str = ""
+    kwargs: dict[str, Any] = field(default_factory=dict)
+    robot: str | None = None
+    mount: str | None = None
+    max_episode_steps: int | None = None
+    wrappers: _Wrappers = ()
+    vec_wrappers: _Wrappers = ()
+    schema: int = SCHEMA
+
+
+def read_record(path: Path) -> EnvRecord | Fields:
+    """Return a record, or the keywords of `gym.make` that a file without a schema states.
+
+    Raises:
+        InputError: damaged, or of another schema.
+    """
+    content = read_json_object(path, 'it holds environment settings, e.g. {"obs_mode": "state"}')
+    if "schema" not in content:
+        return content
+    if content["schema"] != SCHEMA:
+        raise InputError(f"{path} has schema {content['schema']}: valid is {SCHEMA}")
+    return read(EnvRecord, content, str(path))
+
+
+def save_checkpoint(model: Any, path: str | Path) -> Path:
+    """Save a learner of Stable-Baselines3, and beside it the environment that it learns in.
+
+        save_checkpoint(PPO("MultiInputPolicy", env).learn(100_000), "ppo.zip")
+
+    Args:
+        model: the learner.
+        path: of the zip; `.zip` is added where it is missing.
+
+    Returns:
+        The record's path; `dexgrasp evaluate --agents ppo:ppo.zip` plays the policy as it was trained.
+
+    Raises:
+        InputError: if the environment is none of DexGrasp's; the zip is there.
+    """
+    zipped = Path(path) if Path(path).suffix == ".zip" else Path(f"{path}.zip")
+    model.save(zipped)
+    return record_environment(model.get_env(), zipped)
+
+
+def record_environment(env: Any, path: str | Path) -> Path:
+    """Write the record of a vector environment of Stable-Baselines3 beside a zip that is there, or will be.
+
+    Raises:
+        InputError: if the environment is none of DexGrasp's.
+    """
+    beside = Path(path).with_suffix(".json")
+    write_json(beside, jsonable(asdict(environment_record(env))))
+    return beside
+
+
+def environment_record(env: Any) -> EnvRecord:
+    """Return the record of a vector environment of Stable-Baselines3; see `record_environment`."""
+    around: list[WrapperRecord | None] = []
+    while hasattr(env, "venv"):
+        around.insert(0, _vec_wrapper(env))
+        env = env.venv
+    settings, spec = _attribute(env, "settings"), _attribute(env, "spec")
+    if settings is None or spec is None:
+        raise InputError(
+            "the environment is none of DexGrasp's, or was not made by gym.make: it is not recorded"
+        )
+    wrappers = _acting([_wrapper(each, env) for each in spec.additional_wrappers])
+    for each in wrappers:
+        if each.kwargs is None:
+            warnings.warn(
+                f"{each.name} does not tell its arguments (gymnasium.utils.RecordConstructorArgs): `evaluate` will ask "
+                "for them with --wrappers",
+                stacklevel=4,
+            )
+    return EnvRecord(
+        {key: getattr(settings, key) for key in AGENT_KEYS},
+        spec.id,
+        jsonable(spec.kwargs),
+        settings.cell.robot.stamp,
+        settings.mount,
+        spec.kwargs.get("max_episode_steps", spec.max_episode_steps),
+        wrappers,
+        _acting(around),
+    )
+
+
+def array_of(value: Any) -> Any:
+    """Return what `_kept` made JSON of."""
+    if isinstance(value, Mapping) and value.keys() == {"array", "dtype"}:
+        return np.array(value["array"], dtype=str(value["dtype"]))[()]
+    return value
+
+
+def _acting(records: Sequence[WrapperRecord | None]) -> tuple[WrapperRecord, ...]:
+    return tuple(record for record in records if record and record.short not in _IDLE)
+
+
+def _attribute(env: Any, name: str) -> Any:
+    try:
+        return env.get_attr(name)[0]
+    except (AttributeError, EOFError):  # the latter of another process
+        return None
+
+
+def _wrapper(spec: Any, env: Any) -> WrapperRecord:
+    kwargs = spec.kwargs
+    if kwargs is None:
+        module, _, name = spec.entry_point.partition(":")
+        parameters = inspect.signature(getattr(importlib.import_module(module), name)).parameters
+        kwargs = {} if len(parameters) == 1 else None  # the environment alone
+    try:
+        kwargs = kwargs and {name: _kept(value) for name, value in kwargs.items()}
+    except TypeError:
+        kwargs = None
+    counted = spec.name == "NormalizeObservation" and _attribute(env, "obs_rms")
+    return WrapperRecord(spec.entry_point, kwargs, _statistics({"": counted}) if counted else {})
+
+
+def _vec_wrapper(env: Any) -> WrapperRecord | None:
+    kind, state = type(env), Fields()
+    if kind.__name__ == "VecNormalize":
+        if not env.norm_obs:
+            return None
+        state = _statistics(env.obs_rms if isinstance(env.obs_rms, dict) else {"": env.obs_rms})
+    owner = env.stacked_obs if kind.__name__ == "VecFrameStack" else env
+    known = _VEC_ARGUMENTS.get(kind.__name__)
+    kwargs = None if known is None else {name: getattr(owner, name) for name in known}
+    return WrapperRecord(f"{kind.__module__}:{kind.__name__}", kwargs, state)
+
+
+def _statistics(counted: Mapping[str, Any]) -> Fields:
+    return {key: {"mean": own.mean.tolist(), "var": own.var.tolist()} for key, own in counted.items()}
+
+
+def _kept(value: Any) -> Any:
+    """Return an argument as JSON holds it.
+
+    Raises:
+        TypeError: for one that JSON does not hold, such as a function.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        return {"array": value.tolist(), "dtype": str(value.dtype)}
+    if isinstance(value, list | tuple | set):
+        return [_kept(each) for each in value]
+    if isinstance(value, Mapping):
+        return {str(key): _kept(each) for key, each in value.items()}
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise TypeError

@@ -1,0 +1,73 @@
+"""Watch over what code reads: weights, whatever they are called and wherever they are, and modules that it imports."""
+
+import os
+import sys
+import sysconfig
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import dexgrasp_env
+from dexgrasp_env.files import cache_dir
+
+_SYSTEM = "/proc", "/sys", "/dev", "/etc", "/usr/share", "/usr/lib"
+_WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT
+_watches: list[dict[Path, None]] = []
+
+
+@contextmanager
+def files_read() -> Iterator[dict[Path, None]]:
+    """Collect the user's files that are opened for reading within, and the modules that are imported.
+
+    Files of Python, of installed packages and of caches are nobody's own; what native code opens is not seen.
+    """
+    _begin_watching()
+    before, found = set(sys.modules), dict[Path, None]()
+    _watches.append(found)
+    try:
+        yield found
+    finally:
+        _watches.remove(found)
+        own = _own_roots()
+        for name in sys.modules.keys() - before:
+            source = getattr(sys.modules[name], "__file__", None)
+            if source and source.endswith(".py"):
+                found[Path(source)] = None
+        for path in list(found):
+            if not _is_own(path, own):
+                del found[path]
+
+
+@cache
+def _begin_watching() -> None:
+    sys.addaudithook(_note)  # for the life of the process
+
+
+def _note(event: str, args: tuple[Any, ...]) -> None:
+    if not _watches or event != "open" or not isinstance(args[0], str | bytes | os.PathLike):
+        return
+    path, flags = os.fsdecode(args[0]), args[2]
+    # A module's source is read or not as its compiled form is there or not: `files_read` looks for the module instead.
+    if not (isinstance(flags, int) and flags & _WRITES) and not path.endswith((".py", ".pyc")):
+        for found in _watches:
+            found[Path(path)] = None
+
+
+def _own_roots() -> tuple[Path, ...]:
+    """Return the folders of what is installed, or kept to save time."""
+    libraries = {sysconfig.get_path(name) for name in ("stdlib", "platstdlib")}
+    packages = Path(__file__).parents[1], Path(dexgrasp_env.__file__).parent
+    places = *libraries, *packages, *_SYSTEM, cache_dir(), os.path.expanduser("~/.cache")
+    return tuple(Path(place).resolve() for place in places)
+
+
+def _is_own(path: Path, roots: tuple[Path, ...]) -> bool:
+    with suppress(OSError, ValueError):
+        resolved = path.resolve()
+        installed = {"site-packages", "dist-packages"} & set(resolved.parts)
+        return (
+            resolved.is_file() and not installed and not any(resolved.is_relative_to(root) for root in roots)
+        )
+    return False
