@@ -1,6 +1,7 @@
 """Maker of robot files from a maker's URDF or MJCF: what can be derived is, and what cannot is assumed and noted."""
 
 from dataclasses import asdict, replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from dexgrasp_env.arrays import Array, Fields, middle
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.locales import with_decimal_points
-from dexgrasp_env.robot.couplings import couplings
+from dexgrasp_env.robot.couplings import couplings, led_by
+from dexgrasp_env.robot.gripper import Jaws, find_jaws, like_reach
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
@@ -48,15 +50,80 @@ class HandMaker(Part):
         """Look at it.
 
         Raises:
-            InputError: for what is no hand of hinges with three fingers or more.
+            InputError: for what is no hand of two fingers or more.
         """
         super().__init__(path)
-        self.couplings = couplings(self.model, path)
+        self.couplings, still, notes = couplings(self.model, path)
+        self.notes += notes
         self.held: list[str] = []
         self.palm = self._find_palm()
-        self.chains = self._find_fingers()
-        if len(self.chains) < 3:
-            raise InputError(f"{path} has {len(self.chains)} fingers: valid are three or more")
+        self.chains = self._find_fingers({self.model.joint(name).id for name in still})
+        self.held += still
+        self.jaws: Jaws | None = None
+        if len(self.chains) < 2:
+            raise InputError(f"{path} has {len(self.chains)} fingers: valid are two or more")
+        if len(self.chains) - self.linkages < 3:
+            self._find_jaws()
+        else:
+            self._find_thumb()
+
+    def _find_jaws(self) -> None:
+        """Take the two chains that reach farthest for the jaws of a gripper, and what follows them for rods."""
+        at = self.pose(self.palm)[:3, 3]
+        reaches = np.array([
+            max(np.linalg.norm(self.points(b) - at, axis=1).max() for b in chain if self.has_shape(b))
+            for chain in self.chains
+        ])  # fmt: skip
+        if len(jaws := like_reach(reaches)) != 2:
+            raise InputError(f"{self.path} has {len(jaws)} jaws that reach alike: valid are two, or driven fingers")
+        rods = [chain for k, chain in enumerate(self.chains) if k not in jaws]
+        own = [self.chains[k] for k in jaws]
+        for joint in self.names(own[0])[1]:
+            if {c.follows for c in self.couplings} - {j for chain in own for j in self.names(chain)[1]}:
+                self.couplings = led_by(self.couplings, joint)
+        opened, closed = self._ends([chain[-1] for chain in own], [*own, *rods])
+        self.jaws = find_jaws(self, self.palm, [chain[-1] for chain in own], opened, closed)
+        self.opened = 0.9 * opened + 0.1 * closed
+        own.sort(key=lambda chain: chain[-1] != self.jaws.ends[0])
+        self.chains, self.linkages = [*rods, *own], len(rods)
+        self.frame, self.radius = self.jaws.palm, self.jaws.radius
+        self._tips = [(np.eye(4), 0.0) for _ in rods] + [(T, self.radius) for T in self.jaws.tips]
+        self.notes.append(
+            f"hand: a gripper of {1000 * self.jaws.stroke:.0f} mm stroke, pads of {2000 * self.radius:.0f} mm: "
+            f"torsion {self.jaws.torsion} m assumed"
+        )
+
+    def _ends(self, ends: list[int], chains: list[list[int]]) -> tuple[Array, Array]:
+        """Return the places (n,) of all joints with two bodies farthest apart, and nearest to each other."""
+        joints = [name for chain in chains for name in self.names(chain)[1]]
+        low, high = self.ranges([self.model.joint(name).id for name in joints]).T.tolist()
+        limits = {"lower": low, "upper": high}
+        self._narrow(joints, limits)
+        found, followers = list[Array](), {own.joint for own in self.couplings}
+        middle_at = {n: 0.5 * (a + b) for n, a, b in zip(joints, low, high, strict=True) if n not in followers}
+        apart = {
+            name: [self._gap(ends, middle_at | {name: side[k]}) for side in (low, high)]
+            for k, name in enumerate(joints) if name in middle_at
+        }  # fmt: skip
+        for widest in (True, False):
+            at = {n: (low, high)[(b > a) == widest][joints.index(n)] for n, (a, b) in apart.items()}
+            found.append(self._following(at))
+        return found[0], found[1]
+
+    def _gap(self, ends: list[int], at: dict[str, float]) -> float:
+        self.place(self._following(at))
+        return float(np.linalg.norm(np.subtract(*(self.points(body).mean(0) for body in ends))))
+
+    def _following(self, at: dict[str, float]) -> Array:
+        """Return the places (n,) of all joints, where leading ones are told theirs."""
+        q = np.clip(0.0, *self.ranges().T)
+        q[[self.model.joint(name).id for name in at]] = list(at.values())
+        for own in self.couplings:
+            q[self.model.joint(own.joint).id] = own.offset + own.ratio * q[self.model.joint(own.follows).id]
+        return q
+
+    def _find_thumb(self) -> None:
+        """Find the tips, and the thumb among them, which comes last."""
         self._tips = [self._tip(chain) for chain in self.chains]
         ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
         unlike = (ways @ ways.T)[self.linkages :, self.linkages :].sum(1)
@@ -82,8 +149,11 @@ class HandMaker(Part):
             self.notes.append(f"hand held: {', '.join(self.held)}, before the palm, stand still at 0")
         return body
 
-    def _find_fingers(self) -> list[list[int]]:
-        """Return the chains of jointed bodies from the palm out; joints before a branching are held at 0."""
+    def _find_fingers(self, still: set[int]) -> list[list[int]]:
+        """Return the chains of jointed bodies from the palm out; joints before a branching are held at 0.
+
+        Bodies of `still` joints are no part of a chain.
+        """
         found, left, held = list[list[int]](), self.below(self.palm), set[int]()
         while left:
             body = left.pop(0)
@@ -104,7 +174,7 @@ class HandMaker(Part):
             self.held += joints
             self.couplings = [own for own in self.couplings if own.joint not in joints]
         followers = {own.joint for own in self.couplings}
-        chains = [[b for b in chain if self.model.body_jntadr[b] not in held] for chain in found]
+        chains = [[b for b in chain if self.model.body_jntadr[b] not in held | still] for chain in found]
         own = [{name(self.model.body_jntadr[b]).name for b in chain} for chain in chains]
         linkages = [k for k, joints in enumerate(own) if joints and joints <= followers]
         self.linkages = len(linkages)  # chains that only follow: rods of a finger
@@ -142,6 +212,8 @@ class HandMaker(Part):
     def tip(self, k: int) -> Array:
         """Return the frame (4, 4) of a finger's tip, its origin at the middle of the sphere."""
         T = self._tips[k][0].copy()
+        if self.jaws:
+            return T
         T[:3, 3] -= self.radius * (T[:3, 0] + T[:3, 2])
         return T
 
@@ -156,13 +228,15 @@ class HandMaker(Part):
 
     def entry(self) -> Fields:
         """Return what the hand's file says."""
-        near = self._beside_thumb()
+        near = [] if self.jaws else self._beside_thumb()
         names = [*(f"finger_{k + 1}" for k in range(len(self.chains) - 1)), "thumb"]
+        if self.jaws:
+            names = [*(f"rod_{k + 1}" for k in range(self.linkages)), "left", "right"]
         fingers, joints = [], list[str]()
         for k, chain in enumerate(self.chains):
             bodies, own = self.names(chain)
             joints += own
-            idle = self.linkages <= k and k not in near and names[k] != "thumb"
+            idle = not self.jaws and self.linkages <= k and k not in near and names[k] != "thumb"
             fingers.append(_stated({
                 "name": names[k], "joints": own, "bodies": bodies, "tip": f"{names[k]}_tip",
                 "frame": frame_entry(self.pose(chain[-1]), self.tip(k)),
@@ -173,9 +247,10 @@ class HandMaker(Part):
         return _stated({
             **self.head(), "palm": self.model.body(self.palm).name,
             "frame": frame_entry(self.pose(self.palm), self.frame), "tip_radius": self.radius,
-            "tip_length": float(np.round(max(lengths), 4)) if self.radius < _NARROW else (),
+            "tip_length": float(np.round(max(lengths), 4)) if self.radius < _NARROW and not self.jaws else (),
+            "torsion": self.jaws.torsion if self.jaws else (),
             **self._driven(joints), "held": self.held,
-            "fingers": fingers, "grasp": ["thumb", *(names[k] for k in near)],
+            "fingers": fingers, "grasp": names[-2:] if self.jaws else ["thumb", *(names[k] for k in near)],
             "mounts": {"palm_normal": self._mount()},
         })  # fmt: skip
 
@@ -193,7 +268,7 @@ class HandMaker(Part):
 
     def _driven(self, joints: list[str]) -> Fields:
         """Return limits, gains and tendons as the file says them."""
-        limits = self.limits(joints, "hand")
+        limits = self.limits(joints, "gripper" if self.jaws else "hand")
         tendons = [
             {
                 "joints": [self.model.joint(j).name for j in own],
@@ -207,6 +282,11 @@ class HandMaker(Part):
         self._narrow(joints, limits)
         if tendons:
             self.notes.append(f"hand upper: last joints of tendons end at {_CURLED} rad")
+        if self.couplings:
+            pairs = ", ".join(f"{own.joint} = {own.ratio:.4g} {own.follows}" for own in self.couplings)
+            self.notes.append(f"hand couplings: {pairs}")
+        if self.jaws:
+            self._share(joints, limits["torque"])
         followers = [asdict(own) for own in self.couplings if own.joint in joints]
         return limits | {"couplings": followers, "tendons": tendons}
 
@@ -223,9 +303,16 @@ class HandMaker(Part):
             ends = sorted(own.offset + own.ratio * limits[side][leader] for side in ("lower", "upper"))
             limits["lower"][k] = min(limits["lower"][k], ends[0])
             limits["upper"][k] = max(limits["upper"][k], ends[1])
-        if self.couplings:
-            pairs = ", ".join(f"{own.joint} = {own.ratio:.4g} {own.follows}" for own in self.couplings)
-            self.notes.append(f"hand couplings: {pairs}")
+
+    def _share(self, joints: list[str], torque: list[float]) -> None:
+        """Share the torque of each drive among the joints that it moves: each has a servo here, those of rods as well."""
+        for leader in {own.follows for own in self.couplings}:
+            ratios = {joints.index(leader): 1.0} | {
+                joints.index(own.joint): abs(own.ratio) for own in self.couplings if own.follows == leader
+            }
+            each = sum(ratio * torque[k] for k, ratio in ratios.items()) / sum(ratios.values())
+            for k in ratios:
+                torque[k] = float(f"{each:.6g}")
 
     def _beside_thumb(self) -> list[int]:
         """Return the finger whose base is nearest to the thumb's tip, and the neighbour of it whose base is nearer."""
@@ -249,6 +336,19 @@ class HandMaker(Part):
         return {"position": np.round(position, 6).tolist(), "quat_wxyz": list(_PALM_DOWN)}
 
 
+def _gripper_entry(maker: HandMaker, entry: Fields) -> Fields:
+    """Return what a gripper's file says: open nearly as far as it opens, rods collide with no part of it."""
+    names = [name for finger in entry["fingers"] for name in finger["joints"]]
+    open_at = [maker.opened[maker.model.joint(name).id] for name in names]
+    bodies = [entry["palm"], *(body for finger in entry["fingers"] for body in finger["bodies"])]
+    rods = {body for finger in entry["fingers"][:-2] for body in finger["bodies"]}
+    rigid_pairs = [pair for pair in combinations(bodies, 2) if rods & {*pair}]
+    entry["open"] = np.clip(np.round(open_at, 6), entry["lower"], entry["upper"]).tolist()
+    value = make_hand(entry)
+    near = always_near(value, with_decimal_points(described(value).compile))
+    return entry | _stated({"excluded": [*dict.fromkeys([*rigid_pairs, *near])]})
+
+
 def hand_entry(path: Path) -> tuple[Fields, list[str]]:
     """Return what a hand's file says of an MJCF, and what was assumed.
 
@@ -257,6 +357,8 @@ def hand_entry(path: Path) -> tuple[Fields, list[str]]:
     """
     maker = HandMaker(path)
     entry = maker.entry()
+    if maker.jaws:
+        return _gripper_entry(maker, entry), maker.notes
     value = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
     near = always_near(value, with_decimal_points(described(value).compile))
     for _ in range(_TRIES):

@@ -162,12 +162,17 @@ def _moved(home: mujoco.MjData, column: Array, push: float) -> Array:
 
 
 def _tips(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
-    """The surface of each grasping tip is a radius from its site, out of the tip and out of its pad."""
+    """The surface of each grasping tip is a radius from its site, out of the tip and out of its pad.
+
+    A jaw closes between the two, and its pad may be flat.
+    """
     radius = cell.robot.hand.tip_radius
     mend = f"shift the tip's frame, or change tip_radius, {1000 * radius:.1f} mm"
     for finger in cell.robot.grasping:
         site = home.site(finger.tip)
-        for what, way in (("end", site.xmat.reshape(3, 3)[:, 2]), ("pad", _pad(home, finger))):
+        end, pad = site.xmat.reshape(3, 3)[:, 2], _pad(home, finger)
+        jaw = cell.robot.hand.torsion > 0.0
+        for what, way in {"pad": (end + pad) / np.sqrt(2.0)}.items() if jaw else (("end", end), ("pad", pad)):
             depth = _surface(home, home.model.geom(finger.tip).id, site.xpos, way)
             far = f"the {what} of {finger.tip} is {1000 * depth:.1f} mm from its centre"
             yield _told(abs(depth - radius) <= _OFF, far, mend)
