@@ -26,6 +26,7 @@ SAMPLES = 400_000
 _SEED = 0
 _ENOUGH, _ROUNDS = 20_000, 30  # postures of a hand from elsewhere that will do; how often to sample for them
 _APART = 0.003  # m between its bodies, so that it can open too
+_LOOKED_AT = 500  # postures that tell which of its bodies can be so far apart
 _INWARD = -0.2  # least cosine of its tips' axes to the middle of all tips: the backs of tips cannot press
 _BESIDE, _DEPTH = 0.003, 0.005  # m that the link behind a tip may lie in a face that the tip presses so deep
 _LEAST = 0.05  # cosine of a tip's axis to what it presses against
@@ -107,15 +108,23 @@ def _drawn(rng: np.random.Generator, tree: RobotTree) -> Array:
 def _many_kept(rng: np.random.Generator, robot: Robot, tree: RobotTree) -> Array:
     """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn."""
     kept, pairs = list[Array](), _moving_pairs(robot, tree)
-    for _ in range(_ROUNDS):
+    for k in range(_ROUNDS):
         q = _postures(_drawn(rng, tree), robot, tree)
         q = q[_opposed(q, tree)]
+        if k == 0:
+            pairs = _telling(q[:_LOOKED_AT], tree, pairs)
         kept.append(q[_pressing(q, tree, pairs)])
         if sum(map(len, kept)) > _ENOUGH:
             break
     if not sum(map(len, kept)):
         raise InputError(f"hand {robot.hand.name!r} can press with no two tips: see `dexgrasp robot check`")
     return np.concatenate(kept)
+
+
+def _telling(q: Array, tree: RobotTree, pairs: Index) -> Index:
+    """Return the pairs of bodies that some of postures (N, n) keep apart: `_APART` is more than others ever are."""
+    kept = [len(q) == 0 or bool(_clear_of_itself(q, tree, pair[None]).any()) for pair in pairs]
+    return pairs[np.array(kept, bool)]
 
 
 def _moving_pairs(robot: Robot, tree: RobotTree) -> Index:

@@ -21,7 +21,8 @@ Lines = dict[int, tuple[int, float, float]]
 DRIVES_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _SLACK = 0.3  # rad that a tendon between two joints may leave: they are coupled
 _LEVELS, _STEPS = 24, 60  # places of a drive that are looked at, and physics steps from one to the next
-_DAMPING, _HEAVY = 0.02, 1e6  # of joints while a drive moves; armature of a drive, which nothing pushes back
+_DAMPING, _HEAVY = 20.0, 1e6  # 1/s, of joints while a drive moves; armature of a drive, which nothing pushes back
+_RIGID, _FIRM = (0.006, 1.0), (0.99, 0.999)  # solref (s) and solimp of loops while it moves
 _OPEN = 0.003  # m or rad by which a loop may miss closing: beyond, the drive is at its end
 _STILL, _CURVE = 0.02, 0.15  # rad that count as no motion, and that a joint may be off its line (slides: a tenth, m)
 
@@ -148,7 +149,8 @@ def _swept(model: mujoco.MjModel, drive: int, drives: list[int]) -> tuple[Array,
     m = copy.copy(model)
     m.opt.gravity[:] = 0.0
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    m.dof_damping[:], m.dof_frictionloss[:] = np.maximum(m.dof_damping, _DAMPING), 0.0
+    m.dof_damping[:], m.dof_frictionloss[:] = _DAMPING * m.dof_M0, 0.0
+    m.eq_solref[:], m.eq_solimp[:, :2] = _RIGID, _FIRM
     m.dof_armature[m.jnt_dofadr[drives]] = _HEAVY
     at, low_high = m.jnt_qposadr[drive], m.jnt_range[drive]
     if not m.jnt_limited[drive]:

@@ -46,6 +46,9 @@ class Part(Description):
                 f"{path} has joints that neither turn nor slide: valid is a hand or an arm that does not float"
             )
         self.place(np.clip(0.0, *self.ranges().T))
+        heavy = np.flatnonzero(self.model.body_mass > 0).tolist()
+        if off := [self._name(b) for b in heavy if self.is_off(self.data.xipos[b], self.box_of([b]))]:
+            self.notes.append(f"centres of mass far off the shapes of {', '.join(off)}: their middles are taken")
 
     def place(self, q: Array) -> None:
         """Put the joints at `q` (n,) rad or m."""

@@ -14,6 +14,7 @@ from dexgrasp_env.robot.robot import Arm, Hand
 _DRAWS = 20_000
 _LOOKS, _ALWAYS, _DEEPEST = 300, 0.01, 0.004  # postures; m that bodies are always within, and never deeper in
 _TOUCHING = 0.002  # m: those that never come so near need not be excluded
+_JOINED, _MOSTLY = 2, 0.5  # joints between links whose hulls overlap as they are built, where so many postures say so
 _SPAN, _LENGTH = 0.09, 0.03  # m between the opposing tips, and how much of a miss counts as one
 _INSIDE = 0.85  # share of a joint's range that is drawn from
 _FLANGE = np.array([0.4, 0.0, 0.55])  # m, where an arm's flange is at home, looking down
@@ -58,6 +59,8 @@ def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, boo
 def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...]:
     """Return the pairs of bodies that stay so near each other in any posture that none can make them collide.
 
+    So are links with two joints between them that are near in most: hulls fill what such links turn in.
+
     Args:
         hand: whose bodies and ranges count.
         model: of the hand alone, frames as here.
@@ -68,14 +71,22 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
         for a, b in combinations(hand.bodies, 2)
         if model.body_parentid[number[b]] != number[a]
     }
+    joined = {
+        pair: 0 for pair in near if len(joints_between(model, *(number[name] for name in pair))) <= _JOINED
+    }
     drawn = np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (_LOOKS, model.nq))
-    for data in swept(model, drawn):
-        for (a, b), least in list(near.items()):
+    for data in swept(model, drawn @ hand.free[0].T + hand.free[1]):
+        for a, b in near.keys() | joined.keys():
             apart = bodies_apart(data, number[a], number[b], _ALWAYS)
-            near[a, b] = min(apart, least)
-            if not -_DEEPEST < apart < _ALWAYS:
-                del near[a, b]
-    return tuple(pair for pair, least in near.items() if least < _TOUCHING)
+            if (a, b) in joined:
+                joined[a, b] += apart < _TOUCHING
+            if (a, b) in near:
+                near[a, b] = min(apart, near[a, b])
+                if not -_DEEPEST < apart < _ALWAYS:
+                    del near[a, b]
+    found = {pair for pair, least in near.items() if least < _TOUCHING}
+    found |= {pair for pair, often in joined.items() if often > _MOSTLY * _LOOKS}
+    return tuple(sorted(found))
 
 
 def overlapping_links(model: mujoco.MjModel, q: Array) -> tuple[tuple[str, str], ...]:

@@ -78,6 +78,22 @@ class Description:
                 solid = solid | (m.geom_bodyid == body)
         return solid if solid.any() else np.ones_like(solid)
 
+    def box_of(self, bodies: list[int]) -> Array:
+        """Return the ends (2, 3) m of a box around all shapes of bodies; nan without any."""
+        found = [
+            self.corners(g) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
+            for g in np.flatnonzero(np.isin(self.model.geom_bodyid, bodies)).tolist()
+            if _GEOM(self.model.geom_type[g]) in _SHAPES
+        ]
+        points = np.concatenate(found) if found else np.full((1, 3), np.nan)
+        return np.array([points.min(0), points.max(0)])
+
+    @staticmethod
+    def is_off(centre: Array, box: Array) -> bool:
+        """Tell whether a centre of mass (3,) m lies farther out of a box (2, 3) m than the box is long."""
+        away = np.maximum(box[0] - centre, centre - box[1]).clip(0.0)
+        return bool(np.linalg.norm(away) > np.linalg.norm(box[1] - box[0]))
+
     def corners(self, geom: int) -> Array:
         """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in its own frame."""
         if self.model.geom_type[geom] == _GEOM.mjGEOM_MESH:
@@ -235,9 +251,11 @@ class _Rebuilt(Description):
         mass = self.model.body_mass[own]
         if not mass.sum() > 0:
             return
-        centre = mass @ self.data.xipos[own] / mass.sum()
+        centre, box = mass @ self.data.xipos[own] / mass.sum(), self.box_of(own)
         inertia = np.zeros((3, 3))
-        for b, m in zip(own, mass, strict=True):
+        if self.is_off(centre, box):
+            centre, own = box.mean(0), []
+        for b, m in zip(own, mass, strict=False):
             R, away = self.data.ximat[b].reshape(3, 3), self.data.xipos[b] - centre
             inertia += R @ np.diag(self.model.body_inertia[b]) @ R.T
             inertia += m * (away @ away * np.eye(3) - np.outer(away, away))
