@@ -37,7 +37,7 @@ class Pinch:
         self._gaps = np.linalg.norm(between, axis=1) - 2.0 * self._tree.tip_radius
 
     def hands(self, points: Array, axis: Array) -> list[Array]:
-        """Return hands (h,) rad: open, with the pads at points (N, 3) m along `axis` (3,), and closed with all force."""
+        """Return hands (h,) rad: open, with pads at points (N, 3) m along `axis` (3,), and closed."""
         return [self.stages[0], self.stages[self._stage(points, axis)], self.stages[-1]]
 
     def palm(self, points: Array, axis: Array) -> tuple[Array, Array]:

@@ -21,10 +21,16 @@ Lines = dict[int, tuple[int, float, float]]
 DRIVES_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _SLACK = 0.3  # rad that a tendon between two joints may leave: they are coupled
 _LEVELS, _STEPS = 24, 60  # places of a drive that are looked at, and physics steps from one to the next
-_DAMPING, _HEAVY = 20.0, 1e6  # 1/s, of joints while a drive moves; armature of a drive, which nothing pushes back
+_DAMPING, _HEAVY = (
+    20.0,
+    1e6,
+)  # 1/s, of joints while a drive moves; armature of a drive, which nothing pushes back
 _RIGID, _FIRM = (0.006, 1.0), (0.99, 0.999)  # solref (s) and solimp of loops while it moves
 _OPEN = 0.003  # m or rad by which a loop may miss closing: beyond, the drive is at its end
-_STILL, _CURVE = 0.02, 0.15  # rad that count as no motion, and that a joint may be off its line (slides: a tenth, m)
+_STILL, _CURVE = (
+    0.02,
+    0.15,
+)  # rad that count as no motion, and that a joint may be off its line (slides: a tenth, m)
 
 
 class Coupled(NamedTuple):
@@ -141,7 +147,9 @@ def _reduce_loops(model: mujoco.MjModel, path: Path, lines: Lines) -> tuple[list
                 raise InputError(f"{path} couples joint {name!r} by a curve: it is {off:.2g} off a line")
             lines[j], worst = (drive, float(ratio), float(offset)), max(worst, off)
     still = [model.joint(j).name for j in free if j not in lines]
-    return still, [f"hand couplings: loops are reduced to their drives; joints are on lines of them within {worst:.2g}"]
+    return still, [
+        f"hand couplings: loops are reduced to their drives; joints are on lines of them within {worst:.2g}"
+    ]
 
 
 def _swept(model: mujoco.MjModel, drive: int, drives: list[int]) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Jaws of a gripper's description: where two fingers close, which of their faces are the pads, and how large those are."""
+"""Jaws of a gripper's description: where two fingers close, which faces are their pads, how large they are."""
 
 from typing import NamedTuple
 
@@ -57,7 +57,9 @@ def find_jaws(part: Part, palm: int, ends: list[int], opened: Array, closed: Arr
     y = _snapped(y, axes)
     if (middle(own[0]) - middle(own[1])) @ y < 0:
         ends, own = ends[::-1], own[::-1]
-    x = middle(np.concatenate(own)) - middle(part.points(palm) if part.has_shape(palm) else part.data.xpos[[palm]])
+    x = middle(np.concatenate(own)) - middle(
+        part.points(palm) if part.has_shape(palm) else part.data.xpos[[palm]]
+    )
     x = _snapped(x - x @ y * y, axes)
     pads = [_pad(part, body, way, x) for body, way in zip(ends, (-y, y), strict=True)]
     radius = round(float(np.clip(min(size for _, size in pads), *_PAD)), 4)

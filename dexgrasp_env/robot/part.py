@@ -10,7 +10,7 @@ from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.coupled import Coupling
 from dexgrasp_env.robot.couplings import DRIVES_JOINT, wrapped_joints
-from dexgrasp_env.robot.rebuilt import TURN_OR_SLIDE, Description
+from dexgrasp_env.robot.description import TURN_OR_SLIDE, Description
 from dexgrasp_env.robot.robot import SLIDE
 
 _UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model without a name
@@ -48,7 +48,9 @@ class Part(Description):
         self.place(np.clip(0.0, *self.ranges().T))
         heavy = np.flatnonzero(self.model.body_mass > 0).tolist()
         if off := [self._name(b) for b in heavy if self.is_off(self.data.xipos[b], self.box_of([b]))]:
-            self.notes.append(f"centres of mass far off the shapes of {', '.join(off)}: their middles are taken")
+            self.notes.append(
+                f"centres of mass far off the shapes of {', '.join(off)}: their middles are taken"
+            )
 
     def place(self, q: Array) -> None:
         """Put the joints at `q` (n,) rad or m."""

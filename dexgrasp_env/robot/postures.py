@@ -14,7 +14,10 @@ from dexgrasp_env.robot.robot import Arm, Hand
 _DRAWS = 20_000
 _LOOKS, _ALWAYS, _DEEPEST = 300, 0.01, 0.004  # postures; m that bodies are always within, and never deeper in
 _TOUCHING = 0.002  # m: those that never come so near need not be excluded
-_JOINED, _MOSTLY = 2, 0.5  # joints between links whose hulls overlap as they are built, where so many postures say so
+_JOINED, _MOSTLY = (
+    2,
+    0.5,
+)  # joints between links whose hulls overlap as they are built, where so many postures say so
 _SPAN, _LENGTH = 0.09, 0.03  # m between the opposing tips, and how much of a miss counts as one
 _INSIDE = 0.85  # share of a joint's range that is drawn from
 _FLANGE = np.array([0.4, 0.0, 0.55])  # m, where an arm's flange is at home, looking down

@@ -18,93 +18,19 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.couplings import has_loops, stated_lines, wrapped_joints
+from dexgrasp_env.robot.description import SOLIDS, TURN_OR_SLIDE, Description, pose_of
 from dexgrasp_env.robot.hulls import colour_of, cut, hull_of, mesh_of
 from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
-from dexgrasp_env.robot.source import read_source
 
 FLANGE = 0.107
 """m from the frame of an arm's last link to its flange, along z: mounts count on it."""
-_ROTOR = {"arm": 0.1, "hand": 0.001, "slide": 0.1}  # kg m2, kg of slides, of joints that state none: they are geared
+_ROTOR = {
+    "arm": 0.1,
+    "hand": 0.001,
+    "slide": 0.1,
+}  # kg m2, kg of slides, of joints that state none: they are geared
 _ROUND = 0.02  # m, radius of gyration of a link whose file gives it a mass alone
 _GEOM = mujoco.mjtGeom
-TURN_OR_SLIDE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-_CUBE = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
-_SHAPES = (
-    _GEOM.mjGEOM_SPHERE,
-    _GEOM.mjGEOM_ELLIPSOID,
-    _GEOM.mjGEOM_CAPSULE,
-    _GEOM.mjGEOM_CYLINDER,
-    _GEOM.mjGEOM_BOX,
-    _GEOM.mjGEOM_MESH,
-)
-
-
-class Description:
-    """Content of a description: its bodies and shapes in the world of the file, all joints at 0.
-
-    Attributes:
-        path: of the file.
-        model, data: of it.
-        source: what was changed so that it compiles, and the rates that it states.
-    """
-
-    def __init__(self, path: Path) -> None:
-        """Compile it.
-
-        Raises:
-            InputError: in one line, where MuJoCo cannot read it.
-        """
-        self.path, self.source = path, read_source(path)
-        self.model = self.source.model
-        self.data = mujoco.MjData(self.model)
-        self.data.qpos[:] = 0.0
-        mujoco.mj_kinematics(self.model, self.data)
-
-    def pose(self, body: int | str) -> Array:
-        """Return the pose (4, 4) of a body."""
-        return pose_of(self.data.body(body))
-
-    @cached_property
-    def solid(self) -> Array:
-        """Which geoms (ngeom,) collide; of a description in which nothing does, and of ends of chains, all."""
-        m = self.model
-        solid = (m.geom_contype | m.geom_conaffinity) != 0
-        for body in range(1, m.nbody):
-            if (
-                m.body_jntnum[body]
-                and not (m.body_parentid == body).any()
-                and not solid[m.geom_bodyid == body].any()
-            ):
-                solid = solid | (m.geom_bodyid == body)
-        return solid if solid.any() else np.ones_like(solid)
-
-    def box_of(self, bodies: list[int]) -> Array:
-        """Return the ends (2, 3) m of a box around all shapes of bodies; nan without any."""
-        found = [
-            self.corners(g) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
-            for g in np.flatnonzero(np.isin(self.model.geom_bodyid, bodies)).tolist()
-            if _GEOM(self.model.geom_type[g]) in _SHAPES
-        ]
-        points = np.concatenate(found) if found else np.full((1, 3), np.nan)
-        return np.array([points.min(0), points.max(0)])
-
-    @staticmethod
-    def is_off(centre: Array, box: Array) -> bool:
-        """Tell whether a centre of mass (3,) m lies farther out of a box (2, 3) m than the box is long."""
-        away = np.maximum(box[0] - centre, centre - box[1]).clip(0.0)
-        return bool(np.linalg.norm(away) > np.linalg.norm(box[1] - box[0]))
-
-    def corners(self, geom: int) -> Array:
-        """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in its own frame."""
-        if self.model.geom_type[geom] == _GEOM.mjGEOM_MESH:
-            return mesh_of(self.model, geom)[0]
-        middle, half = np.split(self.model.geom_aabb[geom], 2)
-        return middle + half * _CUBE
-
-
-def pose_of(place: Any) -> Array:
-    """Return the pose (4, 4) of a body, shape or site of `mujoco.MjData`."""
-    return rigid(place.xmat.reshape(3, 3), place.xpos)
 
 
 def _read(reader: Callable[[str], Any], path: Path) -> Any:
@@ -157,7 +83,9 @@ class _Rebuilt(Description):
             raise InputError(f"joint {more[0]!r} of {self.path} is not named: every joint has to be")
         m = self.model
         if not np.isin(m.jnt_type, TURN_OR_SLIDE).all():
-            raise InputError(f"{self.path} has joints that neither turn nor slide: they are not supported yet")
+            raise InputError(
+                f"{self.path} has joints that neither turn nor slide: they are not supported yet"
+            )
         pulled = m.actuator_trnid[m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0]
         tied = self.hand and (self.hand.tendons or self.hand.couplings)
         if any(wrapped_joints(m, t)[0] for t in pulled) and not tied:
@@ -295,7 +223,7 @@ class _Rebuilt(Description):
         own = [g for g, b in enumerate(self.model.geom_bodyid) if self.owner.get(b) == body.name]
         solid = [g for g in own if self.solid[g]]
         for k, g in enumerate([*solid, *(set(own) - set(solid) or solid)]):
-            if _GEOM(self.model.geom_type[g]) not in _SHAPES:
+            if _GEOM(self.model.geom_type[g]) not in SOLIDS:
                 raise InputError(f"{self.path}: body {body.name!r} has a shape that is no solid")
             self._add_geom(body, g, f"{body.name}_{k}", k < len(solid))
         for finger in self.hand.fingers if self.hand else ():
@@ -318,7 +246,7 @@ class _Rebuilt(Description):
     def _add_tip(self, body: Any, finger: Finger) -> None:
         """Name the shape that reaches farthest the tip; of a long one, what is before the back of its sphere.
 
-        Of a gripper's jaw it is all that is before it: a pad is often of several shapes.
+        Of a gripper's jaw, and where several shapes reach beyond the sphere's centre, it is all that is before it.
         """
         assert self.hand is not None and finger.frame is not None
         old = self.pose(body.name) @ matrix(finger.frame)
@@ -332,7 +260,8 @@ class _Rebuilt(Description):
         solid.sort(key=lambda geom: -self.reach[geom.name][:, 2].max())
         tip, radius = solid[0], self.hand.tip_radius
         behind = (self.hand.tip_length or 2.0 * radius) - radius
-        if self.hand.torsion:
+        also = [geom for geom in solid if self.reach[geom.name][:, 2].max() > centre[2]]
+        if self.hand.torsion or len(also) > 1:
             self._join_pad(body, finger.tip, solid, centre[2] - behind)
             return
         if tip.type not in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_BOX):
@@ -348,7 +277,7 @@ class _Rebuilt(Description):
                 add_mesh_geom(self.spec, body, *hull_of(points), {"name": name, **look})
 
     def _join_pad(self, body: Any, tip: str, solid: list[Any], height: float) -> None:
-        """Make one shape of all that is above a height of a jaw's frame, m, and leave what is below as it is."""
+        """Make one shape of all that is above a height of a body's frame, m, and leave what is below as it is."""
         pad, look = [], {"rgba": solid[0].rgba.copy(), **_LOOK[True]}
         for geom in solid:
             points = self.reach[geom.name]
