@@ -22,6 +22,7 @@ _ALONG = 0.8  # cosine between axes that bend a finger alike
 WRIST = 3
 """Joints before the palm: more are an arm's."""
 _PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
+_FARTHEST = 0.45  # m from the palm's body to the end of a finger: beyond are legs and arms
 _LIKE = 0.5  # by which a thumb faces otherwise than the next finger does, or another could be it
 _EVEN = 0.2  # share of a last joint's range by which its middle may be off 0, and its pad be on either side
 
@@ -66,6 +67,7 @@ class HandMaker(Part):
         self.palm = self._find_palm()
         self.chains = self._find_fingers({self.model.joint(name).id for name in still})
         self.held += still
+        self._check_size()
         self.jaws: Jaws | None = None
         if len(self.chains) < 2:
             raise InputError(f"{path} has {len(self.chains)} fingers: valid are two or more")
@@ -164,6 +166,16 @@ class HandMaker(Part):
         for name in filter(None, (self.told.palm, self.told.thumb, *self.told.flip)):
             if name not in known:
                 raise unknown_name("body", name, known)
+
+    def _check_size(self) -> None:
+        """Refuse limbs: legs and arms branch as fingers do."""
+        at = self.pose(self.palm)[:3, 3]
+        ends = [b for chain in self.chains for b in chain[-1:] if self.has_shape(b)]
+        reach = max((float(np.linalg.norm(self.points(b) - at, axis=1).max()) for b in ends), default=0.0)
+        if reach > _FARTHEST:
+            raise InputError(
+                f"{self.path}: what branches from {self._name(self.palm)} reaches {reach:.2f} m: no hand does (units are m)"
+            )
 
     def _is_palm(self, body: int) -> bool:
         """Tell whether a body bears the fingers: the one that the user names, or the first that branches."""

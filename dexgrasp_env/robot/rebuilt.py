@@ -132,7 +132,7 @@ class _Rebuilt(Description):
             if any(joint.name not in self.held for joint in joints):
                 raise InputError(f"body {name!r} of {self.path} is not named")
             body = self.model.body_parentid[body]
-        return self.part.bodies[0]
+        return "" if self.hand and self._beyond else self.part.bodies[0]
 
     def _frames(self) -> dict[str, Array]:
         part, W = self.part, {name: self.pose(name) for name in self.part.bodies}
