@@ -24,7 +24,9 @@ def limbs(count):
     )
 
 
-CHAIR = '<mujoco><worldbody><body name="chair"><geom type="box" size="0.2 0.2 0.2"/></body></worldbody></mujoco>'
+CHAIR = (
+    '<mujoco><worldbody><body name="chair"><geom type="box" size="0.2 0.2 0.2"/></body></worldbody></mujoco>'
+)
 BOMB = '<!DOCTYPE a [<!ENTITY b "x"><!ENTITY c "&b;&b;">]><mujoco>&c;</mujoco>'
 MANY = "<mujoco><worldbody>" + '<geom size="1"/>' * 100_001 + "</worldbody></mujoco>"
 DEEP = "<mujoco><worldbody>" + "<body>" * 400 + "</body>" * 400 + "</worldbody></mujoco>"

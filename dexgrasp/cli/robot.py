@@ -23,11 +23,12 @@ _SEARCH = "see why: dexgrasp plan OBJECT --robot FILE"
 
 
 class ListRobots(Command):
-    """List the robots of ours, by the names that --robot takes."""
+    """List the robots of ours, by the names that --robot takes, and the recipes for public ones."""
 
     def run(self) -> Answer:
         """List them."""
         from dexgrasp_env.robot.cell import make_cell, robot_files
+        from dexgrasp_env.robot.recipes import recipes
 
         robots = {name: make_cell(name).robot for name in robot_files()}
         rows = [
@@ -37,7 +38,14 @@ class ListRobots(Command):
             }
             for name, robot in robots.items()
         ]  # fmt: skip
-        return Answer({"robots": rows}, record_table(rows))
+        known = [{"recipe": name, "source": r.source, "file": r.file} for name, r in recipes().items()]
+        lines = [
+            record_table(rows),
+            "",
+            "recipes for makers' files, see robot make --recipe:",
+            record_table(known),
+        ]
+        return Answer({"robots": rows, "recipes": known}, lines)
 
 
 class Make(Command):
@@ -60,6 +68,7 @@ class Make(Command):
         palm: body that bears the fingers, where another was taken.
         thumb: a body of the opposing finger, where another was taken.
         flip: last bodies of fingers whose pads are on the other side.
+        recipe: of a known hand, see dexgrasp robot list.
         picture: of what was found (default: beside the file, where matplotlib is installed).
     """
 
@@ -70,20 +79,26 @@ class Make(Command):
     palm: Annotated[str | None, "BODY"] = None
     thumb: Annotated[str | None, "BODY"] = None
     flip: Annotated[tuple[str, ...], "BODY"] = ()
+    recipe: Annotated[str | None, "NAME"] = None
     picture: Annotated[Path | None, "PNG"] = None
 
     def run(self) -> Answer:
         """Make it; say what was assumed."""
         from dexgrasp_env.robot.make import Told, make_robot
+        from dexgrasp_env.robot.recipes import hint_of, recipe_of
 
         hand, arm = self._parts()
+        recipe = recipe_of(self.recipe, hand) if self.recipe else None
         first = hand or arm
         if first is None:
             raise InputError("name what to make a robot of: FILE, --hand or --arm")
         out = self.out or Path(f"{first.stem}.yaml")
         if out.suffix not in (".yaml", ".yml"):
             raise InputError(f"--out is {str(out)!r}: valid is a file that ends in .yaml")
-        assumed = make_robot(hand, arm, out, Told(self.palm, self.thumb, self.flip))
+        told = Told(self.palm, self.thumb, self.flip)
+        assumed = make_robot(hand, arm, out, told if any(told) else None, recipe)
+        if recipe is None and hand is not None:
+            assumed += hint_of(hand)
         picture = _draw_found(out, self.picture)
         lines = [f"{out} is written; test it with: dexgrasp robot check {out}"]
         lines += [f"{picture} shows what was found"] * (picture is not None)

@@ -66,7 +66,10 @@ def couplings(model: mujoco.MjModel, path: Path) -> Coupled:
 
 
 def stated_lines(model: mujoco.MjModel) -> Lines:
-    """Return the couplings that active equalities and slackless tendons state as straight lines."""
+    """Return the couplings that active equalities and slackless tendons state as straight lines.
+
+    A servo's tendon between two fingers moves both by its coefficients.
+    """
     lines, driven = Lines(), set(_driven(model))
     for e in np.flatnonzero(_is_line(model)).tolist():
         follower, leader = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
@@ -81,7 +84,20 @@ def stated_lines(model: mujoco.MjModel) -> Lines:
         if len(joints) == 2 and coefs[0] * coefs[1] < 0 and slack < _SLACK * min(map(abs, coefs)):
             (leader, a), (follower, b) = sorted(zip(joints, coefs, strict=True))
             lines[follower] = leader, -a / b, float(model.tendon_range[tendon].mean() / b)
+    for tendon in model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0].tolist():
+        joints, coefs = wrapped_joints(model, tendon)
+        if len(joints) == 2 and not set(joints) & (lines.keys() | {of for of, *_ in lines.values()}):
+            first, second = model.jnt_bodyid[joints].tolist()
+            if not _bears(model, first, second) and not _bears(model, second, first):
+                lines[joints[1]] = joints[0], coefs[1] / coefs[0], 0.0
     return lines
+
+
+def _bears(model: mujoco.MjModel, above: int, body: int) -> bool:
+    """Tell whether a body is another, or hangs on it."""
+    while body and body != above:
+        body = int(model.body_parentid[body])
+    return body == above
 
 
 def has_loops(model: mujoco.MjModel) -> bool:

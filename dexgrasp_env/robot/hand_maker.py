@@ -174,7 +174,7 @@ class HandMaker(Part):
         reach = max((float(np.linalg.norm(self.points(b) - at, axis=1).max()) for b in ends), default=0.0)
         if reach > _FARTHEST:
             raise InputError(
-                f"{self.path}: what branches from {self._name(self.palm)} reaches {reach:.2f} m: no hand does (units are m)"
+                f"{self.path}: what branches from {self._name(self.palm)} reaches {reach:.2f} m: no hand does"
             )
 
     def _is_palm(self, body: int) -> bool:

@@ -18,6 +18,7 @@ from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.postures import always_near, home_posture, open_posture, overlapping_links
 from dexgrasp_env.robot.rebuilt import about, described
+from dexgrasp_env.robot.recipes import Recipe
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 
 _FILES = (".yaml", ".yml")
@@ -135,7 +136,9 @@ def _reach(part: Part, flange: Array, last: int, shoulder: int) -> float:
     )
 
 
-def make_robot(hand: Path | None, arm: Path | None, out: Path, told: Told | None = None) -> list[str]:
+def make_robot(
+    hand: Path | None, arm: Path | None, out: Path, told: Told | None = None, recipe: Recipe | None = None
+) -> list[str]:
     """Write a robot's file, and beside it its hand's and its arm's where they are given as URDF or MJCF.
 
     Args:
@@ -143,6 +146,7 @@ def make_robot(hand: Path | None, arm: Path | None, out: Path, told: Told | None
         arm: its description, or an arm's file; None for our Panda.
         out: the robot's file to be.
         told: parts of the hand that the user names.
+        recipe: of the hand.
 
     Returns:
         What was assumed, a line each.
@@ -156,7 +160,14 @@ def make_robot(hand: Path | None, arm: Path | None, out: Path, told: Told | None
         if path is not None and path.suffix in _FILES:
             robot[kind] = str(find_beside(Path(), str(path)).resolve())
         elif path is not None:
-            content, said = hand_entry(path, told) if kind == "hand" else arm_entry(path)
+            content, said = (
+                hand_entry(path, told or (recipe and recipe.told)) if kind == "hand" else arm_entry(path)
+            )
+            if recipe is not None and kind == "hand":
+                content = recipe.changed(content)
+                said.append(
+                    f"hand: as the recipe for {recipe.file} says: {recipe.why or 'nothing besides the file'}"
+                )
             robot[kind] = f"{out.stem}_{kind}.yaml"
             files[robot[kind]] = {"kind": kind, **content}
             notes += said

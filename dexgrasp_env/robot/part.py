@@ -158,18 +158,8 @@ class Part(Description):
             self.notes.append(f"{kind} torque: none in {self.path.name}, {missing} Nm assumed")
         assumed = ((0.0 if passive else missing) / units).tolist()
         torque = [most or own for most, own in zip(stated, assumed, strict=True)]
-        gains = [self._stiffness(*servos[j]) if j in servos else 0.0 for j in numbers]
-        if kind == "gripper":
-            gains = [float(max(np.divide(torque, units))) / _AHEAD] * len(numbers)
-        elif min(gains) <= 0 or (
-            kind == "hand" and (max(np.divide(torque, gains)) > _LARGEST_LAG or len(set(gains)) > 1)
-        ):
-            self.notes.append(f"{kind} stiffness: {_STIFFNESS[kind]} Nm/rad assumed")
-            gains = [_STIFFNESS[kind]] * len(numbers)
-        if kind != "arm" and (most := max(torque * units)) > _STRONGEST:
-            self.notes.append(
-                f"{kind} torque: {most:g} Nm is stated, more than fingers have: put in the maker's"
-            )
+        torque = self._bounded(torque, units, kind)
+        gains = self._gains(numbers, torque, kind)
         rates, stated_rates = dict[str, Any](_RATES[kind]), self.source.velocity
         if (units < 1.0).any():
             rates = {key: (rate * units).tolist() for key, rate in rates.items()}
@@ -183,6 +173,30 @@ class Part(Description):
         low, high = self.ranges(numbers).round(6).T.tolist()
         stiffness = gains if kind == "arm" else gains[0]
         return {"lower": low, "upper": high, **rates, "torque": torque, "stiffness": stiffness}
+
+    def _bounded(self, torque: list[float], units: Array, kind: str) -> list[float]:
+        """Return torques of joints, those of jaws no larger than fingers have; say so of placeholders."""
+        most = float(max(torque * units))
+        if kind == "arm" or most <= _STRONGEST:
+            return torque
+        self.notes.append(f"{kind} torque: {most:g} Nm is stated, more than fingers have: put in the maker's")
+        if kind == "hand":
+            return torque
+        self.notes.append(f"{kind} torque: {_STRONGEST:g} Nm are taken, of slides {_STRONGEST / SLIDE:g} N")
+        return list(np.minimum(torque, _STRONGEST / units).tolist())
+
+    def _gains(self, numbers: list[int], torque: list[float], kind: str) -> list[float]:
+        """Return stiffnesses Nm/rad or N/m of joints: those stated, where they are of use here."""
+        servos = self._servos()
+        gains = [self._stiffness(*servos[j]) if j in servos else 0.0 for j in numbers]
+        if kind == "gripper":
+            return [float(max(np.divide(torque, self.units(numbers)))) / _AHEAD] * len(numbers)
+        if min(gains) > 0 and kind == "arm":
+            return gains
+        if min(gains) > 0 and max(np.divide(torque, gains)) <= _LARGEST_LAG and len(set(gains)) == 1:
+            return gains
+        self.notes.append(f"{kind} stiffness: {_STIFFNESS[kind]} Nm/rad assumed")
+        return [_STIFFNESS[kind]] * len(numbers)
 
     def tendons(self) -> dict[int, dict[int, float]]:
         """Return, of each actuator that pulls a tendon, joints and coefficients from the palm out.

@@ -20,7 +20,12 @@ from dexgrasp_env.locales import with_decimal_points
 BASE = "base"
 """Name of the body that everything hangs on where a description has its first links in the world itself."""
 _MESHES = (".obj", ".stl", ".msh")  # formats that MuJoCo reads
-_LARGEST, _MOST, _DEEPEST = 32 << 20, 100_000, 150  # bytes and elements of a description, and how deep they nest
+_LARGEST, _MOST, _DEEPEST = (
+    32 << 20,
+    100_000,
+    150,
+)  # bytes and elements of a description, and how deep they nest
+_FLOATING = 6  # joints of one body that bears a robot: it floats
 _MENDS = 20  # changes that MuJoCo may ask for, one after the other
 _URDF = {
     "fusestatic": "false", "balanceinertia": "true", "strippath": "false", "discardvisual": "true", "meshdir": "",
@@ -49,7 +54,7 @@ def read_source(path: Path) -> Source:
     root = _tree(path)
     _check_size(root, path)
     steps: tuple[Callable[[Element, Path], list[str]], ...]
-    steps = (_as_urdf,) if root.tag == "robot" else (_drop_floors, _drop_free_joints)
+    steps = (_as_urdf,) if root.tag == "robot" else (_drop_floors, _drop_free_joints, _name_bodies)
     notes = [note for step in steps for note in step(root, path)]
     changed = bool(notes) or root.tag == "robot"
     velocity = {
@@ -159,18 +164,29 @@ def _drop_floors(root: Element, path: Path) -> list[str]:
 
 
 def _drop_free_joints(root: Element, path: Path) -> list[str]:
-    """Fix what floats."""
+    """Fix what floats, on a free joint or on six of its own."""
     found = [
         (body, joint)
         for body in root.iter("body")
         for joint in body
         if joint.tag == "freejoint" or (joint.tag == "joint" and joint.get("type") == "free")
     ]
+    for body in root.findall("worldbody/body"):
+        if len(own := body.findall("joint")) >= _FLOATING:
+            found += [(body, joint) for joint in own]
     for body, joint in found:
         body.remove(joint)
     for key in root.findall("keyframe") if found else ():
         root.remove(key)
-    return [f"body {body.get('name')!r} floats: it is fixed" for body, _ in found]
+    return list(dict.fromkeys(f"body {body.get('name', '')!r} floats: it is fixed" for body, _ in found))
+
+
+def _name_bodies(root: Element, path: Path) -> list[str]:
+    """Name bodies that bear others and have no name."""
+    found = [body for body in root.iter("body") if not body.get("name") and body.find("body") is not None]
+    for k, body in enumerate(found):
+        body.set("name", f"{BASE}_{k}")
+    return [f"{len(found)} bodies without a name are called {BASE}_0 and so on"] if found else []
 
 
 def _gather(root: Element) -> None:
