@@ -32,8 +32,8 @@ def test_a_gripper_is_demonstrated_cloned_and_evaluated(robot, tmp_path, capsys)
                  "--robot", robot, "--out", demos)  # fmt: skip
     assert about["episodes"] >= 1
     done(capsys, "train", "bc", "--data", demos, "--out", bc, "--epochs", 1)
-    found = done(capsys, "evaluate", "--agents", bc, "hardcoded", "--objects", "pill_bottle", "--trials", 1, "--robot", robot,
-                 "--out", tmp_path / "run")  # fmt: skip
+    found = done(capsys, "evaluate", "--agents", bc, "hardcoded", "--objects", "pill_bottle", "--trials", 1,
+                 "--robot", robot, "--out", tmp_path / "run")  # fmt: skip
     assert all(of["trials"] == 1 for of in found["agents"].values())
 
 

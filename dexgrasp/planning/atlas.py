@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 
 from dexgrasp.mechanics.kinematics.clearance import cover_of, self_clearance
 from dexgrasp.mechanics.kinematics.forward import empty_frames, forward, forward_part, tip_positions
+from dexgrasp.mechanics.kinematics.shapes import shapes_apart
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array, Index, Mask, unit
 from dexgrasp_env.compiled import njit
@@ -26,7 +27,7 @@ SAMPLES = 400_000
 _SEED = 0
 _ENOUGH, _ROUNDS = 20_000, 30  # postures of a hand from elsewhere that will do; how often to sample for them
 _APART = 0.003  # m between its bodies, so that it can open too
-_LOOKED_AT = 500  # postures that tell which of its bodies can be so far apart
+_LOOKED_AT, _TRULY = 500, 100  # postures that tell which of its bodies can be so far apart, or are by true shapes
 _INWARD = -0.2  # least cosine of its tips' axes to the middle of all tips: the backs of tips cannot press
 _BESIDE, _DEPTH = 0.003, 0.005  # m that the link behind a tip may lie in a face that the tip presses so deep
 _LEAST = 0.05  # cosine of a tip's axis to what it presses against
@@ -58,7 +59,7 @@ def hand_atlas(cell: Cell) -> HandAtlas:
     robot, tree, rng = cell.robot, robot_tree(cell), np.random.default_rng(_SEED)
     name = f"postures_{_key(robot, tree)}.npy"
     if robot.hand.frame is not None:
-        q = cached_arrays(name, lambda: {"q": _many_kept(rng, robot, tree)})["q"]
+        q = cached_arrays(name, lambda: {"q": _many_kept(rng, cell, tree)})["q"]
     else:
         drawn = _drawn(rng, tree)
         file = cached_arrays(
@@ -105,15 +106,22 @@ def _drawn(rng: np.random.Generator, tree: RobotTree) -> Array:
     return rng.uniform(-1.0, 1.0, (SAMPLES, len(tree.lower) - tree.arm))
 
 
-def _many_kept(rng: np.random.Generator, robot: Robot, tree: RobotTree) -> Array:
-    """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn."""
+def _many_kept(rng: np.random.Generator, cell: Cell, tree: RobotTree) -> Array:
+    """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn.
+
+    Where spheres tell too little, true shapes have to be apart as well, or the planner would refuse most of them.
+    """
+    robot, truly = cell.robot, False
     kept, pairs = list[Array](), _moving_pairs(robot, tree)
     for k in range(_ROUNDS):
         q = _postures(_drawn(rng, tree), robot, tree)
         q = q[_opposed(q, tree)]
         if k == 0:
             pairs = _telling(q[:_LOOKED_AT], tree, pairs)
-        kept.append(q[_pressing(q, tree, pairs)])
+        q = q[_pressing(q, tree, pairs)]
+        if k == 0:
+            truly = np.mean([shapes_apart(of, cell) for of in q[:_TRULY]] or [1.0]) < 0.5
+        kept.append(q[[shapes_apart(of, cell) for of in q]] if truly and len(q) else q)
         if sum(map(len, kept)) > _ENOUGH:
             break
     if not sum(map(len, kept)):

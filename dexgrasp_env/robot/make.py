@@ -16,7 +16,13 @@ from dexgrasp_env.robot.description import pose_of
 from dexgrasp_env.robot.hand_maker import WRIST, HandMaker, Told, frame_entry, stated
 from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
-from dexgrasp_env.robot.postures import always_near, home_posture, open_posture, overlapping_links
+from dexgrasp_env.robot.postures import (
+    always_near,
+    free_asides,
+    home_posture,
+    open_posture,
+    overlapping_links,
+)
 from dexgrasp_env.robot.rebuilt import about, described
 from dexgrasp_env.robot.recipes import Recipe
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
@@ -61,6 +67,9 @@ def hand_entry(path: Path, told: Told | None = None) -> tuple[Fields, list[str]]
         pairs = ", ".join(" and ".join(pair) for pair in touching)
         maker.notes.append(f"hand excluded: {pairs} overlap as they are joined, and do not collide")
         near += touching
+    asides = free_asides(value, model, open_at)
+    for finger in entry["fingers"]:
+        finger |= stated({"aside": asides.get(finger["name"], ())})
     return entry | stated({"excluded": near, "open": open_at}), maker.notes
 
 
