@@ -1,4 +1,7 @@
-"""The hard-coded baseline of section 3.5 of the supplementary: one posture over the middle of the cloud."""
+"""The hard-coded baseline of section 3.5 of the supplementary: one posture over the middle of the cloud.
+
+Its postures are tuned for Allegro; any other hand pinches, a gripper antipodally.
+"""
 
 import time
 from collections.abc import Mapping
@@ -7,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.agent import BY_CLOUD, Agent, Observation, Report, cell_of
+from dexgrasp.agents.pinch import pinch_of
 from dexgrasp.geometry.completion import NO_VOLUME, NoTarget, target_of
 from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.geometry.surface_samples import triangle_samples
@@ -64,7 +68,7 @@ class HardcodedAgent(Agent):
         """Plan from the cloud; stand still for the episode where that fails.
 
         Raises:
-            InputError: for a hand that its postures are not of, or an observation without a cloud.
+            InputError: for an observation without a cloud.
         """
         began = time.perf_counter()
         self._cell = cell_of(info, default_cell())
@@ -105,13 +109,14 @@ class HardcodedAgent(Agent):
         return normalise(targets, self._cell.robot).astype(np.float32)
 
     def _plan(self, start: Array, points: Array) -> ActionScript:
-        tree, hands = robot_tree(self._cell), list(map(self._hand, _HANDS))
+        tree, axis = robot_tree(self._cell), short_axis(points)
+        hands = list(map(self._hand, _HANDS)) if self._tuned else pinch_of(self._cell).hands(points, axis)
         try:
             obstacle = standing_hull(points)
         except InputError as flat:
             raise NoPath(NO_VOLUME, str(flat)) from None
         blocked = NoPath("out_of_reach", "the arm reaches neither of the two turns of the wrist")
-        for arm in self._arms(tree, start, points):
+        for arm in self._arms(tree, start, points, axis):
             motion = GraspMotion(*(np.concatenate([arm, hand]) for hand in hands))
             try:
                 return make_script(start, motion, obstacle, self._cell, margin=0.002)
@@ -119,37 +124,39 @@ class HardcodedAgent(Agent):
                 blocked = reason
         raise blocked
 
-    def _hand(self, posture: Posture) -> Array:
-        """Return a posture as the hand's joints (h,) rad.
-
-        Raises:
-            InputError: for a hand with fingers that the posture was not tuned for.
-        """
+    @property
+    def _tuned(self) -> bool:
+        """True of the hand that the postures were tuned for."""
         fingers = self._cell.robot.hand.fingers
-        if any(len(posture.get(finger.name, ())) != len(finger.joints) for finger in fingers):
-            raise InputError(
-                f"agent 'hardcoded' has postures of the fingers {', '.join(posture)}, with four joints each: "
-                f"the hand {self._cell.robot.hand.name!r} has {', '.join(finger.name for finger in fingers)}"
-            )
-        return np.concatenate([posture[finger.name] for finger in fingers])
+        return all(len(_OPEN.get(finger.name, ())) == len(finger.joints) for finger in fingers)
 
-    def _arms(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:
+    def _hand(self, posture: Posture) -> Array:
+        """Return a posture as the hand's joints (h,) rad."""
+        return np.concatenate([posture[finger.name] for finger in self._cell.robot.hand.fingers])
+
+    def _arms(self, tree: RobotTree, start: Array, points: Array, axis: Array) -> list[Array]:
         """Return the configurations (a,) rad to try, of both wrist turns, nearer to `start` first."""
-        arms = self._reachable(tree, start, points, [short_axis(points), -short_axis(points)])
+        arms = self._reachable(tree, start, points, [axis, -axis])
         return sorted(arms, key=lambda arm: np.abs(arm - start[: tree.arm]).max())
 
     def _reachable(self, tree: RobotTree, start: Array, points: Array, axes: list[Array]) -> list[Array]:
         """Return the configurations (a,) rad of the arm for grips along axes (3,), those that it reaches."""
         arms = []
         for axis in axes:
-            R = hanging_palm(axis, _TILT)
-            p = points.mean(axis=0) + _U * axis + _V * R[:, 1]
-            p[2] = max(points[:, 2].max() + _ABOVE, _LEAST_Z)
+            R, p = self._palm(points, axis) if self._tuned else pinch_of(self._cell).palm(points, axis)
             q = start.copy()
             q[0] = np.arctan2(p[1], p[0])
             if solve_palm(q, R, p, tree, 300, 1e-5) < _IK_ERROR:
                 arms.append(q[: tree.arm].copy())
         return arms
+
+    @staticmethod
+    def _palm(points: Array, axis: Array) -> tuple[Array, Array]:
+        """Return rotation (3, 3) and position (3,) m of the palm for a grip along an axis (3,)."""
+        R = hanging_palm(axis, _TILT)
+        p = points.mean(axis=0) + _U * axis + _V * R[:, 1]
+        p[2] = max(points[:, 2].max() + _ABOVE, _LEAST_Z)
+        return R, p
 
 
 class HardcodedCompletedAgent(HardcodedAgent):

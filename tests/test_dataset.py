@@ -53,7 +53,7 @@ def test_every_rest_pose_has_its_grasps_and_they_pass_independent_checks(made):
     assert [len(p) for p in poses] == [6] * 6
     for pose in poses:
         assert {name: a.shape[1:] for name, a in pose.grasps.items()} == {
-            name: tuple(words["shape"]) for name, words in fields_of(23).items()
+            name: tuple(words["shape"]) for name, words in fields_of(CELL.robot).items()
         }
         distance = np.linalg.norm(pose.grasps["normals"], axis=-1)
         assert_allclose(distance, 1.0, atol=1e-5)

@@ -135,6 +135,8 @@ def reader(rule: Rule) -> Callable[[str], Any]:
 
     def parse(text: str) -> Any:
         """Return the value that a word of the command line states."""
+        if text == argparse.SUPPRESS:  # argparse reads the default of a place that is left empty like a word
+            return text
         try:
             return rule.validate(rule.parse(text))
         except (TypeError, ValueError, OverflowError) as error:

@@ -2,7 +2,7 @@
 
 examples:
   dexgrasp robot list
-  dexgrasp robot make --hand menagerie/leap_hand/right_hand.xml --out leap.yaml
+  dexgrasp robot make menagerie/leap_hand/right_hand.xml --out leap.yaml
   dexgrasp robot check leap.yaml
 """
 
@@ -18,16 +18,18 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.findings import Finding
 
 _SHOWN = ("soda", "sugar_box", "pear", "mustard_bottle", "lego")  # objects that are tried
+_FEW = 200  # postures: with fewer, plans are rare
 _GRASPS = 3  # of them, that are drawn
 _SEARCH = "see why: dexgrasp plan OBJECT --robot FILE"
 
 
 class ListRobots(Command):
-    """List the robots of ours, by the names that --robot takes."""
+    """List the robots of ours, by the names that --robot takes, and the recipes for public ones."""
 
     def run(self) -> Answer:
         """List them."""
         from dexgrasp_env.robot.cell import make_cell, robot_files
+        from dexgrasp_env.robot.recipes import recipes
 
         robots = {name: make_cell(name).robot for name in robot_files()}
         rows = [
@@ -37,42 +39,100 @@ class ListRobots(Command):
             }
             for name, robot in robots.items()
         ]  # fmt: skip
-        return Answer({"robots": rows}, record_table(rows))
+        known = [{"recipe": name, "source": r.source, "file": r.file} for name, r in recipes().items()]
+        lines = [
+            record_table(rows),
+            "",
+            "recipes for makers' files, see robot make --recipe:",
+            record_table(known),
+        ]
+        return Answer({"robots": rows, "recipes": known}, lines)
 
 
 class Make(Command):
     """Make a robot file of URDF or MJCF: of a hand, of an arm, or of both; what is not given is ours, Panda or Allegro.
 
     examples:
-      dexgrasp robot make --hand leap_hand/right_hand.xml --out leap.yaml
-      dexgrasp robot make --hand right_hand.xml --arm ur5e.xml --out mine.yaml
+      dexgrasp robot make leap_hand/right_hand.xml --out leap.yaml
+      dexgrasp robot make right_hand.xml --arm ur5e.xml --out mine.yaml
       dexgrasp robot make --arm ur5e.xml --out ur5e_allegro.yaml
 
     Palm, fingers, tips and limits are read from the descriptions, the open posture and the arm's home are searched.
-    What they do not say is assumed, and printed: put in what the maker states. The hand's and the arm's files stand
-    beside the robot's; the descriptions stay where they are.
+    What they do not say is assumed, and printed: put in what the maker states. A line on a guess names the option that
+    corrects it. The hand's and the arm's files stand beside the robot's; the descriptions stay where they are.
 
     Attributes:
-        out: the file to be.
+        file: URDF or MJCF of a hand, of an arm, or of both: told apart by where it branches.
+        out: the file to be (default: named as FILE is, here).
         hand: URDF or MJCF of a hand, or of an arm and a hand; or a hand's file (default: our Allegro).
         arm: URDF or MJCF of an arm, or of an arm and a hand; or an arm's file (default: our Panda).
+        palm: body that bears the fingers, where another was taken.
+        thumb: a body of the opposing finger, where another was taken.
+        flip: last bodies of fingers whose pads are on the other side.
+        recipe: of a known hand, see dexgrasp robot list.
+        picture: of what was found (default: beside the file, where matplotlib is installed).
     """
 
-    out: Annotated[Path, "ROBOT.yaml"]
+    file: Argument[Annotated[Path | None, "FILE"]] = None
+    out: Annotated[Path | None, "ROBOT.yaml"] = None
     hand: Annotated[Path | None, "HAND.xml"] = None
     arm: Annotated[Path | None, "ARM.xml"] = None
+    palm: Annotated[str | None, "BODY"] = None
+    thumb: Annotated[str | None, "BODY"] = None
+    flip: Annotated[tuple[str, ...], "BODY"] = ()
+    recipe: Annotated[str | None, "NAME"] = None
+    picture: Annotated[Path | None, "PNG"] = None
 
     def run(self) -> Answer:
         """Make it; say what was assumed."""
-        from dexgrasp_env.robot.make import make_robot
+        from dexgrasp_env.robot.make import Told, make_robot
+        from dexgrasp_env.robot.recipes import hint_of, recipe_of
 
-        if self.out.suffix not in (".yaml", ".yml"):
-            raise InputError(f"--out is {str(self.out)!r}: valid is a file that ends in .yaml")
-        assumed = make_robot(self.hand, self.arm, self.out)
-        test = shlex.join(["dexgrasp", "robot", "check", str(self.out)])
-        lines = [f"{self.out} is written; test it with: {test}"]
+        hand, arm = self._parts()
+        recipe = recipe_of(self.recipe, hand) if self.recipe else None
+        first = hand or arm
+        if first is None:
+            raise InputError("name what to make a robot of: FILE, --hand or --arm")
+        out = self.out or Path(f"{first.stem}.yaml")
+        if out.suffix not in (".yaml", ".yml"):
+            raise InputError(f"--out is {str(out)!r}: valid is a file that ends in .yaml")
+        told = Told(self.palm, self.thumb, self.flip)
+        assumed = make_robot(hand, arm, out, told if any(told) else None, recipe)
+        if recipe is None and hand is not None:
+            assumed += hint_of(hand)
+        picture = _draw_found(out, self.picture)
+        test = shlex.join(["dexgrasp", "robot", "check", str(out)])
+        lines = [f"{out} is written; test it with: {test}"]
+        lines += [f"{picture} shows what was found"] * (picture is not None)
         lines += ["assumed:"] * bool(assumed) + [f"  {line}" for line in assumed]
-        return Answer({"robot": self.out, "assumed": assumed}, lines)
+        return Answer({"robot": out, "picture": picture, "assumed": assumed}, lines)
+
+    def _parts(self) -> tuple[Path | None, Path | None]:
+        """Return the descriptions of hand and arm."""
+        from dexgrasp_env.robot.make import parts_of
+
+        if self.file is None:
+            return self.hand, self.arm
+        if self.hand is not None:
+            raise InputError("FILE and --hand both name a hand: valid is one of them")
+        has_hand, has_arm = parts_of(self.file)
+        if self.arm is not None and not has_hand:
+            raise InputError(f"{self.file} is an arm, and --arm names another: valid is one of them")
+        return self.file if has_hand else None, self.arm or (self.file if has_arm else None)
+
+
+def _draw_found(robot: Path, path: Path | None) -> Path | None:
+    """Draw what was found of a hand beside its robot's file; return the picture, None where nothing can draw it."""
+    from dexgrasp_env.robot.cell import make_cell
+
+    try:
+        from dexgrasp.grasp.picture import found_picture
+
+        return found_picture(path or robot.with_suffix(".png"), make_cell(robot))
+    except ImportError:
+        if path is not None:
+            raise
+        return None
 
 
 class CheckRobot(Command):
@@ -82,7 +142,7 @@ class CheckRobot(Command):
       dexgrasp robot check leap.yaml
       dexgrasp robot check leap.yaml --picture leap.png
 
-    Exit code 0 only if nothing has to be mended.
+    Exit code 0 only if nothing has to be mended and the planner has postures to start from; they are sampled once.
 
     Attributes:
         robot: file of a robot or of a cell, or the name of one of ours.
@@ -94,18 +154,39 @@ class CheckRobot(Command):
 
     def run(self) -> Answer:
         """Test it."""
-        from dexgrasp.mechanics.kinematics.robot_check import check_robot
+        from dexgrasp.mechanics.kinematics.robot_check import check_robot, score
         from dexgrasp_env.robot.cell import make_cell
 
         cell = make_cell(self.robot)
         findings = check_robot(cell)
+        if not any(finding.level == "error" for finding in findings):
+            findings.append(_presses(cell))
         wrong = any(finding.level == "error" for finding in findings)
         if self.picture is not None and not wrong:
             findings += [
                 Finding("warning", f"no grasp of {name} was found", _SEARCH)
                 for name in _draw(cell, self.picture)
             ]
-        return Answer({"ok": not wrong, "findings": findings}, list(map(finding_line, findings)), wrong)
+        lines = [*map(finding_line, findings), f"score {score(findings)} of 100"]
+        return Answer({"ok": not wrong, "score": score(findings), "findings": findings}, lines, wrong)
+
+
+def _presses(cell: Any) -> Finding:
+    """Report how many postures of the hand the planner can start from: without one it plans nothing."""
+    from dexgrasp.planning.atlas import hand_atlas
+
+    try:
+        count = len(hand_atlas(cell).joints)
+    except InputError as none:
+        mend = (
+            "other fingers in `grasp`, wider ranges, or `excluded` for links that overlap as they are built"
+        )
+        return Finding("error", str(none), mend)
+    if count < _FEW:
+        return Finding(
+            "warning", f"only {count} postures in which the hand can press", "wider ranges, or `excluded`"
+        )
+    return Finding("info", f"{count} postures in which the hand can press")
 
 
 def _draw(cell: Any, path: Path) -> list[str]:

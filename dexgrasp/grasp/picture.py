@@ -8,7 +8,7 @@ import numpy as np
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.mechanics.cones import cone_edges
-from dexgrasp_env.arrays import Array, middle
+from dexgrasp_env.arrays import Array, middle, unit
 from dexgrasp_env.perception.picture import save
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, posed
@@ -20,6 +20,8 @@ _AROUND = 0.045  # m that is shown around the object
 _TICKS, _ZOOM = 4, 1.02
 _CONE_LENGTH, _CONE_SIDES = 0.03, 24  # m
 _NEWTON = 0.008  # m that a newton is drawn as
+_AXIS, _HINGE = 0.06, 0.008  # m, arrows of frames and pads, and half of a joint's axis
+_PALM_AXES = (("#c00000", "palm x: the way of approach"), ("#008000", "palm y"), ("#0000c0", "palm z"))
 
 
 def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str) -> Path:
@@ -71,6 +73,58 @@ def hand_picture(
             _add_solid(axes, hand, (*_HAND[:3], 0.5), (0.2, 0.2, 0.2, 0.2))
         axes.set_title(name)
     figure.subplots_adjust(left=0.02, right=0.97, bottom=0.05, top=0.92, wspace=0.1)
+    return save(figure, path)
+
+
+def found_picture(path: Path, cell: Cell) -> Path:
+    """Write a PNG of what was found of a hand: palm frame, way of approach, pads, drives and couplings over the shapes.
+
+    Args:
+        path: file to write.
+        cell: whose hand it is.
+    """
+    from matplotlib.figure import Figure
+
+    robot, q = cell.robot, cell.robot.home
+    model, hand = compiled_robot(cell), _hand_triangles(cell, q)
+    data, figure, leaders = (
+        posed(model, q),
+        Figure((14, 7)),
+        {c.joint: c.follows for c in robot.hand.couplings},
+    )
+    palm = data.site(robot.hand.palm)
+    box = _box(hand, hand)
+    for k, view in enumerate(_VIEWS[:2]):
+        axes = _add_axes(figure, (1, 2, k + 1), box, view)
+        _add_solid(axes, hand, (*_HAND[:3], 0.12), (0.2, 0.2, 0.2, 0.06))
+        for column, (colour, what) in enumerate(_PALM_AXES):
+            end = palm.xpos + _AXIS * palm.xmat.reshape(3, 3)[:, column]
+            _arrow(axes, palm.xpos, end, colour, 2.5, what)
+        for finger, colour in zip(robot.grasping, _COLOURS, strict=False):
+            site, body = data.site(finger.tip), data.body(finger.bodies[-1])
+            pad = (
+                body.xmat.reshape(3, 3) @ finger.pad
+                + (robot.hand.torsion > 0.0) * site.xmat.reshape(3, 3)[:, 2]
+            )
+            _arrow(axes, site.xpos, site.xpos + _AXIS * unit(pad), colour, 2.0, f"pad of {finger.name}")
+        for name in robot.hand.joints.names:
+            at, leader = data.joint(name).xanchor, leaders.get(name)
+            ends = at + _HINGE * np.outer([-1.0, 1.0], data.joint(name).xaxis)
+            axes.plot(
+                *ends.T,
+                color="k" if leader is None else "0.55",
+                linewidth=2.0,
+                linestyle="-" if leader is None else ":",
+            )
+            if leader is None:
+                axes.text(*at, name, fontsize=6)
+            else:
+                axes.plot(
+                    *np.array([at, data.joint(leader).xanchor]).T, color="0.55", linewidth=0.8, linestyle="--"
+                )
+    figure.legend(*axes.get_legend_handles_labels(), loc="upper left", frameon=False, fontsize=9)
+    figure.suptitle(f"{robot.hand.name}: black joints are driven, dashed ones follow")
+    figure.subplots_adjust(left=0.01, right=0.98, bottom=0.03, top=0.95, wspace=0.05)
     return save(figure, path)
 
 

@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 
 from dexgrasp.mechanics.kinematics.clearance import cover_of, self_clearance
 from dexgrasp.mechanics.kinematics.forward import empty_frames, forward, forward_part, tip_positions
+from dexgrasp.mechanics.kinematics.shapes import shapes_apart
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array, Index, Mask, unit
 from dexgrasp_env.compiled import njit
@@ -26,6 +27,10 @@ SAMPLES = 400_000
 _SEED = 0
 _ENOUGH, _ROUNDS = 20_000, 30  # postures of a hand from elsewhere that will do; how often to sample for them
 _APART = 0.003  # m between its bodies, so that it can open too
+_LOOKED_AT, _TRULY = (
+    500,
+    100,
+)  # postures that tell which of its bodies can be so far apart, or are by true shapes
 _INWARD = -0.2  # least cosine of its tips' axes to the middle of all tips: the backs of tips cannot press
 _BESIDE, _DEPTH = 0.003, 0.005  # m that the link behind a tip may lie in a face that the tip presses so deep
 _LEAST = 0.05  # cosine of a tip's axis to what it presses against
@@ -57,7 +62,7 @@ def hand_atlas(cell: Cell) -> HandAtlas:
     robot, tree, rng = cell.robot, robot_tree(cell), np.random.default_rng(_SEED)
     name = f"postures_{_key(robot, tree)}.npy"
     if robot.hand.frame is not None:
-        q = cached_arrays(name, lambda: {"q": _many_kept(rng, robot, tree)})["q"]
+        q = cached_arrays(name, lambda: {"q": _many_kept(rng, cell, tree)})["q"]
     else:
         drawn = _drawn(rng, tree)
         file = cached_arrays(
@@ -104,18 +109,33 @@ def _drawn(rng: np.random.Generator, tree: RobotTree) -> Array:
     return rng.uniform(-1.0, 1.0, (SAMPLES, len(tree.lower) - tree.arm))
 
 
-def _many_kept(rng: np.random.Generator, robot: Robot, tree: RobotTree) -> Array:
-    """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn."""
+def _many_kept(rng: np.random.Generator, cell: Cell, tree: RobotTree) -> Array:
+    """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn.
+
+    Where spheres tell too little, true shapes have to be apart as well, or the planner would refuse most of them.
+    """
+    robot, truly = cell.robot, False
     kept, pairs = list[Array](), _moving_pairs(robot, tree)
-    for _ in range(_ROUNDS):
+    for k in range(_ROUNDS):
         q = _postures(_drawn(rng, tree), robot, tree)
         q = q[_opposed(q, tree)]
-        kept.append(q[_pressing(q, tree, pairs)])
+        if k == 0:
+            pairs = _telling(q[:_LOOKED_AT], tree, pairs)
+        q = q[_pressing(q, tree, pairs)]
+        if k == 0:
+            truly = np.mean([shapes_apart(of, cell) for of in q[:_TRULY]] or [1.0]) < 0.5
+        kept.append(q[[shapes_apart(of, cell) for of in q]] if truly and len(q) else q)
         if sum(map(len, kept)) > _ENOUGH:
             break
     if not sum(map(len, kept)):
         raise InputError(f"hand {robot.hand.name!r} can press with no two tips: see `dexgrasp robot check`")
     return np.concatenate(kept)
+
+
+def _telling(q: Array, tree: RobotTree, pairs: Index) -> Index:
+    """Return the pairs of bodies that some of postures (N, n) keep apart: `_APART` is more than others ever are."""
+    kept = [len(q) == 0 or bool(_clear_of_itself(q, tree, pair[None]).any()) for pair in pairs]
+    return pairs[np.array(kept, bool)]
 
 
 def _moving_pairs(robot: Robot, tree: RobotTree) -> Index:

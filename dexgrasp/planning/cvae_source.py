@@ -7,7 +7,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.planning.decoder import CROPPED, SCALE, Decoder, centre_of, read_decoder
+from dexgrasp.planning.decoder import CROPPED, PALM, SCALE, Decoder, centre_of, read_decoder
 from dexgrasp.planning.proposals import (
     LEAST_DISTANCE,
     Proposals,
@@ -71,7 +71,7 @@ class CvaeProposals(ProposalSource):
 
 
 def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) -> tuple[Array, Array]:
-    """Return fingertips (count, 3, 3) m and poses (count, 4, 4) of the palm, world frame, of latents drawn."""
+    """Return fingertips (count, n, 3) m and poses (count, 4, 4) of the palm, world frame, of latents drawn."""
     points, normals = hull_cloud(target, 2 * decoder.settings.points, rng)
     if not len(points):  # next to nothing stands out of the table
         points, normals = target.distance.triangles[:1, 0], np.array([[0.0, 0.0, 1.0]])
@@ -80,9 +80,9 @@ def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) ->
     latent = rng.standard_normal((count, decoder.settings.latent)).astype(np.float32)
     grasps = decoder.decode(decoder.feature(cloud), latent).astype(float)
     palms = np.tile(np.eye(4), (count, 1, 1))
-    palms[:, :3, 3] = grasps[:, 9:12] / SCALE + centre
-    palms[:, :3, :3] = _rotations(grasps[:, 12:15], grasps[:, 15:18])
-    return grasps[:, :9].reshape(count, 3, 3) / SCALE + centre, palms
+    palms[:, :3, 3] = grasps[:, -PALM:-6] / SCALE + centre
+    palms[:, :3, :3] = _rotations(grasps[:, -6:-3], grasps[:, -3:])
+    return grasps[:, :-PALM].reshape(count, -1, 3) / SCALE + centre, palms
 
 
 def _rotations(x: Array, y: Array) -> Array:

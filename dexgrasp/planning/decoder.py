@@ -13,8 +13,8 @@ from dexgrasp_env.valid import Count
 SCHEMA = 1
 SCALE = 10.0
 """Units a metre inside the network."""
-GRASP = 18
-"""Numbers of a grasp: fingertips (9), palm position (3), first two columns of the palm's rotation (6)."""
+PALM = 9
+"""Numbers of a grasp's palm, behind those of its tips (3 each): position (3), first two columns of its rotation (6)."""
 
 CROPPED = 0.002
 """m: points of a cloud below are left out, as no camera sees the underside."""
@@ -71,7 +71,7 @@ class Decoder:
         return through(self.second, each + whole, relu).max(0)
 
     def decode(self, feature: Single, latent: Single) -> Single:
-        """Return grasps (K, 18) of a cloud's feature and latents (K, latent)."""
+        """Return grasps (K, 3 n + 9) of a cloud's feature and latents (K, latent)."""
         (weight, bias), *rest = self.layers
         # The cloud's share of the first layer is the same for all latents.
         first = latent @ weight[len(feature) :] + (feature @ weight[: len(feature)] + bias)

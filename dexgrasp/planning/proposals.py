@@ -88,10 +88,7 @@ class SurfaceProposals(ProposalSource):
         points, normals = self.places(target, settings, rng)
         if len(points) < min(3, settings.fingers):
             return Proposals.none(_NO_SURFACE if target.demand is None else _NO_PLACE)
-        if settings.fingers == 2:
-            triples = opposed_pairs(points, normals, settings.friction, LEAST_GAP, settings.widest)
-        else:
-            triples = closure_sweep(points, normals, settings.friction, LEAST_DISTANCE)
+        triples = closing_sets(points, normals, settings)
         if not len(triples):
             return Proposals.none(_NO_CLOSURE)
         judged = _JUDGED * settings.triples
@@ -107,6 +104,13 @@ class SurfaceProposals(ProposalSource):
     def places(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
         """Return the contacts (N, 3) m and outward normals (N, 3) that triples are made of."""
         return graspable_points(target, settings, rng)
+
+
+def closing_sets(points: Array, normals: Array, settings: PlannerSettings) -> NDArray[np.int32]:
+    """Return all triples (M, 3) of contacts (N, 3) m that may close, or pairs (M, 2) for two fingers."""
+    if settings.fingers == 2:
+        return opposed_pairs(points, normals, settings.friction, LEAST_GAP, settings.widest)
+    return closure_sweep(points, normals, settings.friction, LEAST_DISTANCE)
 
 
 def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:

@@ -1,46 +1,56 @@
-"""Couplings that a maker's description states: equalities of joints, and tendons without slack between two joints."""
+"""Couplings that a maker's description states: equalities of joints, slackless tendons, and loops of bodies.
 
+A loop is reduced to its drive: the description's own model moves the drive through its range, and each joint that
+moves with it is fitted with a line.
+"""
+
+import copy
 from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.coupled import Coupling
 
+Lines = dict[int, tuple[int, float, float]]
+"""Follower: leader, ratio, offset."""
 
-def couplings(model: mujoco.MjModel, path: Path) -> list[Coupling]:
-    """Return the joints that follow others by active equalities, each referred to the joint that leads in the end.
+DRIVES_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+_SLACK = 0.3  # rad that a tendon between two joints may leave: they are coupled
+_LEVELS, _STEPS = 24, 60  # places of a drive that are looked at, and physics steps from one to the next
+_DAMPING, _HEAVY = (
+    20.0,
+    1e6,
+)  # 1/s, of joints while a drive moves; armature of a drive, which nothing pushes back
+_RIGID, _FIRM = (0.006, 1.0), (0.99, 0.999)  # solref (s) and solimp of loops while it moves
+_OPEN = 0.003  # m or rad by which a loop may miss closing: beyond, the drive is at its end
+_STILL, _CURVE = (
+    0.02,
+    0.15,
+)  # rad that count as no motion, and that a joint may be off its line (slides: a tenth, m)
+
+
+class Coupled(NamedTuple):
+    """Joints of a description that do not move alone."""
+
+    couplings: list[Coupling]
+    still: list[str]
+    """Joints that loops hold where they are."""
+    notes: list[str]
+
+
+def couplings(model: mujoco.MjModel, path: Path) -> Coupled:
+    """Return the joints that follow others, each referred to the joint that leads in the end.
 
     Raises:
-        InputError: for loops of bodies, and for couplings that are no straight lines.
+        InputError: for loops without a drive or with several, and for couplings far from straight lines.
     """
-    lines = dict[int, tuple[int, float, float]]()  # follower: leader, ratio, offset
-    driven = set(model.actuator_trnid[np.isin(model.actuator_trntype, DRIVES_JOINT), 0].tolist())
-    for e in np.flatnonzero(model.eq_active0).tolist():
-        if model.eq_type[e] != mujoco.mjtEq.mjEQ_JOINT:
-            kind = mujoco.mjtEq(model.eq_type[e]).name.removeprefix("mjEQ_").lower()
-            raise InputError(
-                f"{path} closes a loop by equality {kind} {model.equality(e).name!r}: valid are trees"
-            )
-        follower, leader = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
-        offset, ratio, *curve = map(float, model.eq_data[e, :5])
-        if leader < 0:
-            continue
-        if np.abs(curve).max() > 1e-6 or abs(ratio) < 1e-9:
-            raise InputError(
-                f"{path} couples joint {model.joint(follower).name!r} by a curve: valid is a line"
-            )
-        offset += float(model.qpos0[follower] - ratio * model.qpos0[leader])
-        if follower in driven and leader not in driven:
-            follower, leader, ratio, offset = leader, follower, 1.0 / ratio, -offset / ratio
-        lines[follower] = leader, ratio, offset
-    for tendon in np.flatnonzero(model.tendon_limited).tolist():
-        joints, coefs = wrapped_joints(model, tendon)
-        slack = np.ptp(model.tendon_range[tendon])
-        if len(joints) == 2 and coefs[0] * coefs[1] < 0 and slack < _SLACK * min(map(abs, coefs)):
-            (leader, a), (follower, b) = sorted(zip(joints, coefs, strict=True))
-            lines[follower] = leader, -a / b, float(model.tendon_range[tendon].mean() / b)
+    lines, still, notes = stated_lines(model), list[str](), list[str]()
+    if has_loops(model):
+        still, notes = _reduce_loops(model, path, lines)
     found = []
     for follower, (leader, ratio, offset) in lines.items():
         for _ in lines:
@@ -52,7 +62,48 @@ def couplings(model: mujoco.MjModel, path: Path) -> list[Coupling]:
             raise InputError(f"{path} couples joint {model.joint(follower).name!r} to itself")
         names = model.joint(follower).name, model.joint(leader).name
         found.append(Coupling(*names, round(ratio, 9), round(offset, 9)))
-    return found
+    return Coupled(found, still, notes)
+
+
+def stated_lines(model: mujoco.MjModel) -> Lines:
+    """Return the couplings that active equalities and slackless tendons state as straight lines.
+
+    A servo's tendon between two fingers moves both by its coefficients.
+    """
+    lines, driven = Lines(), set(_driven(model))
+    for e in np.flatnonzero(_is_line(model)).tolist():
+        follower, leader = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+        offset, ratio = map(float, model.eq_data[e, :2])
+        offset += float(model.qpos0[follower] - ratio * model.qpos0[leader])
+        if follower in driven and leader not in driven:
+            follower, leader, ratio, offset = leader, follower, 1.0 / ratio, -offset / ratio
+        lines[follower] = leader, ratio, offset
+    for tendon in np.flatnonzero(model.tendon_limited).tolist():
+        joints, coefs = wrapped_joints(model, tendon)
+        slack = np.ptp(model.tendon_range[tendon])
+        if len(joints) == 2 and coefs[0] * coefs[1] < 0 and slack < _SLACK * min(map(abs, coefs)):
+            (leader, a), (follower, b) = sorted(zip(joints, coefs, strict=True))
+            lines[follower] = leader, -a / b, float(model.tendon_range[tendon].mean() / b)
+    for tendon in model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0].tolist():
+        joints, coefs = wrapped_joints(model, tendon)
+        if len(joints) == 2 and not set(joints) & (lines.keys() | {of for of, *_ in lines.values()}):
+            first, second = model.jnt_bodyid[joints].tolist()
+            if not _bears(model, first, second) and not _bears(model, second, first):
+                lines[joints[1]] = joints[0], coefs[1] / coefs[0], 0.0
+    return lines
+
+
+def _bears(model: mujoco.MjModel, above: int, body: int) -> bool:
+    """Tell whether a body is another, or hangs on it."""
+    while body and body != above:
+        body = int(model.body_parentid[body])
+    return body == above
+
+
+def has_loops(model: mujoco.MjModel) -> bool:
+    """Tell whether active equalities couple joints otherwise than by straight lines."""
+    fixed = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id < 0)
+    return bool((model.eq_active0.astype(bool) & ~_is_line(model) & ~fixed).any())
 
 
 def wrapped_joints(model: mujoco.MjModel, tendon: int) -> tuple[list[int], list[float]]:
@@ -63,5 +114,81 @@ def wrapped_joints(model: mujoco.MjModel, tendon: int) -> tuple[list[int], list[
     return model.wrap_objid[own].tolist(), model.wrap_prm[own].tolist()
 
 
-_SLACK = 0.3  # rad that a tendon between two joints may leave: they are coupled
-DRIVES_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+def led_by(found: list[Coupling], leader: str) -> list[Coupling]:
+    """Return couplings in which a joint that follows leads its group instead."""
+    own = next((c for c in found if c.joint == leader), None)
+    if own is None or abs(own.ratio) < 1e-9:
+        return found
+    turned = [Coupling(own.follows, leader, 1.0 / own.ratio, -own.offset / own.ratio)]
+    for c in found:
+        if c.follows == own.follows and c is not own:
+            ratio = c.ratio / own.ratio
+            turned.append(Coupling(c.joint, leader, ratio, c.offset - ratio * own.offset))
+    return [c for c in found if c.follows != own.follows] + turned
+
+
+def _is_line(model: mujoco.MjModel) -> Array:
+    curved = np.abs(model.eq_data[:, 2:5]).max(1, initial=0.0) > 1e-6
+    line = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0) & ~curved
+    return np.asarray(line & (np.abs(model.eq_data[:, 1]) > 1e-9) & model.eq_active0.astype(bool))
+
+
+def _driven(model: mujoco.MjModel) -> list[int]:
+    """Return the joints that actuators drive, alone or by fixed tendons."""
+    found = model.actuator_trnid[np.isin(model.actuator_trntype, DRIVES_JOINT), 0].tolist()
+    pulled = model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0].tolist()
+    return [*found, *(j for tendon in pulled for j in wrapped_joints(model, tendon)[0])]
+
+
+def _reduce_loops(model: mujoco.MjModel, path: Path, lines: Lines) -> tuple[list[str], list[str]]:
+    """Add to `lines` the joints that loops move with their drives; return those that they hold, and what to note."""
+    drives = [j for j in dict.fromkeys(_driven(model)) if j not in lines]
+    if not drives:
+        raise InputError(f"{path} closes loops of bodies that no actuator drives: add one to its <actuator>")
+    if (model.jnt_type == mujoco.mjtJoint.mjJNT_BALL).any():
+        raise InputError(f"{path} closes loops by ball joints: valid are loops of hinges and slides")
+    worst, unit = 0.0, np.where(model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE, 0.1, 1.0)
+    free = [j for j in range(model.njnt) if j not in drives and j not in lines]
+    for drive in drives:
+        u, q = _swept(model, drive, drives)
+        for j in free:
+            if np.ptp(q[:, j]) < _STILL * unit[j]:
+                continue
+            name = model.joint(j).name
+            if j in lines:
+                raise InputError(f"{path}: loops move joint {name!r} with several drives: valid is one")
+            ratio, offset = np.polyfit(u, q[:, j], 1)
+            off = np.abs(ratio * u + offset - q[:, j]).max()
+            if off > _CURVE * unit[j]:
+                raise InputError(f"{path} couples joint {name!r} by a curve: it is {off:.2g} off a line")
+            lines[j], worst = (drive, float(ratio), float(offset)), max(worst, off)
+    still = [model.joint(j).name for j in free if j not in lines]
+    return still, [
+        f"hand couplings: loops are reduced to their drives; joints are on lines of them within {worst:.2g}"
+    ]
+
+
+def _swept(model: mujoco.MjModel, drive: int, drives: list[int]) -> tuple[Array, Array]:
+    """Return places (k,) of a drive at which the loops close, and the joints (k, n) there; other drives stand."""
+    m = copy.copy(model)
+    m.opt.gravity[:] = 0.0
+    m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    m.dof_damping[:], m.dof_frictionloss[:] = _DAMPING * m.dof_M0, 0.0
+    m.eq_solref[:], m.eq_solimp[:, :2] = _RIGID, _FIRM
+    m.dof_armature[m.jnt_dofadr[drives]] = _HEAVY
+    at, low_high = m.jnt_qposadr[drive], m.jnt_range[drive]
+    if not m.jnt_limited[drive]:
+        low_high = m.qpos0[at] + np.array([-np.pi, np.pi])
+    found = list[tuple[float, Array]]()
+    for end in low_high:
+        data = mujoco.MjData(m)
+        for u in np.linspace(m.qpos0[at], end, _LEVELS):
+            for _ in range(_STEPS):
+                data.qpos[at], data.qvel[m.jnt_dofadr[drive]] = u, 0.0
+                mujoco.mj_step(m, data)
+            mujoco.mj_forward(m, data)
+            if np.abs(data.efc_pos[: data.ne]).max(initial=0.0) > _OPEN:
+                break
+            found.append((float(u), data.qpos[m.jnt_qposadr].copy()))
+    found.sort(key=lambda row: row[0])
+    return np.array([u for u, _ in found]), np.array([q for _, q in found])

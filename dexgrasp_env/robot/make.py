@@ -1,262 +1,60 @@
 """Maker of robot files from a maker's URDF or MJCF: what can be derived is, and what cannot is assumed and noted."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import yaml
 
-from dexgrasp_env.arrays import Array, Fields, middle
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.locales import with_decimal_points
-from dexgrasp_env.robot.couplings import couplings
-from dexgrasp_env.robot.hulls import cut
+from dexgrasp_env.robot.description import pose_of
+from dexgrasp_env.robot.hand_maker import WRIST, HandMaker, Told, frame_entry, stated
 from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
-from dexgrasp_env.robot.postures import always_near, home_posture, open_posture, overlapping_links
-from dexgrasp_env.robot.rebuilt import FLANGE, about, described, placed, pose_of
+from dexgrasp_env.robot.postures import (
+    always_near,
+    free_asides,
+    home_posture,
+    open_posture,
+    overlapping_links,
+)
+from dexgrasp_env.robot.rebuilt import about, described
+from dexgrasp_env.robot.recipes import Recipe
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 
 _FILES = (".yaml", ".yml")
-_BEHIND = 0.0133  # m between flange and the palm's back: a plate
-_SPREAD = 0.4  # rad that an idle finger is turned away from the others
-_NARROW = 0.008  # m: fingers whose tips have less of a radius touch with all of their last links
-_CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
 _FEWEST = 4  # joints of an arm: fewer bring no palm over a table
-_ALONG = 0.8  # cosine between axes that bend a finger alike
 _TRIES = 3  # searches for an open posture, overlapping links excluded in between
-_WRIST = 3  # joints before the palm: more are an arm's
-_PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
 
 
-def _stated(entry: Fields) -> Fields:
-    """Leave out what is empty: files do not state it."""
-    return {key: value for key, value in entry.items() if value not in ((), [])}
+def _gripper_entry(maker: HandMaker, entry: Fields) -> Fields:
+    """Return what a gripper's file says: open nearly as far as it opens, rods collide with no part of it."""
+    names = [name for finger in entry["fingers"] for name in finger["joints"]]
+    open_at = [maker.opened[maker.model.joint(name).id] for name in names]
+    bodies = [entry["palm"], *(body for finger in entry["fingers"] for body in finger["bodies"])]
+    rods = {body for finger in entry["fingers"][:-2] for body in finger["bodies"]}
+    rigid_pairs = [pair for pair in combinations(bodies, 2) if rods & {*pair}]
+    entry["open"] = np.clip(np.round(open_at, 6), entry["lower"], entry["upper"]).tolist()
+    value = make_hand(entry)
+    near = always_near(value, with_decimal_points(described(value).compile))
+    return entry | stated({"excluded": [*dict.fromkeys([*rigid_pairs, *near])]})
 
 
-def frame_entry(T_body: Array, T: Array) -> dict[str, list[float]]:
-    """Return a frame (4, 4) in that of a body as files state it."""
-    found = placed(np.linalg.inv(T_body) @ T)
-    return {"position": found["pos"].round(6).tolist(), "quat_wxyz": found["quat"].round(9).tolist()}
-
-
-class HandMaker(Part):
-    """Finds palm, fingers, tips of a hand's description."""
-
-    def __init__(self, path: Path) -> None:
-        """Look at it.
-
-        Raises:
-            InputError: for what is no hand of hinges with three fingers or more.
-        """
-        super().__init__(path)
-        self.couplings = couplings(self.model, path)
-        self.held: list[str] = []
-        self.palm = self._find_palm()
-        self.chains = self._find_fingers()
-        if len(self.chains) < 3:
-            raise InputError(f"{path} has {len(self.chains)} fingers: valid are three or more")
-        self._tips = [self._tip(chain) for chain in self.chains]
-        ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
-        unlike = (ways @ ways.T)[self.linkages :, self.linkages :].sum(1)
-        thumb = self.linkages + int(np.argmin(unlike))  # points and faces least as the others do
-        self.chains.append(self.chains.pop(thumb))  # the thumb comes last
-        self._tips.append(self._tips.pop(thumb))
-        self.bases = self.data.xanchor[[self.model.body_jntadr[chain[0]] for chain in self.chains]]
-        self.frame = self._palm_frame()
-        self.radius = float(np.round(min(radius for _, radius in self._tips), 4))
-
-    def _find_palm(self) -> int:
-        body = 0
-        while len(below := self.below(body)) == 1:
-            (body,) = below
-            if self.model.body_jntnum[body]:
-                self.held += self.names([body])[1]
-        if len(self.held) > _WRIST:
-            self.notes.append(
-                f"the arm in the file ends at {self.model.body(body).name!r}, which bears the hand"
-            )
-            self.held = []
-        if self.held:
-            self.notes.append(f"hand held: {', '.join(self.held)}, before the palm, stand still at 0")
-        return body
-
-    def _find_fingers(self) -> list[list[int]]:
-        """Return the chains of jointed bodies from the palm out; joints before a branching are held at 0."""
-        found, left, held = list[list[int]](), self.below(self.palm), set[int]()
-        while left:
-            body = left.pop(0)
-            chain = self.chain(body, branches=True)
-            if more := self.below(chain[-1]):
-                held |= set(self.model.body_jntadr[chain].tolist())
-                left = more + left
-            else:
-                found.append(chain)
-        name = self.model.joint
-        for _ in self.couplings:
-            held |= {name(own.joint).id for own in self.couplings if name(own.follows).id in held}
-        if held:
-            joints = sorted(name(j).name for j in held)
-            self.notes.append(
-                f"hand held: {', '.join(joints)}, which several fingers share, stand still at 0"
-            )
-            self.held += joints
-            self.couplings = [own for own in self.couplings if own.joint not in joints]
-        followers = {own.joint for own in self.couplings}
-        chains = [[b for b in chain if self.model.body_jntadr[b] not in held] for chain in found]
-        own = [{name(self.model.body_jntadr[b]).name for b in chain} for chain in chains]
-        linkages = [k for k, joints in enumerate(own) if joints and joints <= followers]
-        self.linkages = len(linkages)  # chains that only follow: rods of a finger
-        return [chains[k] for k in linkages] + [
-            chain for k, chain in enumerate(chains) if k not in linkages and chain
-        ]
-
-    def _first_flexing(self, chain: list[int]) -> int:
-        """Return the first joint of a finger that turns about the axis of its last one."""
-        joints = self.model.body_jntadr[chain]
-        along = np.abs(self.data.xaxis[joints] @ self.data.xaxis[joints[-1]])
-        return int(joints[np.argmax(along > _ALONG)])
-
-    def _tip(self, chain: list[int]) -> tuple[Array, float]:
-        """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
-        j = self.model.body_jntadr[chain[-1]]
-        axis, anchor = self.data.xaxis[j], self.data.xanchor[j]
-        low, high = self.ranges([j])[0]
-        flexing = axis if high > -low else -axis
-        points, radius = self.points(chain[-1]) - anchor, 0.01
-        along = points - np.outer(points @ axis, axis)
-        way = along[np.argmax(np.linalg.norm(along, axis=1))]
-        for _ in range(10):  # the section at the sphere's middle says where the tip is, and how wide
-            T = about(anchor, way / np.linalg.norm(way), np.cross(flexing, way))
-            local = points @ T[:3, :3]
-            top = local[:, 2].max()
-            above, _ = cut(local, top - radius)
-            section = above[np.abs(above[:, 2] - (top - radius)) < 1e-9][:, :2]
-            radius = np.clip(0.5 * np.ptp(section, axis=0).min(), 0.005, 0.02)
-            x, y = middle(section)
-            way = T[:3, :3] @ [x, 0.0, top - radius]
-        T[:3, 3] += T[:3, :3] @ [section[:, 0].max(), y, top]
-        return T, radius
-
-    def tip(self, k: int) -> Array:
-        """Return the frame (4, 4) of a finger's tip, its origin at the middle of the sphere."""
-        T = self._tips[k][0].copy()
-        T[:3, 3] -= self.radius * (T[:3, 0] + T[:3, 2])
-        return T
-
-    def _palm_frame(self) -> Array:
-        others = [T for T, _ in self._tips[:-1]]
-        z = np.mean([T[:3, 2] for T in others], axis=0)
-        T = about(np.zeros(3), z / np.linalg.norm(z), np.mean([T[:3, 0] for T in others], axis=0))
-        pads = [(t[:3, 3] - radius * t[:3, 0]) @ T[:3, 0] for t, radius in self._tips[:-1]]
-        depth, base = np.mean(pads), self.bases[:-1].mean(0)
-        T[:3, 3] = base + (depth - base @ T[:3, 0]) * T[:3, 0]
-        return T
-
-    def entry(self) -> Fields:
-        """Return what the hand's file says."""
-        near = self._beside_thumb()
-        names = [*(f"finger_{k + 1}" for k in range(len(self.chains) - 1)), "thumb"]
-        fingers, joints = [], list[str]()
-        for k, chain in enumerate(self.chains):
-            bodies, own = self.names(chain)
-            joints += own
-            idle = self.linkages <= k and k not in near and names[k] != "thumb"
-            fingers.append(_stated({
-                "name": names[k], "joints": own, "bodies": bodies, "tip": f"{names[k]}_tip",
-                "frame": frame_entry(self.pose(chain[-1]), self.tip(k)),
-                "aside": self._aside(k, self.bases[near].mean(0)) if idle else (),
-            }))  # fmt: skip
-        # How far the last links reach back from their ends, m.
-        lengths = [np.ptp(self.points(chain[-1]) @ self.tip(k)[:3, 2]) for k, chain in enumerate(self.chains)]
-        return _stated({
-            **self.head(), "palm": self.model.body(self.palm).name,
-            "frame": frame_entry(self.pose(self.palm), self.frame), "tip_radius": self.radius,
-            "tip_length": float(np.round(max(lengths), 4)) if self.radius < _NARROW else (),
-            **self._driven(joints), "held": self.held,
-            "fingers": fingers, "grasp": ["thumb", *(names[k] for k in near)],
-            "mounts": {"palm_normal": self._mount()},
-        })  # fmt: skip
-
-    def _aside(self, k: int, others: Array) -> list[float]:
-        """Return the posture (n,) rad of an idle finger: straight, spread away from the bases of the others (3,) m."""
-        joints = self.model.body_jntadr[self.chains[k]]
-        low, high = self.ranges(joints).T
-        away = self.data.xanchor[joints[0]] - others
-        away -= away @ self.frame[:3, 2] * self.frame[:3, 2]
-        moves = np.cross(self.data.xaxis[joints], self.tip(k)[:3, 3] - self.data.xanchor[joints]) @ away
-        moves /= np.linalg.norm(away)
-        straight, spreads = np.clip(0.0, low, high), int(np.argmax(np.abs(moves)))
-        straight[spreads] += np.sign(moves[spreads]) * _SPREAD
-        return np.clip(straight, low, high).round(6).tolist()
-
-    def _driven(self, joints: list[str]) -> Fields:
-        """Return limits, gains and tendons as the file says them."""
-        limits = self.limits(joints, "hand")
-        tendons = [
-            {
-                "joints": [self.model.joint(j).name for j in own],
-                "coefs": [coef / own[max(own)] for coef in own.values()],
-            }
-            for own in self.tendons().values()
-        ]
-        for tendon in tendons:
-            last = joints.index(tendon["joints"][-1])
-            limits["upper"][last] = min(limits["upper"][last], _CURLED)
-        self._narrow(joints, limits)
-        if tendons:
-            self.notes.append(f"hand upper: last joints of tendons end at {_CURLED} rad")
-        followers = [asdict(own) for own in self.couplings if own.joint in joints]
-        return limits | {"couplings": followers, "tendons": tendons}
-
-    def _narrow(self, joints: list[str], limits: Fields) -> None:
-        """Narrow the range of each leading joint to where those that follow it stay in theirs."""
-        for own in self.couplings:
-            if own.joint not in joints:
-                continue
-            k, leader = joints.index(own.joint), joints.index(own.follows)
-            ends = sorted((limits[side][k] - own.offset) / own.ratio for side in ("lower", "upper"))
-            low, high = max(ends[0], limits["lower"][leader]), min(ends[1], limits["upper"][leader])
-            if low < high:
-                limits["lower"][leader], limits["upper"][leader] = low, high
-            ends = sorted(own.offset + own.ratio * limits[side][leader] for side in ("lower", "upper"))
-            limits["lower"][k] = min(limits["lower"][k], ends[0])
-            limits["upper"][k] = max(limits["upper"][k], ends[1])
-        if self.couplings:
-            pairs = ", ".join(f"{own.joint} = {own.ratio:.4g} {own.follows}" for own in self.couplings)
-            self.notes.append(f"hand couplings: {pairs}")
-
-    def _beside_thumb(self) -> list[int]:
-        """Return the finger whose base is nearest to the thumb's tip, and the neighbour of it whose base is nearer."""
-        bases = self.data.xanchor[[self._first_flexing(chain) for chain in self.chains[:-1]]]
-        away = np.linalg.norm(bases - self._tips[-1][0][:3, 3], axis=1)
-        near = [k for k in np.argsort(away, kind="stable").tolist() if k >= self.linkages]
-        tips = [self.tip(k)[:3, 3] for k in near]
-        beside = [round(float(np.linalg.norm(tip - tips[0])), 2) for tip in tips]
-        return [near[k] for k in np.argsort(beside, kind="stable")[:2]]
-
-    def _mount(self) -> dict[str, list[float]]:
-        """The back of the hand on the flange, the palm's middle on the flange's axis."""
-        solids = [
-            (self.points(b) - self.frame[:3, 3]) @ self.frame[:3, :3]
-            for b in (self.palm, *(b for chain in self.chains for b in chain[:2]))
-            if self.has_shape(b)
-        ]
-        back = min(points[:, 0].min() for points in solids)
-        _, y, z = middle(solids[0])
-        position = [-z, y, FLANGE + _BEHIND - back]
-        return {"position": np.round(position, 6).tolist(), "quat_wxyz": list(_PALM_DOWN)}
-
-
-def hand_entry(path: Path) -> tuple[Fields, list[str]]:
-    """Return what a hand's file says of an MJCF, and what was assumed.
+def hand_entry(path: Path, told: Told | None = None) -> tuple[Fields, list[str]]:
+    """Return what a hand's file says of a description, and what was assumed.
 
     Raises:
-        InputError: for what is no hand of hinges with three fingers or more.
+        InputError: for what is no hand of two fingers or more.
     """
-    maker = HandMaker(path)
+    maker = HandMaker(path, told)
     entry = maker.entry()
+    if maker.jaws:
+        return _gripper_entry(maker, entry), maker.notes
     value = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
     near = always_near(value, with_decimal_points(described(value).compile))
     for _ in range(_TRIES):
@@ -269,11 +67,27 @@ def hand_entry(path: Path) -> tuple[Fields, list[str]]:
         pairs = ", ".join(" and ".join(pair) for pair in touching)
         maker.notes.append(f"hand excluded: {pairs} overlap as they are joined, and do not collide")
         near += touching
-    return entry | _stated({"excluded": near, "open": open_at}), maker.notes
+    asides = free_asides(value, model, open_at)
+    for finger in entry["fingers"]:
+        finger |= stated({"aside": asides.get(finger["name"], ())})
+    return entry | stated({"excluded": near, "open": open_at}), maker.notes
+
+
+def parts_of(path: Path) -> tuple[bool, bool]:
+    """Tell whether a description has a hand, and whether it has an arm: what branches ends in fingers.
+
+    Raises:
+        InputError: for what is neither.
+    """
+    part, body, joints = Part(path), 0, 0
+    while len(below := part.below(body)) == 1:
+        (body,) = below
+        joints += int(part.model.body_jntnum[body])
+    return bool(below), joints > WRIST or not below
 
 
 def arm_entry(path: Path) -> tuple[Fields, list[str]]:
-    """Return what an arm's file says of an MJCF, and what was assumed.
+    """Return what an arm's file says of a description, and what was assumed.
 
     Raises:
         InputError: for what is no chain of hinges.
@@ -287,6 +101,8 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     if m.nbody > 1 and any(part.below(b) for b in part.below(chain[-1])):
         part.notes.append(f"the hand in the file hangs on {m.body(chain[-1]).name!r}: the arm ends there")
     bodies, joints = part.names(chain)
+    if any(m.joint(name).type[0] != mujoco.mjtJoint.mjJNT_HINGE for name in joints):
+        raise InputError(f"{path} has an arm whose joints slide: valid is an arm of hinges")
     if len(joints) < _FEWEST:
         raise InputError(f"{path} is an arm of {len(joints)} joints: valid are {_FEWEST} or more")
     if root[0] in chain:
@@ -329,13 +145,17 @@ def _reach(part: Part, flange: Array, last: int, shoulder: int) -> float:
     )
 
 
-def make_robot(hand: Path | None, arm: Path | None, out: Path) -> list[str]:
-    """Write a robot's file, and beside it its hand's and its arm's where they are given as MJCF.
+def make_robot(
+    hand: Path | None, arm: Path | None, out: Path, told: Told | None = None, recipe: Recipe | None = None
+) -> list[str]:
+    """Write a robot's file, and beside it its hand's and its arm's where they are given as URDF or MJCF.
 
     Args:
-        hand: its MJCF, or a hand's file; None for our Allegro.
-        arm: its MJCF, or an arm's file; None for our Panda.
+        hand: its description, or a hand's file; None for our Allegro.
+        arm: its description, or an arm's file; None for our Panda.
         out: the robot's file to be.
+        told: parts of the hand that the user names.
+        recipe: of the hand.
 
     Returns:
         What was assumed, a line each.
@@ -345,11 +165,18 @@ def make_robot(hand: Path | None, arm: Path | None, out: Path) -> list[str]:
     """
     files, notes = dict[str, Fields](), list[str]()
     robot = {"name": out.stem, "arm": "panda.yaml", "hand": "allegro.yaml"}
-    for kind, path, entry_of in (("hand", hand, hand_entry), ("arm", arm, arm_entry)):
+    for kind, path in (("hand", hand), ("arm", arm)):
         if path is not None and path.suffix in _FILES:
             robot[kind] = str(find_beside(Path(), str(path)).resolve())
         elif path is not None:
-            content, said = entry_of(path)
+            content, said = (
+                hand_entry(path, told or (recipe and recipe.told)) if kind == "hand" else arm_entry(path)
+            )
+            if recipe is not None and kind == "hand":
+                content = recipe.changed(content)
+                said.append(
+                    f"hand: as the recipe for {recipe.file} says: {recipe.why or 'nothing besides the file'}"
+                )
             robot[kind] = f"{out.stem}_{kind}.yaml"
             files[robot[kind]] = {"kind": kind, **content}
             notes += said

@@ -8,17 +8,21 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.coupled import Coupling
 from dexgrasp_env.robot.couplings import DRIVES_JOINT, wrapped_joints
-from dexgrasp_env.robot.rebuilt import Description
+from dexgrasp_env.robot.description import TURN_OR_SLIDE, Description
+from dexgrasp_env.robot.robot import SLIDE
 
 _UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model without a name
-_TORQUE = 0.7  # Nm
+_TORQUE = {"hand": 0.7, "gripper": 4.0}  # Nm
 _LOAD = 20.0  # N, of a hand and what it holds
 _STRONGEST = 8.0  # Nm: a joint of a finger has less
 _LARGEST_LAG = 0.2  # rad that a set-point which presses in full may be ahead
 _STIFFNESS = {"hand": 10.0, "arm": 2000.0}  # Nm/rad
+_AHEAD = 0.1  # rad that a jaw's set-point is ahead when it presses in full
 _RATES = {
     "hand": {"velocity": 7.0, "acceleration": 60.0, "jerk": 3000.0},
+    "gripper": {"velocity": 1.0, "acceleration": 20.0, "jerk": 1000.0},
     "arm": {"velocity": 2.0, "acceleration": 8.0, "jerk": 4000.0},
 }
 
@@ -34,13 +38,23 @@ class Part(Description):
         """
         super().__init__(path)
         self.notes = list(self.source.notes)
+        self.couplings = list[Coupling]()
         if self.model.njnt == 0:
             raise InputError(f"{path} has no joints: it is no hand and no arm")
-        if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
+        if not np.isin(self.model.jnt_type, TURN_OR_SLIDE).all():
             raise InputError(
-                f"{path} has joints that are no hinges: valid is a hand or an arm of hinges that does not float"
+                f"{path} has joints that neither turn nor slide: valid is a hand or an arm that does not float"
             )
-        self.data.qpos[:] = np.clip(0.0, *self.ranges().T)
+        self.place(np.clip(0.0, *self.ranges().T))
+        heavy = np.flatnonzero(self.model.body_mass > 0).tolist()
+        if off := [self._name(b) for b in heavy if self.is_off(self.data.xipos[b], self.box_of([b]))]:
+            self.notes.append(
+                f"centres of mass far off the shapes of {', '.join(off)}: their middles are taken"
+            )
+
+    def place(self, q: Array) -> None:
+        """Put the joints at `q` (n,) rad or m."""
+        self.data.qpos[:] = q
         mujoco.mj_kinematics(self.model, self.data)
 
     def head(self) -> dict[str, str]:
@@ -52,9 +66,13 @@ class Part(Description):
         }
 
     def ranges(self, joints: Any = slice(None)) -> Array:
-        """Return the ranges (n, 2) rad of joints, by default all; a whole turn where there is none."""
+        """Return the ranges (n, 2) rad or m of joints, by default all; a whole turn where there is none."""
         limited = self.model.jnt_limited[joints].astype(bool)[:, None]
-        return np.where(limited, self.model.jnt_range[joints], [-np.pi, np.pi])
+        return np.where(limited, self.model.jnt_range[joints], np.outer(self.units(joints), [-np.pi, np.pi]))
+
+    def units(self, joints: Any = slice(None)) -> Array:
+        """Return what counts as much as a radian of joints (n,): 1, or `SLIDE` m."""
+        return np.where(self.model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE, SLIDE, 1.0)
 
     def below(self, body: int) -> list[int]:
         """Return the bodies that hang on a body and have or lead to joints."""
@@ -105,6 +123,10 @@ class Part(Description):
         Raises:
             InputError: where nothing does.
         """
+        return np.concatenate(self.shapes(body))
+
+    def shapes(self, body: int) -> list[Array]:
+        """Return the points (n, 3) m of each shape that `points` returns together."""
         found = [
             self.corners(g) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
             for g in np.flatnonzero(self.solid).tolist()
@@ -112,7 +134,7 @@ class Part(Description):
         ]
         if not found:
             raise InputError(f"nothing of body {self._name(body)} collides: give it a collision geom")
-        return np.concatenate(found)
+        return found
 
     def hangs_on(self, body: int, other: int) -> bool:
         """Return True where a body is another, or hangs on it without a joint."""
@@ -121,34 +143,60 @@ class Part(Description):
         return body == other
 
     def limits(self, joints: list[str], kind: str) -> Fields:
-        """Return the limits and gains of joints as files state them; what the MJCF does not say is noted."""
+        """Return the limits and gains of joints as files state them; what the MJCF does not say is noted.
+
+        Args:
+            joints: names.
+            kind: hand, gripper or arm. Of a gripper's joints without servos the torque is 0.
+        """
         numbers = [self.model.joint(name).id for name in joints]
-        servos = self._servos()
+        units, servos = self.units(numbers), self._servos()
         stated = [self._torque(j, servos.get(j)) for j in numbers]
-        missing = _TORQUE if kind == "hand" else self._bearing()
-        if None in stated:
+        missing = _TORQUE[kind] if kind in _TORQUE else self._bearing()
+        passive = kind == "gripper" and any(stated)
+        if None in stated and not passive:
             self.notes.append(f"{kind} torque: none in {self.path.name}, {missing} Nm assumed")
-        torque = [missing if most is None else most for most in stated]
-        gains = [self._stiffness(*servos[j]) if j in servos else 0.0 for j in numbers]
-        if min(gains) <= 0 or (
-            kind == "hand" and (max(np.divide(torque, gains)) > _LARGEST_LAG or len(set(gains)) > 1)
-        ):
-            self.notes.append(f"{kind} stiffness: {_STIFFNESS[kind]} Nm/rad assumed")
-            gains = [_STIFFNESS[kind]] * len(numbers)
-        if kind == "hand" and max(torque) > _STRONGEST:
-            self.notes.append(
-                f"hand torque: {max(torque):g} Nm is stated, more than fingers have: put in the maker's"
-            )
+        assumed = ((0.0 if passive else missing) / units).tolist()
+        torque = [most or own for most, own in zip(stated, assumed, strict=True)]
+        torque = self._bounded(torque, units, kind)
+        gains = self._gains(numbers, torque, kind)
         rates, stated_rates = dict[str, Any](_RATES[kind]), self.source.velocity
+        if (units < 1.0).any():
+            rates = {key: (rate * units).tolist() for key, rate in rates.items()}
         if all(name in stated_rates for name in joints):
             rates["velocity"] = [stated_rates[name] for name in joints]
         missing_rates = ", ".join(
             f"{key} {value}" for key, value in rates.items() if not isinstance(value, list)
         )
-        self.notes.append(f"{kind}: {self.path.name} states none, {missing_rates} assumed")
+        if missing_rates:
+            self.notes.append(f"{kind}: {self.path.name} states none, {missing_rates} assumed")
         low, high = self.ranges(numbers).round(6).T.tolist()
-        stiffness = gains[0] if kind == "hand" else gains
+        stiffness = gains if kind == "arm" else gains[0]
         return {"lower": low, "upper": high, **rates, "torque": torque, "stiffness": stiffness}
+
+    def _bounded(self, torque: list[float], units: Array, kind: str) -> list[float]:
+        """Return torques of joints, those of jaws no larger than fingers have; say so of placeholders."""
+        most = float(max(torque * units))
+        if kind == "arm" or most <= _STRONGEST:
+            return torque
+        self.notes.append(f"{kind} torque: {most:g} Nm is stated, more than fingers have: put in the maker's")
+        if kind == "hand":
+            return torque
+        self.notes.append(f"{kind} torque: {_STRONGEST:g} Nm are taken, of slides {_STRONGEST / SLIDE:g} N")
+        return list(np.minimum(torque, _STRONGEST / units).tolist())
+
+    def _gains(self, numbers: list[int], torque: list[float], kind: str) -> list[float]:
+        """Return stiffnesses Nm/rad or N/m of joints: those stated, where they are of use here."""
+        servos = self._servos()
+        gains = [self._stiffness(*servos[j]) if j in servos else 0.0 for j in numbers]
+        if kind == "gripper":
+            return [float(max(np.divide(torque, self.units(numbers)))) / _AHEAD] * len(numbers)
+        if min(gains) > 0 and kind == "arm":
+            return gains
+        if min(gains) > 0 and max(np.divide(torque, gains)) <= _LARGEST_LAG and len(set(gains)) == 1:
+            return gains
+        self.notes.append(f"{kind} stiffness: {_STIFFNESS[kind]} Nm/rad assumed")
+        return [_STIFFNESS[kind]] * len(numbers)
 
     def tendons(self) -> dict[int, dict[int, float]]:
         """Return, of each actuator that pulls a tendon, joints and coefficients from the palm out.
@@ -160,8 +208,8 @@ class Part(Description):
         pulled = m.actuator_trnid[m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0]
         for a in np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON).tolist():
             joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
-            if not joints:
-                continue  # over pulleys
+            if not joints or self._is_one_drive(joints):
+                continue  # over pulleys, or the servo of joints that are coupled anyway
             if min(coefs) <= 0:
                 name = m.tendon(m.actuator_trnid[a, 0]).name
                 raise InputError(f"{self.path}: tendon {name!r} is no sum of joints times positive coefs")
@@ -197,7 +245,18 @@ class Part(Description):
         for a, coefs in self.tendons().items():
             lever = abs(float(m.actuator_gear[a, 0])) * max(coefs.values())
             found |= dict.fromkeys(coefs, (a, lever))
+        for a in np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON).tolist():
+            joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
+            if self._is_one_drive(joints):
+                gear = abs(float(m.actuator_gear[a, 0]))
+                found |= {joint: (a, gear * abs(coef)) for joint, coef in zip(joints, coefs, strict=True)}
         return found
+
+    def _is_one_drive(self, joints: list[int]) -> bool:
+        """Tell whether joints are coupled to each other, so that what pulls them is the servo of all."""
+        leaders = {own.joint: own.follows for own in self.couplings}
+        names = [self.model.joint(j).name for j in joints]
+        return len({leaders.get(name, name) for name in names}) == 1
 
     def _stiffness(self, actuator: int, lever: float) -> float:
         """The stiffness Nm/rad that an actuator gives its joint: 0 of a motor, which holds no place."""

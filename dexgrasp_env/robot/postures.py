@@ -14,7 +14,12 @@ from dexgrasp_env.robot.robot import Arm, Hand
 _DRAWS = 20_000
 _LOOKS, _ALWAYS, _DEEPEST = 300, 0.01, 0.004  # postures; m that bodies are always within, and never deeper in
 _TOUCHING = 0.002  # m: those that never come so near need not be excluded
+_JOINED, _MOSTLY = (
+    2,
+    0.5,
+)  # joints between links whose hulls overlap as they are built, where so many postures say so
 _SPAN, _LENGTH = 0.09, 0.03  # m between the opposing tips, and how much of a miss counts as one
+_SPREADS, _APART = (1.0, 0.5, 0.25, 0.0), 0.003  # shares of an idle finger's spread; m between idle fingers
 _INSIDE = 0.85  # share of a joint's range that is drawn from
 _FLANGE = np.array([0.4, 0.0, 0.55])  # m, where an arm's flange is at home, looking down
 _STARTS, _STEPS, _EDGE = 300, 60, 0.05  # the last: rad that home keeps from the limits
@@ -58,6 +63,8 @@ def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, boo
 def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...]:
     """Return the pairs of bodies that stay so near each other in any posture that none can make them collide.
 
+    So are links with two joints between them that are near in most: hulls fill what such links turn in.
+
     Args:
         hand: whose bodies and ranges count.
         model: of the hand alone, frames as here.
@@ -68,14 +75,55 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
         for a, b in combinations(hand.bodies, 2)
         if model.body_parentid[number[b]] != number[a]
     }
+    joined = {
+        pair: 0 for pair in near if len(joints_between(model, *(number[name] for name in pair))) <= _JOINED
+    }
     drawn = np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (_LOOKS, model.nq))
-    for data in swept(model, drawn):
-        for (a, b), least in list(near.items()):
+    for data in swept(model, drawn @ hand.free[0].T + hand.free[1]):
+        for a, b in near.keys() | joined.keys():
             apart = bodies_apart(data, number[a], number[b], _ALWAYS)
-            near[a, b] = min(apart, least)
-            if not -_DEEPEST < apart < _ALWAYS:
-                del near[a, b]
-    return tuple(pair for pair, least in near.items() if least < _TOUCHING)
+            if (a, b) in joined:
+                joined[a, b] += apart < _TOUCHING
+            if (a, b) in near:
+                near[a, b] = min(apart, near[a, b])
+                if not -_DEEPEST < apart < _ALWAYS:
+                    del near[a, b]
+    found = {pair for pair, least in near.items() if least < _TOUCHING}
+    found |= {pair for pair, often in joined.items() if often > _MOSTLY * _LOOKS}
+    return tuple(sorted(found))
+
+
+def free_asides(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> dict[str, list[float]]:
+    """Return the postures (k,) rad of idle fingers, by their names, spread so far that they do not touch each other.
+
+    Args:
+        hand: whose fingers state `aside`, straight but for a spread.
+        model: of the hand alone, frames as here.
+        open_at: (h,) rad, of the others.
+    """
+    idle = [finger for finger in hand.fingers if finger.aside]
+    columns = {f.name: [hand.joints.names.index(name) for name in f.joints] for f in idle}
+    low, high = hand.joints.ranges
+    of_idle, number = {body for f in idle for body in f.bodies}, {n: model.body(n).id for n in hand.bodies}
+    near = [
+        (number[a], number[b])
+        for a, b in combinations(hand.bodies, 2)
+        if {a, b} & of_idle
+        and not {(a, b), (b, a)} & {*hand.excluded}
+        and model.body_parentid[number[b]] != number[a]
+    ]
+    found = dict[str, list[float]]()
+    for share in _SPREADS:
+        q = np.array(open_at)
+        for finger in idle:
+            straight = np.clip(0.0, low, high)[columns[finger.name]]
+            aside = straight + share * (np.array(finger.aside) - straight)
+            q[columns[finger.name]] = aside
+            found[finger.name] = aside.round(6).tolist()
+        data = posed(model, np.clip(hand.free[0] @ q + hand.free[1], low, high))
+        if all(bodies_apart(data, a, b, _APART) >= _APART for a, b in near):
+            break
+    return found
 
 
 def overlapping_links(model: mujoco.MjModel, q: Array) -> tuple[tuple[str, str], ...]:

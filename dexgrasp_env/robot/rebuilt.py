@@ -17,77 +17,20 @@ from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import rigid
-from dexgrasp_env.robot.couplings import couplings, wrapped_joints
+from dexgrasp_env.robot.couplings import has_loops, stated_lines, wrapped_joints
+from dexgrasp_env.robot.description import SOLIDS, TURN_OR_SLIDE, Description, pose_of
 from dexgrasp_env.robot.hulls import colour_of, cut, hull_of, mesh_of
 from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
-from dexgrasp_env.robot.source import read_source
 
 FLANGE = 0.107
 """m from the frame of an arm's last link to its flange, along z: mounts count on it."""
-_ROTOR = {"arm": 0.1, "hand": 0.001}  # kg m2 of joints whose description has none: they are geared
+_ROTOR = {
+    "arm": 0.1,
+    "hand": 0.001,
+    "slide": 0.1,
+}  # kg m2, kg of slides, of joints that state none: they are geared
 _ROUND = 0.02  # m, radius of gyration of a link whose file gives it a mass alone
 _GEOM = mujoco.mjtGeom
-_CUBE = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
-_SHAPES = (
-    _GEOM.mjGEOM_SPHERE,
-    _GEOM.mjGEOM_ELLIPSOID,
-    _GEOM.mjGEOM_CAPSULE,
-    _GEOM.mjGEOM_CYLINDER,
-    _GEOM.mjGEOM_BOX,
-    _GEOM.mjGEOM_MESH,
-)
-
-
-class Description:
-    """Content of a description: its bodies and shapes in the world of the file, all joints at 0.
-
-    Attributes:
-        path: of the file.
-        model, data: of it.
-        source: what was changed so that it compiles, and the rates that it states.
-    """
-
-    def __init__(self, path: Path) -> None:
-        """Compile it.
-
-        Raises:
-            InputError: in one line, where MuJoCo cannot read it.
-        """
-        self.path, self.source = path, read_source(path)
-        self.model = self.source.model
-        self.data = mujoco.MjData(self.model)
-        self.data.qpos[:] = 0.0
-        mujoco.mj_kinematics(self.model, self.data)
-
-    def pose(self, body: int | str) -> Array:
-        """Return the pose (4, 4) of a body."""
-        return pose_of(self.data.body(body))
-
-    @cached_property
-    def solid(self) -> Array:
-        """Which geoms (ngeom,) collide; of a description in which nothing does, and of ends of chains, all."""
-        m = self.model
-        solid = (m.geom_contype | m.geom_conaffinity) != 0
-        for body in range(1, m.nbody):
-            if (
-                m.body_jntnum[body]
-                and not (m.body_parentid == body).any()
-                and not solid[m.geom_bodyid == body].any()
-            ):
-                solid = solid | (m.geom_bodyid == body)
-        return solid if solid.any() else np.ones_like(solid)
-
-    def corners(self, geom: int) -> Array:
-        """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in its own frame."""
-        if self.model.geom_type[geom] == _GEOM.mjGEOM_MESH:
-            return mesh_of(self.model, geom)[0]
-        middle, half = np.split(self.model.geom_aabb[geom], 2)
-        return middle + half * _CUBE
-
-
-def pose_of(place: Any) -> Array:
-    """Return the pose (4, 4) of a body, shape or site of `mujoco.MjData`."""
-    return rigid(place.xmat.reshape(3, 3), place.xpos)
 
 
 def _read(reader: Callable[[str], Any], path: Path) -> Any:
@@ -138,15 +81,21 @@ class _Rebuilt(Description):
                     raise InputError(f"{self.path} has no {what} {name!r}")
         if more := sorted(own - set(self.part.joints.names + self.held) - self._beyond):
             raise InputError(f"joint {more[0]!r} of {self.path} is not named: every joint has to be")
-        if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
-            raise InputError(f"{self.path} has joints that are no hinges: they are not supported yet")
         m = self.model
+        if not np.isin(m.jnt_type, TURN_OR_SLIDE).all():
+            raise InputError(
+                f"{self.path} has joints that neither turn nor slide: they are not supported yet"
+            )
         pulled = m.actuator_trnid[m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0]
-        if any(wrapped_joints(m, t)[0] for t in pulled) and not (self.hand and self.hand.tendons):
+        tied = self.hand and (self.hand.tendons or self.hand.couplings)
+        if any(wrapped_joints(m, t)[0] for t in pulled) and not tied:
             raise InputError(f"{self.path} couples joints by a tendon: that is not supported yet")
         stated = {coupling.joint for coupling in self.hand.couplings} if self.hand else set()
-        for name in (coupling.joint for coupling in couplings(self.model, self.path)):
-            if name not in stated and name in self.part.joints.names:
+        if has_loops(m) and self.hand and not stated:
+            raise InputError(f"{self.path} closes loops of bodies: state their joints under couplings")
+        for follower, (leader, *_) in stated_lines(m).items():
+            name, other = m.joint(follower).name, m.joint(leader).name
+            if not {name, other} & stated and name in self.part.joints.names:
                 raise InputError(f"{self.path} couples joint {name!r} to another: state it under couplings")
 
     @cached_property
@@ -183,7 +132,7 @@ class _Rebuilt(Description):
             if any(joint.name not in self.held for joint in joints):
                 raise InputError(f"body {name!r} of {self.path} is not named")
             body = self.model.body_parentid[body]
-        return self.part.bodies[0]
+        return "" if self.hand and self._beyond else self.part.bodies[0]
 
     def _frames(self) -> dict[str, Array]:
         part, W = self.part, {name: self.pose(name) for name in self.part.bodies}
@@ -191,6 +140,8 @@ class _Rebuilt(Description):
         end = W[part.bodies[-1] if isinstance(part, Arm) else part.palm] @ matrix(part.frame)
         if isinstance(part, Hand):
             W[part.palm] = end
+            for name, joint in zip(part.bodies[1:], part.joints.names, strict=True):
+                W[name][:3, 3] = self.data.joint(joint).xanchor  # joints sit at their bodies' origins
             for finger in part.fingers:
                 assert finger.frame is not None
                 T = W[finger.bodies[-1]]
@@ -228,9 +179,11 @@ class _Rebuilt(Description):
         mass = self.model.body_mass[own]
         if not mass.sum() > 0:
             return
-        centre = mass @ self.data.xipos[own] / mass.sum()
+        centre, box = mass @ self.data.xipos[own] / mass.sum(), self.box_of(own)
         inertia = np.zeros((3, 3))
-        for b, m in zip(own, mass, strict=True):
+        if self.is_off(centre, box):
+            centre, own = box.mean(0), []
+        for b, m in zip(own, mass, strict=False):
             R, away = self.data.ximat[b].reshape(3, 3), self.data.xipos[b] - centre
             inertia += R @ np.diag(self.model.body_inertia[b]) @ R.T
             inertia += m * (away @ away * np.eye(3) - np.outer(away, away))
@@ -253,9 +206,10 @@ class _Rebuilt(Description):
         named = self.part.joints
         k = named.names.index(joint.name)
         limits = joint.range if joint.limited[0] else named.ranges[:, k]
-        rotor = self.model.dof_armature[dof] or _ROTOR["hand" if self.hand else "arm"]
+        slides = joint.type[0] == mujoco.mjtJoint.mjJNT_SLIDE
+        rotor = self.model.dof_armature[dof] or _ROTOR["slide" if slides else "hand" if self.hand else "arm"]
         body.add_joint(
-            name=joint.name, axis=np.round(R.T @ at.xaxis, 12),  # so that an axis along z is one
+            name=joint.name, type=joint.type[0], axis=np.round(R.T @ at.xaxis, 12),  # so that an axis along z is one
             pos=np.round(R.T @ (at.xanchor - p), 12), range=limits,
             damping=self.model.dof_damping[dof], frictionloss=self.model.dof_frictionloss[dof],
             limited=True, armature=rotor, actgravcomp=True,
@@ -269,7 +223,7 @@ class _Rebuilt(Description):
         own = [g for g, b in enumerate(self.model.geom_bodyid) if self.owner.get(b) == body.name]
         solid = [g for g in own if self.solid[g]]
         for k, g in enumerate([*solid, *(set(own) - set(solid) or solid)]):
-            if _GEOM(self.model.geom_type[g]) not in _SHAPES:
+            if _GEOM(self.model.geom_type[g]) not in SOLIDS:
                 raise InputError(f"{self.path}: body {body.name!r} has a shape that is no solid")
             self._add_geom(body, g, f"{body.name}_{k}", k < len(solid))
         for finger in self.hand.fingers if self.hand else ():
@@ -290,7 +244,10 @@ class _Rebuilt(Description):
         self.reach[name] = points
 
     def _add_tip(self, body: Any, finger: Finger) -> None:
-        """Name the shape that reaches farthest the tip; of a long one, what is before the back of its sphere."""
+        """Name the shape that reaches farthest the tip; of a long one, what is before the back of its sphere.
+
+        Of a gripper's jaw, and where several shapes reach beyond the sphere's centre, it is all that is before it.
+        """
         assert self.hand is not None and finger.frame is not None
         old = self.pose(body.name) @ matrix(finger.frame)
         centre = np.linalg.inv(self.W[body.name]) @ old[:, 3]
@@ -300,9 +257,13 @@ class _Rebuilt(Description):
             raise InputError(
                 f"{self.path}: nothing of body {body.name!r} collides: tip {finger.tip!r} has no shape"
             )
-        tip = max(solid, key=lambda geom: self.reach[geom.name][:, 2].max())
-        radius = self.hand.tip_radius
+        solid.sort(key=lambda geom: -self.reach[geom.name][:, 2].max())
+        tip, radius = solid[0], self.hand.tip_radius
         behind = (self.hand.tip_length or 2.0 * radius) - radius
+        also = [geom for geom in solid if self.reach[geom.name][:, 2].max() > centre[2]]
+        if self.hand.torsion or len(also) > 1:
+            self._join_pad(body, finger.tip, solid, centre[2] - behind)
+            return
         if tip.type not in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_BOX):
             tip.name = finger.tip
             return
@@ -314,6 +275,21 @@ class _Rebuilt(Description):
         for name, points in pieces:
             if len(points) > 3:
                 add_mesh_geom(self.spec, body, *hull_of(points), {"name": name, **look})
+
+    def _join_pad(self, body: Any, tip: str, solid: list[Any], height: float) -> None:
+        """Make one shape of all that is above a height of a body's frame, m, and leave what is below as it is."""
+        pad, look = [], {"rgba": solid[0].rgba.copy(), **_LOOK[True]}
+        for geom in solid:
+            points = self.reach[geom.name]
+            if points[:, 2].max() <= height:
+                continue
+            above, below = cut(points, height) if points[:, 2].min() < height else (points, points[:0])
+            pad.append(above)
+            name = geom.name
+            self.spec.delete(geom)
+            if len(below) > 3:
+                add_mesh_geom(self.spec, body, *hull_of(below), {"name": f"{name}_rest", **look})
+        add_mesh_geom(self.spec, body, *hull_of(np.concatenate(pad)), {"name": tip, **look})
 
     def _add_excludes(self) -> None:
         for k, signature in enumerate(self.model.exclude_signature):

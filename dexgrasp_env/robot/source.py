@@ -20,7 +20,12 @@ from dexgrasp_env.locales import with_decimal_points
 BASE = "base"
 """Name of the body that everything hangs on where a description has its first links in the world itself."""
 _MESHES = (".obj", ".stl", ".msh")  # formats that MuJoCo reads
-_LARGEST = 64 << 20  # bytes of a description with all that it includes
+_LARGEST, _MOST, _DEEPEST = (
+    32 << 20,
+    100_000,
+    150,
+)  # bytes and elements of a description, and how deep they nest
+_FLOATING = 6  # joints of one body that bears a robot: it floats
 _MENDS = 20  # changes that MuJoCo may ask for, one after the other
 _URDF = {
     "fusestatic": "false", "balanceinertia": "true", "strippath": "false", "discardvisual": "true", "meshdir": "",
@@ -47,8 +52,9 @@ def read_source(path: Path) -> Source:
     if not path.is_file():
         raise InputError(f"MuJoCo cannot read {path}: it is no file")
     root = _tree(path)
+    _check_size(root, path)
     steps: tuple[Callable[[Element, Path], list[str]], ...]
-    steps = (_as_urdf,) if root.tag == "robot" else (_drop_floors, _drop_free_joints)
+    steps = (_as_urdf,) if root.tag == "robot" else (_drop_floors, _drop_free_joints, _name_bodies)
     notes = [note for step in steps for note in step(root, path)]
     changed = bool(notes) or root.tag == "robot"
     velocity = {
@@ -64,15 +70,24 @@ def read_source(path: Path) -> Source:
     return Source(model, tuple(notes), {name: rate for name, rate in velocity.items() if rate > 0})
 
 
-def _tree(path: Path, seen: tuple[Path, ...] = ()) -> Element:
-    """Return the XML tree of a file, what it includes put in its place."""
-    path = path.resolve()
+def _tree(path: Path, seen: tuple[Path, ...] = (), read: list[int] | None = None) -> Element:
+    """Return the XML tree of a file, what it includes put in its place.
+
+    Args:
+        path: of the file.
+        seen: files that include it.
+        read: bytes that were read so far, of all files.
+    """
+    path, read = path.resolve(), read or [0]
     if path in seen:
         raise InputError(f"MuJoCo cannot read {path}: it includes itself")
     try:
-        text = path.read_bytes()
-        if len(text) > _LARGEST or b"<!ENTITY" in text:
-            raise InputError(f"MuJoCo cannot read {path}: it is too large, or defines entities")
+        if not path.is_file():
+            raise OSError
+        read[0] += path.stat().st_size
+        text = path.read_bytes() if read[0] <= _LARGEST else b""
+        if not text or b"<!ENTITY" in text.replace(b"\0", b""):  # in UTF-16 as well
+            raise InputError(f"MuJoCo cannot read {path}: it is empty or too large, or defines entities")
         root = ElementTree.fromstring(text)
     except OSError:
         raise InputError(f"MuJoCo cannot read {path}: it is no file") from None
@@ -84,8 +99,18 @@ def _tree(path: Path, seen: tuple[Path, ...] = ()) -> Element:
         for k, child in reversed(list(enumerate(parent))):
             if child.tag == "include":
                 base = seen[0].parent if seen else path.parent
-                parent[k : k + 1] = list(_tree(base / str(child.get("file")), (*seen, path)))
+                parent[k : k + 1] = list(_tree(base / str(child.get("file")), (*seen, path), read))
     return root
+
+
+def _check_size(root: Element, path: Path) -> None:
+    """Refuse what is too large or nests too deep to be one robot."""
+    level, count, depth = [root], 0, 0
+    while level:
+        count, depth = count + len(level), depth + 1
+        if count > _MOST or depth > _DEEPEST:
+            raise InputError(f"{path} has over {_MOST} elements, or {_DEEPEST} in each other: no robot has")
+        level = [child for element in level for child in element]
 
 
 def _as_urdf(root: Element, path: Path) -> list[str]:
@@ -139,18 +164,29 @@ def _drop_floors(root: Element, path: Path) -> list[str]:
 
 
 def _drop_free_joints(root: Element, path: Path) -> list[str]:
-    """Fix what floats."""
+    """Fix what floats, on a free joint or on six of its own."""
     found = [
         (body, joint)
         for body in root.iter("body")
         for joint in body
         if joint.tag == "freejoint" or (joint.tag == "joint" and joint.get("type") == "free")
     ]
+    for body in root.findall("worldbody/body"):
+        if len(own := body.findall("joint")) >= _FLOATING:
+            found += [(body, joint) for joint in own]
     for body, joint in found:
         body.remove(joint)
     for key in root.findall("keyframe") if found else ():
         root.remove(key)
-    return [f"body {body.get('name')!r} floats: it is fixed" for body, _ in found]
+    return list(dict.fromkeys(f"body {body.get('name', '')!r} floats: it is fixed" for body, _ in found))
+
+
+def _name_bodies(root: Element, path: Path) -> list[str]:
+    """Name bodies that bear others and have no name."""
+    found = [body for body in root.iter("body") if not body.get("name") and body.find("body") is not None]
+    for k, body in enumerate(found):
+        body.set("name", f"{BASE}_{k}")
+    return [f"{len(found)} bodies without a name are called {BASE}_0 and so on"] if found else []
 
 
 def _gather(root: Element) -> None:

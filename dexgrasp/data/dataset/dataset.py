@@ -16,6 +16,7 @@ from dexgrasp.runs.shards import bytes_of, read_shard, text_of
 from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import file_hash, read_json_object
+from dexgrasp_env.robot.robot import Robot
 
 MANIFEST = "manifest.json"
 _FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
@@ -24,19 +25,21 @@ FIELDS: dict[str, Fields] = yaml.safe_load(Path(__file__).with_name("fields.yaml
 """Field -> shape of one grasp, type, meaning, from fields.yaml."""
 
 
-def fields_of(joints: int) -> dict[str, Fields]:
-    """Return the fields, with their shapes for a robot with so many joints."""
+def fields_of(robot: Robot) -> dict[str, Fields]:
+    """Return the fields, with their shapes for a robot; further fingers follow the first three of a grasp."""
+    fingers = len(robot.hand.grasp)
+    sizes = {"joints": robot.dof, "fingers": fingers, "corners": min(fingers, 3)}
     return {
-        name: words | {"shape": [joints if size == "joints" else size for size in words["shape"]]}
+        name: words | {"shape": [sizes.get(size, size) for size in words["shape"]]}
         for name, words in FIELDS.items()
     }
 
 
-def shard_arrays(found: Found, joints: int) -> Arrays:
-    """Return the grasps of a shard, of a robot with so many joints, with their counts."""
+def shard_arrays(found: Found, robot: Robot) -> Arrays:
+    """Return the grasps of a shard, of a robot, with their counts."""
     arrays: Arrays = {
         name: np.asarray(found.fields.get(name, []), dtype=words["type"]).reshape(len(found), *words["shape"])
-        for name, words in fields_of(joints).items()
+        for name, words in fields_of(robot).items()
     }
     arrays["counts"] = np.array([found.counts[name] for name in COUNTS], dtype=np.int64)
     arrays["blocked"] = bytes_of(json.dumps(dict(sorted(found.log.totals().items()))))

@@ -79,7 +79,7 @@ def generate(
             "complete": True,
             "frames": "rest: origin on the table under the centre of mass, z up; robot base for q and placement",
             "units": "m, rad, N, kg; quaternions wxyz", "fingers": list(robot.hand.grasp),
-            "hand": robot.hand.stamp, "fields": fields_of(robot.dof),
+            "hand": robot.hand.stamp, "fields": fields_of(robot),
             "files": {job.file: file_hash(folder / job.file) for job in jobs},
         }  # fmt: skip
         write_json(folder / MANIFEST, manifest)
@@ -92,7 +92,7 @@ def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
         arrays = pose_arrays(rest_scene(job.target, job.pose, settings))
     else:
         found = sample_shard(job.target, job.pose, job.chunk, settings)
-        arrays = shard_arrays(found, settings.cell.robot.dof)
+        arrays = shard_arrays(found, settings.cell.robot)
     write_shard(folder / job.file, arrays, key)
 
 

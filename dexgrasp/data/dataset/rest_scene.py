@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.mechanics.closure import closure_sweep
 from dexgrasp.planning.holding import narrowed_friction
-from dexgrasp.planning.proposals import LEAST_DISTANCE, graspable_points
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.proposals import LEAST_DISTANCE, closing_sets, graspable_points
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.load import load_target, object_name
@@ -24,7 +24,7 @@ from dexgrasp_env.objects.rest_poses import RestPose, rest_poses
 from dexgrasp_env.poses import about_z, pose_matrix
 
 Triples = NDArray[np.int32]
-"""Indices (..., 3) of contacts."""
+"""Indices (..., 3) of contacts; of a gripper pairs (..., 2)."""
 CLOUD = 2048
 """Points of the surface kept for training."""
 
@@ -81,11 +81,13 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     points, normals = graspable_points(grasp_target, settings.planner, rng)
     tips = points + settings.planner.for_hand(settings.cell.robot.hand).tip_height * normals
     friction = narrowed_friction(tips, normals, grasp_target, settings.planner)
-    triples = np.zeros((0, 3), np.int32)
+    pairs = len(settings.cell.robot.hand.grasp) == 2
+    triples = np.zeros((0, 2 if pairs else 3), np.int32)
     if len(points) >= 3:
-        triples = closure_sweep(points, normals, settings.planner.friction, LEAST_DISTANCE)
+        own = Planner(settings.planner, cell=settings.cell).settings if pairs else settings.planner
+        triples = closing_sets(points, normals, own)
     gaps = np.linalg.norm(points[:, None] - points[None], axis=-1) >= LEAST_DISTANCE
-    decided = round(float(np.trace(gaps.astype(float) @ gaps @ gaps)) / 6.0)
+    decided = round(gaps.sum() / 2.0 if pairs else float(np.trace(gaps.astype(float) @ gaps @ gaps)) / 6.0)
     samples = triangle_samples(grasp_target.hull.triangles, CLOUD, rng)
     cloud = np.concatenate([samples.points, samples.normals], axis=1)
     return RestScene(name, pose, grasp_target, rest, points, normals, friction, triples, decided, cloud)

@@ -15,7 +15,7 @@ import numpy as np
 
 from dexgrasp.data.dataset.rest_scene import RestScene, Triples, placed, rest_scene, rng_of
 from dexgrasp.data.dataset.settings import DatasetSettings
-from dexgrasp.mechanics.contacts import Contacts, Shape, shape_of
+from dexgrasp.mechanics.contacts import Contacts, Shape
 from dexgrasp.mechanics.internal_force import empty_room, squeeze_estimate
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, reach_palm
 from dexgrasp.mechanics.margin import margins_to
@@ -66,7 +66,7 @@ class Placed(Posture):
     """A start with the object put where the arm reaches it.
 
     Attributes:
-        triple: (3,) indices of the contacts, thumb, index, middle.
+        triple: (n,) indices of the contacts, thumb, index, middle; of a gripper two.
         placement: of the object: x m, y m, yaw rad.
     """
 
@@ -114,9 +114,9 @@ class _Sampler:
         if not len(triples):
             return
         scene, counts, problem = self._scene, self._found.counts, self._problem
-        orders = assignments(3)
+        orders = assignments(triples.shape[1])
         at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, orders).best()
-        ordered = triples[:, orders].reshape(-1, 3)
+        ordered = triples[:, orders].reshape(-1, triples.shape[1])
         counts["assignments_tried"] += len(ordered)
         loads = loads_on(at, problem, scene.friction[ordered])
         for k in np.flatnonzero(loads >= self._settings.least_load):
@@ -166,7 +166,7 @@ class _Sampler:
 def _draw(own: Triples, left: Mask, use: Array, rng: np.random.Generator) -> Index:
     """Draw triples without replacement, weight 1 / (1 + uses of its points)^2 (exponential keys)."""
     ids = np.flatnonzero(left)
-    uses = sum(use[own[:, corner][ids]] for corner in range(3))
+    uses = sum(use[own[:, corner][ids]] for corner in range(own.shape[1]))
     keys = rng.exponential(size=len(ids)) * (1.0 + uses) ** 2
     least = np.argpartition(keys, BATCH)[:BATCH] if len(keys) > BATCH else np.arange(len(keys))
     return ids[least[np.argsort(keys[least])]]
@@ -176,11 +176,12 @@ def bearable(scene: RestScene, triples: Triples, settings: DatasetSettings) -> T
     """Return the triples that have the margin asked for, and at which some forces of `MOST_FORCE` bear the object."""
     target, least = scene.grasp_target, settings.least_load
     planner = settings.planner.for_hand(settings.cell.robot.hand)
+    shape = planner.proposed
     loads = _free_loads(
-        scene.points, scene.normals, scene.friction, triples, target.centre, target.weight, least, shape_of(3)
+        scene.points, scene.normals, scene.friction, triples, target.centre, target.weight, least, shape
     )
     firm = triples[loads >= least]
-    margins = margins_to(scene.points[firm], scene.normals[firm], planner.friction, shape_of(3), _ROUGH, 0.0)
+    margins = margins_to(scene.points[firm], scene.normals[firm], planner.friction, shape, _ROUGH, 0.0)
     return firm[margins >= planner.closure_margin]
 
 
@@ -190,8 +191,9 @@ def _free_loads(
     most: float, shape: Shape,
 ) -> Array:  # fmt: skip
     """Loads (M,) of triples, up to `most`, if each contact were pushed along each axis by a joint of its own."""
-    J, limit = np.eye(9).reshape(3, 3, 9), np.full(9, MOST_FORCE)
-    room, out = empty_room(shape, 9), np.empty(len(triples))
+    n, parts = shape.contacts, len(shape.model.parts)
+    J, limit = np.eye(n * parts).reshape(n, parts, n * parts), np.full(n * parts, MOST_FORCE)
+    room, out = empty_room(shape, n * parts), np.empty(len(triples))
     for m in range(len(triples)):
         t = triples[m]
         contacts = Contacts(points[t], normals[t], J, limit, friction[t], centre, gravity, shape.model)

@@ -13,11 +13,11 @@ with from_extra():
     from torch import Tensor, nn
 
 from dexgrasp.learning.training.gradient_training import perceptron
-from dexgrasp.planning.decoder import GRASP, SCALE, NetworkSettings
+from dexgrasp.planning.decoder import PALM, SCALE, NetworkSettings
 
 
 class Output(NamedTuple):
-    """Result of a forward pass; grasps as in `GRASP`, network units."""
+    """Result of a forward pass; grasps are tips, then the palm (`PALM`), network units."""
 
     grasp: Tensor
     mean: Tensor
@@ -47,19 +47,20 @@ class CloudEncoder(nn.Module):
 class Cvae(nn.Module):
     """Encoder q(z | grasp, cloud) and decoder p(grasp | z, cloud), prior N(0, I)."""
 
-    def __init__(self, settings: NetworkSettings) -> None:
+    def __init__(self, settings: NetworkSettings, tips: int = 3) -> None:
         super().__init__()
+        grasp = 3 * tips + PALM
         cloud, hidden, latent = settings.cloud, settings.hidden, settings.latent
         self.cloud = CloudEncoder(settings)
-        self.posterior = perceptron([cloud + GRASP, *[hidden] * 3, 2 * latent], nn.SiLU)
-        self.decoder = perceptron([cloud + latent, *[hidden] * 3, GRASP], nn.SiLU)
+        self.posterior = perceptron([cloud + grasp, *[hidden] * 3, 2 * latent], nn.SiLU)
+        self.decoder = perceptron([cloud + latent, *[hidden] * 3, grasp], nn.SiLU)
 
     def forward(self, cloud: Tensor, grasp: Tensor, noise: Tensor) -> Output:
         """Encode and decode.
 
         Args:
             cloud: (C, N, 6).
-            grasp: (C, G, 18), G grasps on each cloud, centred like it.
+            grasp: (C, G, 3 n + 9), G grasps of n tips on each cloud, centred like it.
             noise: (C, G, latent), standard normal.
         """
         feature = self.cloud(cloud)[:, None].expand(-1, grasp.shape[1], -1)
@@ -69,7 +70,7 @@ class Cvae(nn.Module):
         return Output(self.decode(feature, latent), mean, log_variance)
 
     def decode(self, feature: Tensor, latent: Tensor) -> Tensor:
-        """Return grasps (..., 18) of cloud features (..., cloud) and latents (..., latent)."""
+        """Return grasps (..., 3 n + 9) of cloud features (..., cloud) and latents (..., latent)."""
         return self.decoder(torch.cat([feature, latent], -1))
 
 
@@ -87,14 +88,14 @@ class Losses(NamedTuple):
 def losses(output: Output, grasp: Tensor, kl_weight: float) -> Losses:
     """2 L1(palm) + 0.2 |R R_hat^T - I|_F + 10 L1(fingertips) + w KL; L1 in metres, summed over coordinates."""
     difference = (output.grasp - grasp) / SCALE
-    fingertips = difference[..., :9].abs().sum(-1).mean()
-    palm = difference[..., 9:12].abs().sum(-1).mean()
+    fingertips = difference[..., :-PALM].abs().sum(-1).mean()
+    palm = difference[..., -PALM:-6].abs().sum(-1).mean()
     # |R R_hat^T - I|_F = |R - R_hat|_F, and 6 numbers say all of a rotation.
-    off = rotation_of(output.grasp[..., 12:]) - rotation_of(grasp[..., 12:])
+    off = rotation_of(output.grasp[..., -6:]) - rotation_of(grasp[..., -6:])
     rotation = off.square().sum((-1, -2)).add(1e-8).sqrt().mean()
     kl = 0.5 * (output.mean.square() + output.log_variance.exp() - 1.0 - output.log_variance).sum(-1).mean()
     total = 10.0 * fingertips + 2.0 * palm + 0.2 * rotation + kl_weight * kl
-    tips = difference[..., :9].unflatten(-1, (3, 3)).norm(dim=-1).mean() * 100.0
+    tips = difference[..., :-PALM].unflatten(-1, (-1, 3)).norm(dim=-1).mean() * 100.0
     return Losses(total, fingertips, palm, rotation, kl, tips)
 
 

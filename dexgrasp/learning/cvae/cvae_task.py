@@ -14,7 +14,7 @@ from dexgrasp.learning.cvae.settings import TrainingSettings
 from dexgrasp.learning.training.checkpoint import write_tensors
 from dexgrasp.learning.training.gradient_training import GradientTask, tensors_for
 from dexgrasp.learning.training.loop import CHECKPOINT, Progress
-from dexgrasp.planning.decoder import SCALE, SCHEMA
+from dexgrasp.planning.decoder import PALM, SCALE, SCHEMA
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
 
@@ -53,7 +53,7 @@ class CvaeTask(GradientTask):
 
     def network(self) -> Cvae:
         """Make the network."""
-        return Cvae(self.settings.network)
+        return Cvae(self.settings.network, self._poses[0].tips.shape[1])
 
     def rate_factor(self, done: float) -> float:
         """Return 1 for the first half, then a straight line."""
@@ -112,16 +112,16 @@ class CvaeTask(GradientTask):
 
 
 def wrench_residual(grasp: torch.Tensor, cloud: torch.Tensor) -> torch.Tensor:
-    """Return the mean residual of Eq. 4 of decoded fingertips (C, G, 18), with the normals of the nearest points.
+    """Return the mean residual of Eq. 4 of decoded fingertips (C, G, 3 n + 9), with the normals of the nearest points.
 
     Args:
         grasp: network units.
         cloud: (C, N, 6) points (network units) and unit normals.
     """
-    tips = grasp[..., :9].unflatten(-1, (3, 3))
+    tips = grasp[..., :-PALM].unflatten(-1, (-1, 3))
     nearest = torch.cdist(tips.detach().flatten(1, 2), cloud[..., :3]).argmin(-1)
-    normals = torch.take_along_dim(cloud[..., 3:], nearest[..., None], 1).reshape(-1, 3, 3)
-    points = (tips / SCALE).reshape(-1, 3, 3).cpu()
+    normals = torch.take_along_dim(cloud[..., 3:], nearest[..., None], 1).reshape(-1, *tips.shape[-2:])
+    points = (tips / SCALE).flatten(0, 1).cpu()
     from dexgrasp.learning.cvae.wrench_layer import wrench_layer  # needs the extra planner
 
     _, residual = wrench_layer(points, torch.nn.functional.normalize(normals.cpu(), dim=-1), MU)

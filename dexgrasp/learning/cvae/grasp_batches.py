@@ -23,7 +23,7 @@ class PoseSplit:
 
     Attributes:
         cloud: (N, 6) points and normals.
-        tips: (n, 3, 3) contacts, thumb, index, middle.
+        tips: (n, g, 3) contacts of the first two or three fingers of a grasp.
         palm: (n, 3) positions.
         rotation: (n, 3, 3) of the palm.
     """
@@ -39,7 +39,7 @@ class PoseSplit:
 
 
 class Batch(NamedTuple):
-    """Arrays in network units: clouds (C, N, 6), grasps (C, G, 18), latent noise (C, G, latent); float32."""
+    """Arrays in network units: clouds (C, N, 6), grasps (C, G, 3 g + 9), latent noise (C, G, latent); float32."""
 
     cloud: Single
     grasp: Single
@@ -86,7 +86,7 @@ def _tested(pose: PoseGrasps, seed: int) -> Mask:
 def _take(pose: PoseGrasps, mask: Mask) -> PoseSplit:
     g, cloud = pose.grasps, pose.scene["cloud"].astype(float)
     return PoseSplit(
-        cloud[cloud[:, 2] > CROPPED], g["contacts"][mask].astype(float), g["palm_position"][mask].astype(float),
+        cloud[cloud[:, 2] > CROPPED], g["contacts"][mask][:, :3].astype(float), g["palm_position"][mask].astype(float),
         quat_to_matrix(g["palm_quat_wxyz"][mask].astype(float)),
     )  # fmt: skip
 
@@ -142,7 +142,7 @@ def _made(pose: PoseSplit, at: Index, chosen: Index, R: Array, stretch: Array) -
     palm = (pose.palm[at] + pose.tips[at].mean(1) * (stretch - 1.0)) @ R.T - centre
     rotation = R @ pose.rotation[at]
     grasp = np.concatenate(
-        [SCALE * tips.reshape(len(at), 9), SCALE * palm, rotation[:, :, 0], rotation[:, :, 1]], axis=1
+        [SCALE * tips.reshape(len(at), -1), SCALE * palm, rotation[:, :, 0], rotation[:, :, 1]], axis=1
     )
     return np.concatenate([SCALE * (points - centre), normals], axis=1), grasp
 

@@ -13,7 +13,13 @@ from dexgrasp.learning.imitation.bc_policy import BcPolicy
 from dexgrasp.learning.imitation.cloud_features import grip_features
 from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
 from dexgrasp.learning.imitation.demonstrated_grasp import sizes
-from dexgrasp.learning.imitation.demonstration_data import Grips, Rows, read_grips, read_rows
+from dexgrasp.learning.imitation.demonstration_data import (
+    Grips,
+    Rows,
+    demonstrated_cell,
+    read_grips,
+    read_rows,
+)
 from dexgrasp.learning.imitation.settings import BcSettings
 from dexgrasp.learning.training.gradient_training import GradientTask, tensors_for
 from dexgrasp.learning.training.loop import Progress, origin
@@ -21,7 +27,7 @@ from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.runs.policy_folder import write_policy
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.robot.cell import Cell
 
 with from_extra():
     import torch
@@ -41,14 +47,15 @@ class BcTask(GradientTask):
 
     steps, clip = 200, 1.0
 
-    def __init__(self, rows: Any, settings: BcSettings) -> None:
+    def __init__(self, rows: Any, cell: Cell, settings: BcSettings) -> None:
         """Keep some demonstrations apart for tests.
 
         Args:
             rows: what is learned from: it has a length and a key, and draws batches.
+            cell: of the robot that demonstrated.
             settings: of the training.
         """
-        self.settings, self._rows = settings, rows
+        self.settings, self.cell, self._rows = settings, cell, rows
         order = np.random.default_rng([settings.seed, 0]).permutation(len(rows))
         tested = int(np.ceil(settings.held_out * len(order))) if len(order) > 1 else 0
         self._held_out, self._trained = np.sort(order[:tested]), np.sort(order[tested:])
@@ -89,7 +96,7 @@ class BcTask(GradientTask):
     def write(self, out: Path, net: PolicyNet, state: Progress) -> None:
         """Write the policy."""
         about = {
-            **self.policy(), "view": self.settings.view, "robot": default_cell().robot.stamp,
+            **self.policy(), "view": self.settings.view, "robot": self.cell.robot.stamp,
             "training": origin(state, seed=self.settings.seed, demonstrations=len(self._trained)),
         }  # fmt: skip
         write_policy(out, about, net.arrays())
@@ -106,7 +113,7 @@ class StateBcTask(BcTask):
         Raises:
             InputError: no usable demonstrations.
         """
-        super().__init__(read_rows(data), settings)
+        super().__init__(read_rows(data), demonstrated_cell(data), settings)
 
     def network(self) -> BcNet:
         """Make the network, and measure the spread (chunk * joints,) rad of what it predicts."""
@@ -144,8 +151,8 @@ class CloudBcTask(BcTask):
         Raises:
             InputError: no usable demonstrations.
         """
-        super().__init__(read_grips(data), settings)
-        parts = sizes(robot_tree(default_cell()))
+        super().__init__(read_grips(data), demonstrated_cell(data), settings)
+        parts = sizes(robot_tree(self.cell))
         self._off, self._weights = (
             torch.from_numpy(np.repeat(part, parts).astype(np.float32)) for part in (_OFF, _WEIGHTS)
         )

@@ -18,13 +18,14 @@ from dexgrasp.learning.imitation.state_features import entry, features, initial_
 from dexgrasp_env.arrays import Array, Arrays, Index, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
-from dexgrasp_env.robot.cell import default_cell, make_cell
+from dexgrasp_env.robot.cell import Cell, make_cell
+from dexgrasp_env.robot.robot import Robot
 
 _TESTED = 16  # rows of each held-out episode
 
 
 class Batch(NamedTuple):
-    """Rows of some episodes: features (E, R, F), set-points to come (E, R, chunk, 23) rad."""
+    """Rows of some episodes: features (E, R, F), set-points to come (E, R, chunk, n) rad."""
 
     looks: Single
     chunks: Single
@@ -36,8 +37,8 @@ class Rows:
 
     Attributes:
         looks: (S, F) features.
-        targets: (S, 23) rad, set-points before each step.
-        meant: (S, 23) rad, what the demonstrator meant them to be after it, without its noise.
+        targets: (S, n) rad, set-points before each step.
+        meant: (S, n) rad, what the demonstrator meant them to be after it, without its noise.
         first: (E,) rows that the episodes begin at.
         steps: (E,) lengths.
         control_mode: of the demonstrations.
@@ -84,7 +85,8 @@ def read_rows(folders: Sequence[Path]) -> Rows:
     Raises:
         InputError: for folders without demonstrations, of different modes, or without the state.
     """
-    parts = [_parts(episode, folder, noise) for episode, folder, noise in _shown(folders)]
+    robot = demonstrated_cell(folders).robot
+    parts = [_parts(episode, folder, noise, robot) for episode, folder, noise in _shown(folders)]
     steps = np.array([len(looks) for looks, _, _ in parts])
     looks, targets, meant = map(np.concatenate, zip(*parts, strict=True))
     arrays = (looks, targets, meant, np.cumsum(steps) - steps, steps)
@@ -92,12 +94,12 @@ def read_rows(folders: Sequence[Path]) -> Rows:
     return Rows(*arrays, control_mode=mode, key=content_hash(*arrays))
 
 
-def _parts(episode: Episode, folder: Path, noise: float) -> tuple[Single, ...]:
+def _parts(episode: Episode, folder: Path, noise: float, robot: Robot) -> tuple[Single, ...]:
     seen = episode.observations
     _check(seen, "object_pose", folder)
     scene = initial_scene({key: array[0] for key, array in seen.items()})
     looks = features(scene, {key: array[:-1] for key, array in seen.items()}, np.arange(len(episode)))
-    ways = entry(seen, "joint_targets")[:-1], intended(episode, noise, default_cell().robot)[1:]
+    ways = entry(seen, "joint_targets")[:-1], intended(episode, noise, robot)[1:]
     return tuple(part.astype(np.float32) for part in (looks, *ways))
 
 
@@ -160,10 +162,10 @@ def read_grips(folders: Sequence[Path]) -> Grips:
     Raises:
         InputError: for folders without such demonstrations, of different modes, or without clouds.
     """
-    looks, grasps = [], []
+    looks, grasps, cell = [], [], demonstrated_cell(folders)
     for episode, folder, noise in _shown(folders):
         _check(episode.once, "cloud", folder)
-        if grasp := demonstrated_grasp(episode, noise, default_cell()):
+        if grasp := demonstrated_grasp(episode, noise, cell):
             looks.append(observed_cloud(episode.once))
             grasps.append(grasp)
     if not grasps:
@@ -172,6 +174,21 @@ def read_grips(folders: Sequence[Path]) -> Grips:
     rows = np.stack([grasp_to_row(grasp, look.middle) for grasp, look in pairs]).astype(np.float32)
     azimuths = np.array([grasp.azimuth for grasp in grasps])
     return Grips(tuple(looks), azimuths, rows, content_hash(np.stack([look.seen for look in looks]), rows))
+
+
+def demonstrated_cell(folders: Sequence[Path]) -> Cell:
+    """Return the cell whose robot folders of demonstrations are of.
+
+    Raises:
+        InputError: for folders of different robots.
+    """
+    first, *others = (make_cell(read_about(folder)["settings"].get("robot")) for folder in folders)
+    for folder, cell in zip(folders[1:], others, strict=True):
+        if cell.robot.stamp != first.robot.stamp:
+            raise InputError(
+                f"{folder} is of the robot {cell.robot.stamp}, {folders[0]} of {first.robot.stamp}: valid is one"
+            )
+    return first
 
 
 def _shown(folders: Sequence[Path]) -> Iterator[tuple[Episode, Path, float]]:
@@ -184,9 +201,6 @@ def _shown(folders: Sequence[Path]) -> Iterator[tuple[Episode, Path, float]]:
     number = 0
     for folder in folders:
         settings = read_about(folder)["settings"]
-        robot, ours = make_cell(settings.get("robot")).robot.stamp, default_cell().robot.stamp
-        if robot != ours:
-            raise InputError(f"{folder} holds demonstrations of {robot}: policies are cloned of {ours}")
         found = {key: str(settings[key]) for key in MODES}
         if modes and modes != found:
             raise InputError(

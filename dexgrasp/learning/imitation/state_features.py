@@ -86,15 +86,15 @@ def features(scene: InitialScene, observation: Observation, step: Index | int) -
     at = entry(observation, "object_pose")[..., :3]
     palm = entry(observation, "palm_pose")
     tips, forces = (
-        entry(observation, key).reshape(*shape, 4, 3) for key in ("fingertip_positions", "fingertip_forces")
+        entry(observation, key).reshape(*shape, -1, 3) for key in ("fingertip_positions", "fingertip_forces")
     )
     parts = [
         targets,
-        ((tips - at[..., None, :]) @ back * METRES).reshape(*shape, 12),
+        ((tips - at[..., None, :]) @ back * METRES).reshape(*shape, -1),
         _turn(palm[..., :3] - at, turned) * METRES,
         (turned @ quat_to_matrix(palm[..., 3:]))[..., :2].reshape(*shape, 6),
         np.broadcast_to(np.minimum(step, _LONGEST) / _STEPS, shape)[..., None],
-        np.tanh(forces @ back / _NEWTONS).reshape(*shape, 12),
+        np.tanh(forces @ back / _NEWTONS).reshape(*shape, -1),
         entry(observation, "progress") * [METRES, 1.0],
         _turn(at - scene.origin, turned) * METRES,
         np.broadcast_to(scene.numbers, (*shape, scene.numbers.shape[-1])),

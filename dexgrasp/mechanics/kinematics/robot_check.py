@@ -7,6 +7,7 @@ from itertools import product
 import mujoco
 import numpy as np
 
+from dexgrasp.mechanics.kinematics.drive_check import check_drives, check_limits, check_masses
 from dexgrasp.mechanics.kinematics.forward import body_frames, fingertips
 from dexgrasp.mechanics.kinematics.palm_ik import PALM_DOWN, reach_palm
 from dexgrasp.mechanics.kinematics.tree import robot_tree
@@ -34,14 +35,26 @@ _PALMS = tuple(product((0.4, 0.5, 0.6), (-0.2, 0.0, 0.2), np.linspace(-np.pi, np
 
 def check_robot(cell: Cell) -> list[Finding]:
     """Return what is found of a cell's robot: errors have to be mended, warnings looked at."""
-    checks = (_kinematics, _home, _excluded, _authority, _tips, _opposition, _meeting, _strength, _reach)
+    checks = (
+        _kinematics, _excluded, _authority, check_drives, check_limits, check_masses, _tips, _opposition, _meeting,
+        _strength, _reach,
+    )  # fmt: skip
     compiled_robot(cell)  # refuses what no simulation can tell anything of
     model = _alone(cell)
     found = list(_order(cell, model))
     if any(finding.level == "error" for finding in found):
         return found  # nothing else can be told of joints that are others
     home = _at(model, cell.robot.home)
+    found += _home(cell, home)
+    if any(finding.level == "error" for finding in found):
+        return found  # what touches already moves by itself: all else would follow from it
     return found + [finding for check in checks for finding in check(cell, home)]
+
+
+def score(findings: list[Finding]) -> int:
+    """Return the share of checks that found nothing, per cent; a warning counts as half of a fault."""
+    weight = {"info": 1.0, "warning": 0.5, "error": 0.0}
+    return round(100 * sum(weight[finding.level] for finding in findings) / max(1, len(findings)))
 
 
 def _told(good: bool, what: str, mend: str, level: str = "error") -> Finding:
@@ -162,12 +175,17 @@ def _moved(home: mujoco.MjData, column: Array, push: float) -> Array:
 
 
 def _tips(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
-    """The surface of each grasping tip is a radius from its site, out of the tip and out of its pad."""
+    """The surface of each grasping tip is a radius from its site, out of the tip and out of its pad.
+
+    A jaw closes between the two, and its pad may be flat.
+    """
     radius = cell.robot.hand.tip_radius
     mend = f"shift the tip's frame, or change tip_radius, {1000 * radius:.1f} mm"
     for finger in cell.robot.grasping:
         site = home.site(finger.tip)
-        for what, way in (("end", site.xmat.reshape(3, 3)[:, 2]), ("pad", _pad(home, finger))):
+        end, pad = site.xmat.reshape(3, 3)[:, 2], _pad(home, finger)
+        jaw = cell.robot.hand.torsion > 0.0
+        for what, way in {"pad": (end + pad) / np.sqrt(2.0)}.items() if jaw else (("end", end), ("pad", pad)):
             depth = _surface(home, home.model.geom(finger.tip).id, site.xpos, way)
             far = f"the {what} of {finger.tip} is {1000 * depth:.1f} mm from its centre"
             yield _told(abs(depth - radius) <= _OFF, far, mend)

@@ -1,0 +1,106 @@
+"""Checks of a robot's drives and bodies: each drive through its range, joints without limits, masses."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.findings import Finding
+from dexgrasp_env.robot.cell import Cell
+
+_RAMP, _SETTLE = 200, 100  # physics steps in which a set-point goes through a range, and then waits
+_WHOLE, _LITTLE = (
+    0.9,
+    0.3,
+)  # shares of its range that a drive goes at least, and with which it is of hardly any use
+_MOVES = 0.001  # m that something of the hand moves with a drive
+_TURN = 2.0 * np.pi - 0.05  # rad of a finger's range that are no limit
+_MASS = (0.03, 6.0)  # kg of a hand
+_DENSITY = (20.0, 25_000.0)  # kg/m3 of a link: less than foam, more than any metal
+_LIGHT = 1e-4  # kg: lighter, a link has no mass
+
+
+def check_drives(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    """Yield what stops drives of the hand within their ranges, and which move nothing."""
+    robot, (C, _) = cell.robot, cell.robot.drive
+    drives, good = [j for j in np.flatnonzero(C.any(0)).tolist() if j >= robot.arm_dof], 0
+    for j in drives:
+        name, low_high = robot.joints[j], (robot.lower[j], robot.upper[j])
+        ends = [_driven(home, C[:, j], end - home.qpos[j]) for end in low_high]
+        if max(_moved(home, data, cell) for data in ends) < _MOVES:
+            mend = "name it under `held`, or look at its axis and at what hangs on it"
+            yield Finding("error", f"drive {name} moves nothing", mend)
+            continue
+        share = (ends[1].qpos[j] - ends[0].qpos[j]) / (low_high[1] - low_high[0])
+        good += bool(share > _WHOLE)
+        if share < _LITTLE:
+            stopped = max(ends, key=lambda data: abs(data.ctrl[j] - data.qpos[j]))
+            what = f"drive {name} goes through {100 * share:.0f} % of its range"
+            yield Finding(
+                "warning", f"{what}{_touched(stopped)}", "exclude pairs that overlap, or narrow the range"
+            )
+    yield Finding("info", f"{good} of {len(drives)} drives go through their ranges, the others open")
+
+
+def _driven(home: mujoco.MjData, column: Array, way: float) -> mujoco.MjData:
+    """Return the simulation after set-points went `way` along a column (n,) from home."""
+    data = mujoco.MjData(home.model)
+    data.qpos[:] = data.ctrl[:] = home.qpos
+    for k in range(_RAMP + _SETTLE):
+        data.ctrl[:] = home.qpos + min(1.0, (k + 1) / _RAMP) * way * column
+        mujoco.mj_step(home.model, data)
+    return data
+
+
+def _moved(home: mujoco.MjData, data: mujoco.MjData, cell: Cell) -> float:
+    """Return how far a shape of the hand moved, m."""
+    bodies = [home.model.body(name).id for name in cell.robot.hand.bodies]
+    own = np.isin(home.model.geom_bodyid, bodies)
+    return float(np.linalg.norm(data.geom_xpos[own] - home.geom_xpos[own], axis=1).max(initial=0.0))
+
+
+def _touched(data: mujoco.MjData) -> str:
+    """Return the pairs of bodies in contact as words."""
+    name = data.model.body
+    pairs = {tuple(sorted(name(b).name for b in data.model.geom_bodyid[c.geom])) for c in data.contact}
+    return ": " * bool(pairs) + ", ".join(f"{a} touches {b}" for a, b in sorted(pairs)[:2])
+
+
+def check_limits(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    """Yield the finger joints without limits of their own."""
+    robot, unit = cell.robot, robot_tree(cell).unit
+    wide = (robot.upper - robot.lower) / unit > _TURN
+    found = [name for name, of in zip(robot.joints, wide, strict=True) if of][: robot.dof]
+    found = [name for name in found if name in robot.hand.joints.names]
+    if found:
+        yield Finding(
+            "warning", f"joints without limits: {', '.join(found)}", "state `lower` and `upper`, the maker's"
+        )
+    else:
+        yield Finding("info", "every joint of the hand has limits")
+
+
+def check_masses(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
+    """Yield masses of the hand that are missing or that no hand has."""
+    model, bodies = home.model, [home.model.body(name).id for name in cell.robot.hand.bodies]
+    mass = model.body_mass[bodies]
+    missing = [name for name, m in zip(cell.robot.hand.bodies, mass, strict=True) if m < _LIGHT]
+    if missing:
+        mend = "state masses in kg in the description: what has none cannot be simulated"
+        yield Finding("warning", f"without mass: {', '.join(missing)}", mend)
+    for body, m in zip(bodies, mass, strict=True):
+        volume = _volume(model, body)
+        if m >= _LIGHT and volume > 0 and not _DENSITY[0] < m / volume < _DENSITY[1]:
+            what = f"{model.body(body).name} of {1000 * m:.0f} g has {m / volume:.0f} kg/m3"
+            yield Finding("warning", what, "look at the units of its mass (kg) and of its meshes (m)")
+    mend = "look at the units: masses are kg, lengths m"
+    good = _MASS[0] < mass.sum() < _MASS[1]
+    yield Finding("info" if good else "warning", f"the hand has {mass.sum():.2f} kg", "" if good else mend)
+
+
+def _volume(model: mujoco.MjModel, body: int) -> float:
+    """Return the volume of the boxes around what collides of a body, m3."""
+    own = (model.geom_bodyid == body) & (model.geom_contype > 0)
+    return float(np.prod(2.0 * model.geom_aabb[own, 3:], axis=1).sum())

@@ -1,0 +1,94 @@
+"""Description of a part of a robot as MuJoCo compiled it: bodies, shapes and where they are, joints at 0."""
+
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import rigid
+from dexgrasp_env.robot.hulls import mesh_of
+from dexgrasp_env.robot.source import read_source
+
+_GEOM = mujoco.mjtGeom
+TURN_OR_SLIDE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+_CUBE = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
+SOLIDS = (
+    _GEOM.mjGEOM_SPHERE,
+    _GEOM.mjGEOM_ELLIPSOID,
+    _GEOM.mjGEOM_CAPSULE,
+    _GEOM.mjGEOM_CYLINDER,
+    _GEOM.mjGEOM_BOX,
+    _GEOM.mjGEOM_MESH,
+)
+"""Kinds of shapes that are solids."""
+
+
+class Description:
+    """Content of a description: its bodies and shapes in the world of the file, all joints at 0.
+
+    Attributes:
+        path: of the file.
+        model, data: of it.
+        source: what was changed so that it compiles, and the rates that it states.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Compile it.
+
+        Raises:
+            InputError: in one line, where MuJoCo cannot read it.
+        """
+        self.path, self.source = path, read_source(path)
+        self.model = self.source.model
+        self.data = mujoco.MjData(self.model)
+        self.data.qpos[:] = 0.0
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def pose(self, body: int | str) -> Array:
+        """Return the pose (4, 4) of a body."""
+        return pose_of(self.data.body(body))
+
+    @cached_property
+    def solid(self) -> Array:
+        """Which geoms (ngeom,) collide; of a description in which nothing does, and of ends of chains, all."""
+        m = self.model
+        solid = (m.geom_contype | m.geom_conaffinity) != 0
+        for body in range(1, m.nbody):
+            if (
+                m.body_jntnum[body]
+                and not (m.body_parentid == body).any()
+                and not solid[m.geom_bodyid == body].any()
+            ):
+                solid = solid | (m.geom_bodyid == body)
+        return solid if solid.any() else np.ones_like(solid)
+
+    def box_of(self, bodies: list[int]) -> Array:
+        """Return the ends (2, 3) m of a box around all shapes of bodies; nan without any."""
+        found = [
+            self.corners(g) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
+            for g in np.flatnonzero(np.isin(self.model.geom_bodyid, bodies)).tolist()
+            if _GEOM(self.model.geom_type[g]) in SOLIDS
+        ]
+        points = np.concatenate(found) if found else np.full((1, 3), np.nan)
+        return np.array([points.min(0), points.max(0)])
+
+    @staticmethod
+    def is_off(centre: Array, box: Array) -> bool:
+        """Tell whether a centre of mass (3,) m lies farther out of a box (2, 3) m than the box is long."""
+        away = np.maximum(box[0] - centre, centre - box[1]).clip(0.0)
+        return bool(np.linalg.norm(away) > np.linalg.norm(box[1] - box[0]))
+
+    def corners(self, geom: int) -> Array:
+        """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in its own frame."""
+        if self.model.geom_type[geom] == _GEOM.mjGEOM_MESH:
+            return mesh_of(self.model, geom)[0]
+        middle, half = np.split(self.model.geom_aabb[geom], 2)
+        return middle + half * _CUBE
+
+
+def pose_of(place: Any) -> Array:
+    """Return the pose (4, 4) of a body, shape or site of `mujoco.MjData`."""
+    return rigid(place.xmat.reshape(3, 3), place.xpos)

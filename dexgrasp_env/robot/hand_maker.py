@@ -1,0 +1,405 @@
+"""Finder of palm, fingers, tips, thumb or jaws in a hand's description, and of what its file says of them."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array, Fields, middle
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.robot.couplings import couplings, led_by
+from dexgrasp_env.robot.gripper import Jaws, find_jaws, like_reach
+from dexgrasp_env.robot.hulls import cut
+from dexgrasp_env.robot.part import Part
+from dexgrasp_env.robot.rebuilt import FLANGE, about, placed
+
+_BEHIND = 0.0133  # m between flange and the palm's back: a plate
+_SPREAD = 0.4  # rad that an idle finger is turned away from the others
+_NARROW = 0.008  # m: fingers whose tips have less of a radius touch with all of their last links
+_CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
+_ALONG = 0.8  # cosine between axes that bend a finger alike
+WRIST = 3
+"""Joints before the palm: more are an arm's."""
+_PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
+_FARTHEST = 0.45  # m from the palm's body to the end of a finger: beyond are legs and arms
+_LIKE = 0.5  # by which a thumb faces otherwise than the next finger does, or another could be it
+_EVEN = 0.2  # share of a last joint's range by which its middle may be off 0, and its pad be on either side
+
+
+class Told(NamedTuple):
+    """Parts of a hand that its user names, where guesses are wrong."""
+
+    palm: str | None = None
+    """Body that bears the fingers."""
+    thumb: str | None = None
+    """A body of the opposing finger."""
+    flip: tuple[str, ...] = ()
+    """Last bodies of fingers whose pads are on the other side."""
+
+
+def stated(entry: Fields) -> Fields:
+    """Leave out what is empty: files do not state it."""
+    return {key: value for key, value in entry.items() if value not in ((), [])}
+
+
+def frame_entry(T_body: Array, T: Array) -> dict[str, list[float]]:
+    """Return a frame (4, 4) in that of a body as files state it."""
+    found = placed(np.linalg.inv(T_body) @ T)
+    return {"position": found["pos"].round(6).tolist(), "quat_wxyz": found["quat"].round(9).tolist()}
+
+
+class HandMaker(Part):
+    """Finds palm, fingers, tips of a hand's description."""
+
+    def __init__(self, path: Path, told: Told | None = None) -> None:
+        """Look at it.
+
+        Raises:
+            InputError: for what is no hand of two fingers or more.
+        """
+        super().__init__(path)
+        self.couplings, still, notes = couplings(self.model, path)
+        self.notes += notes
+        self.held: list[str] = []
+        self.told = told or Told()
+        self._check_told()
+        self.palm = self._find_palm()
+        self.chains = self._find_fingers({self.model.joint(name).id for name in still})
+        self.held += still
+        self._check_size()
+        self.jaws: Jaws | None = None
+        if len(self.chains) < 2:
+            raise InputError(f"{path} has {len(self.chains)} fingers: valid are two or more")
+        if len(self.chains) - self.linkages < 3:
+            self._find_jaws()
+        else:
+            self._find_thumb()
+
+    def _find_jaws(self) -> None:
+        """Take the two chains that reach farthest for the jaws of a gripper, and what follows them for rods."""
+        at = self.pose(self.palm)[:3, 3]
+        reaches = np.array([
+            max(np.linalg.norm(self.points(b) - at, axis=1).max() for b in chain if self.has_shape(b))
+            for chain in self.chains
+        ])  # fmt: skip
+        if len(jaws := like_reach(reaches)) != 2:
+            raise InputError(
+                f"{self.path} has {len(jaws)} jaws that reach alike: valid are two, or driven fingers"
+            )
+        rods = [chain for k, chain in enumerate(self.chains) if k not in jaws]
+        own = [self.chains[k] for k in jaws]
+        for joint in self.names(own[0])[1]:
+            if {c.follows for c in self.couplings} - {j for chain in own for j in self.names(chain)[1]}:
+                self.couplings = led_by(self.couplings, joint)
+        opened, closed = self._ends([chain[-1] for chain in own], [*own, *rods])
+        self.jaws = find_jaws(self, self.palm, [chain[-1] for chain in own], opened, closed)
+        self.opened = 0.9 * opened + 0.1 * closed
+        own.sort(key=lambda chain: chain[-1] != self.jaws.ends[0])
+        self.chains, self.linkages = [*rods, *own], len(rods)
+        self.frame, self.radius = self.jaws.palm, self.jaws.radius
+        self._tips = [(np.eye(4), 0.0) for _ in rods] + [(T, self.radius) for T in self.jaws.tips]
+        self.notes.append(
+            f"hand: a gripper of {1000 * self.jaws.stroke:.0f} mm stroke, pads of {2000 * self.radius:.0f} mm: "
+            f"torsion {self.jaws.torsion} m assumed"
+        )
+
+    def _ends(self, ends: list[int], chains: list[list[int]]) -> tuple[Array, Array]:
+        """Return the places (n,) of all joints with two bodies farthest apart, and nearest to each other."""
+        joints = [name for chain in chains for name in self.names(chain)[1]]
+        low, high = self.ranges([self.model.joint(name).id for name in joints]).T.tolist()
+        limits = {"lower": low, "upper": high}
+        self._narrow(joints, limits)
+        found, followers = list[Array](), {own.joint for own in self.couplings}
+        middle_at = {
+            n: 0.5 * (a + b) for n, a, b in zip(joints, low, high, strict=True) if n not in followers
+        }
+        apart = {
+            name: [self._gap(ends, middle_at | {name: side[k]}) for side in (low, high)]
+            for k, name in enumerate(joints) if name in middle_at
+        }  # fmt: skip
+        for widest in (True, False):
+            at = {n: (low, high)[(b > a) == widest][joints.index(n)] for n, (a, b) in apart.items()}
+            found.append(self._following(at))
+        return found[0], found[1]
+
+    def _gap(self, ends: list[int], at: dict[str, float]) -> float:
+        self.place(self._following(at))
+        return float(np.linalg.norm(np.subtract(*(self.points(body).mean(0) for body in ends))))
+
+    def _following(self, at: dict[str, float]) -> Array:
+        """Return the places (n,) of all joints, where leading ones are told theirs."""
+        q = np.clip(0.0, *self.ranges().T)
+        q[[self.model.joint(name).id for name in at]] = list(at.values())
+        for own in self.couplings:
+            q[self.model.joint(own.joint).id] = own.offset + own.ratio * q[self.model.joint(own.follows).id]
+        return q
+
+    def _find_thumb(self) -> None:
+        """Find the tips, and the thumb among them, which comes last."""
+        self._tips = [self._tip(chain) for chain in self.chains]
+        ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
+        unlike = (ways @ ways.T)[self.linkages :, self.linkages :].sum(1)
+        thumb = self.linkages + int(np.argmin(unlike))  # points and faces least as the others do
+        ends = [self.model.body(chain[-1]).name for chain in self.chains]
+        first, second = np.sort(unlike)[:2]
+        if self.told.thumb:
+            named = [self.hangs_on_chain(self.model.body(self.told.thumb).id, chain) for chain in self.chains]
+            if not any(named):
+                raise InputError(
+                    f"--thumb {self.told.thumb} is no body of a finger: fingers end in {', '.join(ends)}"
+                )
+            thumb = named.index(True)
+        elif second - first < _LIKE:
+            self.notes.append(
+                f"hand thumb: the finger that ends in {ends[thumb]!r} is a guess: --thumb BODY names another"
+            )
+        self.chains.append(self.chains.pop(thumb))  # the thumb comes last
+        self._tips.append(self._tips.pop(thumb))
+        self.bases = self.data.xanchor[[self.model.body_jntadr[chain[0]] for chain in self.chains]]
+        self.frame = self._palm_frame()
+        self.radius = float(np.round(min(radius for _, radius in self._tips), 4))
+
+    def _check_told(self) -> None:
+        """Refuse names of no body."""
+        known = [self.model.body(b).name for b in range(1, self.model.nbody)]
+        for name in filter(None, (self.told.palm, self.told.thumb, *self.told.flip)):
+            if name not in known:
+                raise unknown_name("body", name, known)
+
+    def _check_size(self) -> None:
+        """Refuse limbs: legs and arms branch as fingers do."""
+        at = self.pose(self.palm)[:3, 3]
+        ends = [b for chain in self.chains for b in chain[-1:] if self.has_shape(b)]
+        reach = max((float(np.linalg.norm(self.points(b) - at, axis=1).max()) for b in ends), default=0.0)
+        if reach > _FARTHEST:
+            raise InputError(
+                f"{self.path}: what branches from {self._name(self.palm)} reaches {reach:.2f} m: no hand does"
+            )
+
+    def _is_palm(self, body: int) -> bool:
+        """Tell whether a body bears the fingers: the one that the user names, or the first that branches."""
+        palm = self.told.palm
+        return self.model.body(body).name == palm if palm else len(self.below(body)) != 1
+
+    def _find_palm(self) -> int:
+        body = 0
+        if self.told.palm:
+            body, above = self.model.body(self.told.palm).id, list[str]()
+            up = body
+            while up:
+                above += self.names([up])[1] if self.model.body_jntnum[up] else []
+                up = self.model.body_parentid[up]
+            self.held = above[::-1]
+        while not self._is_palm(body):
+            below = self.below(body)
+            (body,) = below
+            if self.model.body_jntnum[body]:
+                self.held += self.names([body])[1]
+        if len(self.held) > WRIST:
+            self.notes.append(
+                f"the arm in the file ends at {self.model.body(body).name!r}, which bears the hand"
+            )
+            self.held = []
+        if self.held:
+            self.notes.append(
+                f"hand held: {', '.join(self.held)}, before the palm, stand still at 0; --palm BODY if another is it"
+            )
+        return body
+
+    def _find_fingers(self, still: set[int]) -> list[list[int]]:
+        """Return the chains of jointed bodies from the palm out; joints before a branching are held at 0.
+
+        Bodies of `still` joints are no part of a chain.
+        """
+        found, left, held = list[list[int]](), self.below(self.palm), set[int]()
+        while left:
+            body = left.pop(0)
+            chain = self.chain(body, branches=True)
+            if more := self.below(chain[-1]):
+                held |= set(self.model.body_jntadr[chain].tolist())
+                left = more + left
+            else:
+                found.append(chain)
+        name = self.model.joint
+        for _ in self.couplings:
+            held |= {name(own.joint).id for own in self.couplings if name(own.follows).id in held}
+        if held:
+            joints = sorted(name(j).name for j in held)
+            self.notes.append(
+                f"hand held: {', '.join(joints)}, which several fingers share, stand still at 0"
+            )
+            self.held += joints
+            self.couplings = [own for own in self.couplings if own.joint not in joints]
+        followers = {own.joint for own in self.couplings}
+        chains = [[b for b in chain if self.model.body_jntadr[b] not in held | still] for chain in found]
+        own = [{name(self.model.body_jntadr[b]).name for b in chain} for chain in chains]
+        linkages = [k for k, joints in enumerate(own) if joints and joints <= followers]
+        self.linkages = len(linkages)  # chains that only follow: rods of a finger
+        return [chains[k] for k in linkages] + [
+            chain for k, chain in enumerate(chains) if k not in linkages and chain
+        ]
+
+    def hangs_on_chain(self, body: int, chain: list[int]) -> bool:
+        """Tell whether a body is one of a chain, or hangs on one."""
+        return any(self.hangs_on(body, of) for of in chain)
+
+    def _first_flexing(self, chain: list[int]) -> int:
+        """Return the first joint of a finger that turns about the axis of its last one."""
+        joints = self.model.body_jntadr[chain]
+        along = np.abs(self.data.xaxis[joints] @ self.data.xaxis[joints[-1]])
+        return int(joints[np.argmax(along > _ALONG)])
+
+    def _tip(self, chain: list[int]) -> tuple[Array, float]:
+        """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
+        j = self.model.body_jntadr[chain[-1]]
+        axis, anchor = self.data.xaxis[j], self.data.xanchor[j]
+        low, high = self.ranges([j])[0]
+        flexing = axis if high > -low else -axis
+        name = self.model.body(chain[-1]).name
+        if name in self.told.flip:
+            flexing = -flexing
+        elif abs(high + low) < _EVEN * (high - low):
+            self.notes.append(
+                f"hand pads: which side of {name!r} is the pad is a guess: --flip {name} turns it"
+            )
+        points, radius = self.points(chain[-1]) - anchor, 0.01
+        along = points - np.outer(points @ axis, axis)
+        way = along[np.argmax(np.linalg.norm(along, axis=1))]
+        for _ in range(10):  # the section at the sphere's middle says where the tip is, and how wide
+            T = about(anchor, way / np.linalg.norm(way), np.cross(flexing, way))
+            local = points @ T[:3, :3]
+            top = local[:, 2].max()
+            above, _ = cut(local, top - radius)
+            section = above[np.abs(above[:, 2] - (top - radius)) < 1e-9][:, :2]
+            radius = np.clip(0.5 * np.ptp(section, axis=0).min(), 0.005, 0.02)
+            x, y = middle(section)
+            way = T[:3, :3] @ [x, 0.0, top - radius]
+        T[:3, 3] += T[:3, :3] @ [section[:, 0].max(), y, top]
+        return T, radius
+
+    def tip(self, k: int) -> Array:
+        """Return the frame (4, 4) of a finger's tip, its origin at the middle of the sphere."""
+        T = self._tips[k][0].copy()
+        if self.jaws:
+            return T
+        T[:3, 3] -= self.radius * (T[:3, 0] + T[:3, 2])
+        return T
+
+    def _palm_frame(self) -> Array:
+        others = [T for T, _ in self._tips[:-1]]
+        z = np.mean([T[:3, 2] for T in others], axis=0)
+        T = about(np.zeros(3), z / np.linalg.norm(z), np.mean([T[:3, 0] for T in others], axis=0))
+        pads = [(t[:3, 3] - radius * t[:3, 0]) @ T[:3, 0] for t, radius in self._tips[:-1]]
+        depth, base = np.mean(pads), self.bases[:-1].mean(0)
+        T[:3, 3] = base + (depth - base @ T[:3, 0]) * T[:3, 0]
+        return T
+
+    def entry(self) -> Fields:
+        """Return what the hand's file says."""
+        near = [] if self.jaws else self._beside_thumb()
+        names = [*(f"finger_{k + 1}" for k in range(len(self.chains) - 1)), "thumb"]
+        if self.jaws:
+            names = [*(f"rod_{k + 1}" for k in range(self.linkages)), "left", "right"]
+        fingers, joints = [], list[str]()
+        for k, chain in enumerate(self.chains):
+            bodies, own = self.names(chain)
+            joints += own
+            idle = not self.jaws and self.linkages <= k and k not in near and names[k] != "thumb"
+            fingers.append(stated({
+                "name": names[k], "joints": own, "bodies": bodies, "tip": f"{names[k]}_tip",
+                "frame": frame_entry(self.pose(chain[-1]), self.tip(k)),
+                "aside": self._aside(k, self.bases[near].mean(0)) if idle else (),
+            }))  # fmt: skip
+        # How far the last links reach back from their ends, m.
+        lengths = [np.ptp(self.points(chain[-1]) @ self.tip(k)[:3, 2]) for k, chain in enumerate(self.chains)]
+        return stated({
+            **self.head(), "palm": self.model.body(self.palm).name,
+            "frame": frame_entry(self.pose(self.palm), self.frame), "tip_radius": self.radius,
+            "tip_length": float(np.round(max(lengths), 4)) if self.radius < _NARROW and not self.jaws else (),
+            "torsion": self.jaws.torsion if self.jaws else (),
+            **self._driven(joints), "held": self.held,
+            "fingers": fingers, "grasp": names[-2:] if self.jaws else ["thumb", *(names[k] for k in near)],
+            "mounts": {"palm_normal": self._mount()},
+        })  # fmt: skip
+
+    def _aside(self, k: int, others: Array) -> list[float]:
+        """Return the posture (n,) rad of an idle finger: straight, spread away from the bases of the others (3,) m."""
+        joints = self.model.body_jntadr[self.chains[k]]
+        low, high = self.ranges(joints).T
+        away = self.data.xanchor[joints[0]] - others
+        away -= away @ self.frame[:3, 2] * self.frame[:3, 2]
+        moves = np.cross(self.data.xaxis[joints], self.tip(k)[:3, 3] - self.data.xanchor[joints]) @ away
+        moves /= np.linalg.norm(away)
+        straight, spreads = np.clip(0.0, low, high), int(np.argmax(np.abs(moves)))
+        straight[spreads] += np.sign(moves[spreads]) * _SPREAD
+        return np.clip(straight, low, high).round(6).tolist()
+
+    def _driven(self, joints: list[str]) -> Fields:
+        """Return limits, gains and tendons as the file says them."""
+        limits = self.limits(joints, "gripper" if self.jaws else "hand")
+        tendons = [
+            {
+                "joints": [self.model.joint(j).name for j in own],
+                "coefs": [coef / own[max(own)] for coef in own.values()],
+            }
+            for own in self.tendons().values()
+        ]
+        for tendon in tendons:
+            last = joints.index(tendon["joints"][-1])
+            limits["upper"][last] = min(limits["upper"][last], _CURLED)
+        self._narrow(joints, limits)
+        if tendons:
+            self.notes.append(f"hand upper: last joints of tendons end at {_CURLED} rad")
+        if self.couplings:
+            pairs = ", ".join(f"{own.joint} = {own.ratio:.4g} {own.follows}" for own in self.couplings)
+            self.notes.append(f"hand couplings: {pairs}")
+        if self.jaws:
+            self._share(joints, limits["torque"])
+        followers = [asdict(own) for own in self.couplings if own.joint in joints]
+        return limits | {"couplings": followers, "tendons": tendons}
+
+    def _narrow(self, joints: list[str], limits: Fields) -> None:
+        """Narrow the range of each leading joint to where those that follow it stay in theirs."""
+        for own in self.couplings:
+            if own.joint not in joints:
+                continue
+            k, leader = joints.index(own.joint), joints.index(own.follows)
+            ends = sorted((limits[side][k] - own.offset) / own.ratio for side in ("lower", "upper"))
+            low, high = max(ends[0], limits["lower"][leader]), min(ends[1], limits["upper"][leader])
+            if low < high:
+                limits["lower"][leader], limits["upper"][leader] = low, high
+            ends = sorted(own.offset + own.ratio * limits[side][leader] for side in ("lower", "upper"))
+            limits["lower"][k] = min(limits["lower"][k], ends[0])
+            limits["upper"][k] = max(limits["upper"][k], ends[1])
+
+    def _share(self, joints: list[str], torque: list[float]) -> None:
+        """Share the torque of each drive among the joints that it moves, as each has a servo here."""
+        for leader in {own.follows for own in self.couplings}:
+            ratios = {joints.index(leader): 1.0} | {
+                joints.index(own.joint): abs(own.ratio) for own in self.couplings if own.follows == leader
+            }
+            each = sum(ratio * torque[k] for k, ratio in ratios.items()) / sum(ratios.values())
+            for k in ratios:
+                torque[k] = float(f"{each:.6g}")
+
+    def _beside_thumb(self) -> list[int]:
+        """Return the finger whose base is nearest to the thumb's tip, and the neighbour of it whose base is nearer."""
+        bases = self.data.xanchor[[self._first_flexing(chain) for chain in self.chains[:-1]]]
+        away = np.linalg.norm(bases - self._tips[-1][0][:3, 3], axis=1)
+        near = [k for k in np.argsort(away, kind="stable").tolist() if k >= self.linkages]
+        tips = [self.tip(k)[:3, 3] for k in near]
+        beside = [round(float(np.linalg.norm(tip - tips[0])), 2) for tip in tips]
+        return [near[k] for k in np.argsort(beside, kind="stable")[:2]]
+
+    def _mount(self) -> dict[str, list[float]]:
+        """The back of the hand on the flange, the palm's middle on the flange's axis."""
+        solids = [
+            (self.points(b) - self.frame[:3, 3]) @ self.frame[:3, :3]
+            for b in (self.palm, *(b for chain in self.chains for b in chain[:2]))
+            if self.has_shape(b)
+        ]
+        back = min(points[:, 0].min() for points in solids)
+        _, y, z = middle(solids[0])
+        position = [-z, y, FLANGE + _BEHIND - back]
+        return {"position": np.round(position, 6).tolist(), "quat_wxyz": list(_PALM_DOWN)}

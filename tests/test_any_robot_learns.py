@@ -1,0 +1,48 @@
+"""Demonstrations, training and evaluation of a gripper: nothing in them counts on 23 joints or three tips."""
+
+import json
+
+import pytest
+
+pytest.importorskip("torch")
+
+from test_grippers import SLIDES, made
+
+from dexgrasp.cli.main import main
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("slides")
+    made(folder, SLIDES)
+    return str(folder / "mine.yaml")
+
+
+def done(capsys, *command):
+    """Run a command, which has to succeed, and return what it prints as JSON."""
+    assert main([*map(str, command), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_gripper_is_demonstrated_cloned_and_evaluated(robot, tmp_path, capsys):
+    demos, bc = tmp_path / "demos", tmp_path / "bc"
+    about = done(capsys, "demos", "generate", "--agent", "hardcoded", "--objects", "pill_bottle", "--episodes", 2,
+                 "--robot", robot, "--out", demos)  # fmt: skip
+    assert about["episodes"] >= 1
+    done(capsys, "train", "bc", "--data", demos, "--out", bc, "--epochs", 1)
+    found = done(capsys, "evaluate", "--agents", bc, "hardcoded", "--objects", "pill_bottle", "--trials", 1,
+                 "--robot", robot, "--out", tmp_path / "run")  # fmt: skip
+    assert all(of["trials"] == 1 for of in found["agents"].values())
+
+
+def test_pairs_of_contacts_are_sampled_and_learned(robot, tmp_path, capsys):
+    data, cvae = tmp_path / "data", tmp_path / "cvae"
+    done(capsys, "dataset", "generate", "--objects", "pill_bottle", "--grasps-per-pose", 30, "--robot", robot,
+         "--out", data)  # fmt: skip
+    done(capsys, "train", "cvae", "--data", data, "--out", cvae, "--epochs", 1)
+    from dexgrasp.planning.decoder import read_decoder
+
+    weight, _ = read_decoder(cvae / "cvae.safetensors").layers[-1]
+    assert weight.shape[1] == 3 * 2 + 9
