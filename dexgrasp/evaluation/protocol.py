@@ -12,7 +12,7 @@ from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import seed_name
 
-AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode")
+AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode", "hold")
 """The settings that an agent may choose; everything else belongs to the protocol."""
 
 

@@ -75,12 +75,17 @@ class TrialRunner:
 
     def _env_arguments(self, spec: TrialSpec) -> Fields:
         """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
+        env_id = get_protocol(spec.protocol).env_id
+        scene, own = self.settings.scene(spec.protocol), agent_settings(spec.agent, self.agent(spec))
+        if own.get("hold", 1) != 1:  # the limit counts actions, and the time is the same for all
+            limit = scene.get("max_episode_steps") or gym.spec(env_id).max_episode_steps
+            scene |= {"max_episode_steps": -(-int(limit) // own["hold"])}
         return {
-            "id": get_protocol(spec.protocol).env_id,
+            "id": env_id,
             "objects": [spec.target],
-            **self.settings.scene(spec.protocol),
+            **scene,
             **({"mesh_scale": 1.0, "mesh_mass": None} if has_own_size(spec.target) else {}),
-            **agent_settings(spec.agent, self.agent(spec)),
+            **own,
         }
 
     def close(self) -> None:

@@ -25,7 +25,7 @@ from dexgrasp_env.tasks.constants import (
 )
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
-from dexgrasp_env.tasks.observations import unbounded
+from dexgrasp_env.tasks.observations import OBS_SUMS, unbounded
 from dexgrasp_env.tasks.records import INFO_COLUMNS
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation, StateHolder
@@ -56,6 +56,7 @@ class ClutterSettings(LiftSettings):
     """
 
     objects: Objects = OBJECT_SETS["all20"]
+    obs_mode: Annotated[str, one_of(OBS_SUMS)] = "state"
     neighbours: Annotated[
         tuple[int, int], Rule(f"a number from 0 to {MOST_NEIGHBOURS}, or a pair of them", _counts)
     ] = (4, 8)

@@ -25,7 +25,7 @@ from dexgrasp_env.tasks.constants import (
 )
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
-from dexgrasp_env.tasks.observations import key_sizes, unbounded
+from dexgrasp_env.tasks.observations import OBS_SUMS, key_sizes, unbounded
 from dexgrasp_env.tasks.records import FAILURES, INFO_COLUMNS
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
@@ -43,15 +43,20 @@ class PlaceSettings(LiftSettings):
     """Everything that `gym.make` accepts of `PlaceEnv`, in checked form."""
 
     reward_mode: Annotated[str, one_of(REWARD_MODES)] = "sparse"
+    obs_mode: Annotated[str, one_of(OBS_SUMS)] = "state"
 
     @classmethod
     def of(cls, **given: Any) -> LiftSettings:
         """Check the arguments of the environment.
 
         Raises:
-            InputError: as `LiftSettings.of`, or for a disturbance.
+            InputError: as `LiftSettings.of`, or for whole grasps or a disturbance.
         """
         settings = super().of(**given)
+        if settings.control_mode == "grasp_once":
+            raise InputError(
+                "control_mode 'grasp_once' lifts, and brings nothing to a goal: valid are the others"
+            )
         if settings.disturbance.kind != "none":
             raise InputError("Place has no disturbance: valid is none")
         return settings
