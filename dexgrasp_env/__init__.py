@@ -53,6 +53,10 @@ _register(
 )
 _register("LiftOneView-v2", obs_mode="pointcloud", views=1)
 _register("LiftOnce-v0", obs_mode="features", control_mode="grasp_once", reward_scale=_SCALE)
+_register(
+    "LiftVaried-v0", obs_mode="features", control_mode="grasp_once", reward_scale=_SCALE, objects="drawn-0..39",
+    grasp_axis="any", object_pose={"rest_pose": "each"}, randomisation={"friction": (0.3, 0.9), "mass": (0.5, 2.0)},
+)  # fmt: skip
 _register("LiftStaged-v0", 6, obs_mode="features", control_mode="grasp", hold=28, reward_scale=_SCALE)
 
 for name, count, gaps, limit in (

@@ -17,6 +17,8 @@ GRASP_MODES = ("grasp", "grasp_once")
 """Those of the grasp space, `grasp_space`: places of the palm about the object; whole grasps."""
 CONTROL_MODES = (*DIRECT_MODES, *GRASP_MODES)
 GRASP_SIZE = 7
+GRASP_AXES = ("narrowest", "any")
+"""Level directions that grasps close along: the object's narrowest, or what the action says."""
 
 
 class ActionSpace(spaces.Box):

@@ -136,15 +136,17 @@ def home_yaw(simulation: Simulation) -> float:
     return float(np.arctan2(R[1, 2], R[0, 2]))
 
 
-def grasp_frame(record: Record, yaw: float) -> Array:
-    """Return the frame (6,) of an episode's grasps: where the object lay at first.
+def grasp_frame(record: Record, yaw: float, narrowest: bool) -> Array:
+    """Return the frame (7,) of an episode's grasps: where the object lay at first.
 
     Args:
         record: of the episode.
         yaw: `home_yaw`.
+        narrowest: whether grasps close along the object's narrowest level direction; else along any, by the action.
 
     Returns:
-        The middle of its top, m; the level direction that closes on it, rad; middle and span of heights above it, m.
+        The middle of its top, m; the level direction that closes on it, rad; middle and span of heights above it, m;
+        span of turns from that direction, rad.
     """
     pose, half = record["laid"], record["half_extents"]
     R = quat_to_matrix(pose[3:])
@@ -152,6 +154,11 @@ def grasp_frame(record: Record, yaw: float) -> Array:
     # No part of an action's range is under the table, where it would make no difference.
     middle, span = _PLACES["above"]
     lowest = max(middle - span, _LEAST_Z - top)
+    high = middle + span
+    heights = 0.5 * (high + lowest), 0.5 * (high - lowest)
+    if not narrowest:
+        azimuth = math.atan2(pose[1], pose[0])
+        return np.array([*pose[:2], top, yaw + azimuth, *heights, 0.5 * math.pi])
     # The narrowest grip that turns the wrist least, by 90 degrees at most, as grips are alike that are turned by 180:
     # of round things all are as narrow.
     level = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
@@ -159,8 +166,7 @@ def grasp_frame(record: Record, yaw: float) -> Array:
     narrow = widths <= widths.min() * _WIDER[0] + _WIDER[1]
     off = (_TURNS - yaw + 0.5 * np.pi) % np.pi - 0.5 * np.pi
     best = np.argmin(np.where(narrow, np.abs(off), np.inf))
-    high = middle + span
-    return np.array([*pose[:2], top, yaw + off[best], 0.5 * (high + lowest), 0.5 * (high - lowest)])
+    return np.array([*pose[:2], top, yaw + off[best], *heights, _PLACES["turned"][1]])
 
 
 @njit
@@ -172,7 +178,7 @@ def palm_actions(
     Args:
         actions: (N, 7); what lies beyond -1 and 1 is mirrored there.
         step: control steps since the actions were given.
-        frames: (N, 6), of `grasp_frame`.
+        frames: (N, 7), of `grasp_frame`.
         commands: (N, 3, n) rad, `COMMANDS`.
         sensors: (N, ...) `sensordata`.
         at: first columns of the readings there.
@@ -199,7 +205,7 @@ def _palm_action(
             above += _LIFTED
         if step < space.ends[1]:
             a[5] = a[6] = -1.0
-    yaw = frame[3] + space.places[3, 0] + space.places[3, 1] * a[3]
+    yaw = frame[3] + frame[6] * a[3]
     tilt = space.places[4, 0] + space.places[4, 1] * a[4]
     cosine, sine = math.cos(frame[3]), math.sin(frame[3])
     palm = at[PALM]
@@ -266,7 +272,7 @@ def grasp_states(
     """Write the states of palm and hand, (N, 7), as the actions that would leave them where they are.
 
     Args:
-        frames: (N, 6), of `grasp_frame`.
+        frames: (N, 7), of `grasp_frame`.
         positions: (N, n, ...) rad, of the robot's joints, as measured.
         sensors: (N, ...) `sensordata`.
         at: first columns of the readings there.
@@ -282,7 +288,7 @@ def grasp_states(
         out[i, 1] = (cosine * y - sine * x) / space.places[1, 1]
         out[i, 2] = (s[p + 2] - frame[2] - frame[4]) / frame[5]
         turned = (yaw - frame[3] + math.pi) % (2.0 * math.pi) - math.pi
-        out[i, 3] = (turned - space.places[3, 0]) / space.places[3, 1]
+        out[i, 3] = turned / frame[6]
         tilted = math.asin(min(max(-R[8], -1.0), 1.0))
         out[i, 4] = (tilted - space.places[4, 0]) / space.places[4, 1]
         for k in range(2):

@@ -28,12 +28,12 @@ class Grasps:
             InputError: for a hand that has no postures of grasps.
         """
         self._space, self._at, self._yaw = grasp_space(settings), at, home_yaw(simulation)
-        self._frames = np.ones((number, 6))
+        self._frames, self._narrowest = np.ones((number, 7)), settings.grasp_axis == "narrowest"
         self._moves = np.zeros((number, 6 + len(self._space.opened)))
 
     def begin(self, i: int, record: NDArray[np.void]) -> None:
         """Take how the object of episode `i` lay at first, from the episode's record."""
-        self._frames[i] = grasp_frame(record, self._yaw)
+        self._frames[i] = grasp_frame(record, self._yaw, self._narrowest)
 
     def moves(self, actions: Array, step: int, commands: Array, where: StateHolder) -> Array:
         """Return the actions (N, 6 + m) of `ee_delta` that go one control step towards grasp actions.
