@@ -101,6 +101,7 @@ class ClutterEpisodes(Episodes):
         self._clutter, self.walled = settings, settings.bin
         self.neighbours, self.around = settings.neighbours[1], settings.neighbour_objects
         first = next(iter(self.simulations.values())).base
+        self.options = ("object", "object_pose", "state")
         self._alone = first.nq, first.nsensordata  # of a scene without neighbours
         if settings.gaps is None:
             self.options = ("object", "state")  # where the object lies in a heap is not for anybody to say
@@ -170,7 +171,7 @@ class ClutterEpisodes(Episodes):
             " ".join(object_name(slot.neighbours[k]) for k in np.flatnonzero(row))
             for slot, row in zip(self.slots, hit, strict=True)
         ]
-        return {
+        return super().more_infos() | {
             "is_clean": (self.info_columns[:, _SUCCESS] > 0) & (moved <= NEIGHBOUR_MOVED),
             "neighbours": self.task_records["neighbours"].copy(),
             "neighbours_moved": moved.copy(),

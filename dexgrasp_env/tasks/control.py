@@ -13,12 +13,12 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
 
 DIRECT_MODES = ("joint_position", "joint_delta", "ee_delta")
 """Those whose actions say at once where set-points go."""
-GRASP_MODES = ("grasp", "grasp_once")
-"""Those of the grasp space, `grasp_space`: places of the palm about the object; whole grasps."""
+ONCE_MODES = ("grasp_once", "table_grasp_once")
+"""Those whose action is a whole grasp, about the object or at a place on the table."""
+GRASP_MODES = ("grasp", *ONCE_MODES)
+"""Those of the grasp space, `grasp_space`."""
 CONTROL_MODES = (*DIRECT_MODES, *GRASP_MODES)
 GRASP_SIZE = 7
-GRASP_AXES = ("narrowest", "any")
-"""Level directions that grasps close along: the object's narrowest, or what the action says."""
 
 
 class ActionSpace(spaces.Box):

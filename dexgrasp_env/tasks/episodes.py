@@ -20,7 +20,7 @@ from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.tasks import kernel
 from dexgrasp_env.tasks.constants import LIFT_HEIGHT
-from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, check_finite
+from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, check_finite
 from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
 from dexgrasp_env.tasks.grasp_space import lifted_by, longest_grasp
 from dexgrasp_env.tasks.grasps import Grasps
@@ -29,12 +29,13 @@ from dexgrasp_env.tasks.observations import FLAT, cut, layout, observation_space
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFO_COLUMNS, PHASES
-from dexgrasp_env.tasks.reset_options import check_options
+from dexgrasp_env.tasks.reset_options import check_joints, check_options
 from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import NO_PHYSICS, Simulation, StateHolder, arm_chain
 from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
+from dexgrasp_env.tasks.starts import pre_grasps
 from dexgrasp_env.tasks.views import CameraObserver
 
 
@@ -45,7 +46,7 @@ class Episodes(EpisodeInfos):
     task_dtype = np.dtype([])
     """Of what the task notes of an episode beside its record."""
     walled = False  # whether what is set out stands in a bin
-    options: tuple[str, ...] = ("object", "object_pose", "state")
+    options: tuple[str, ...] = ("object", "object_pose", "joints", "state")
     """Of a reset."""
     neighbours = 0
     """Most objects beside the one that is meant."""
@@ -81,7 +82,7 @@ class Episodes(EpisodeInfos):
         self.width = max(part.stop for part in self.layout.values())
         self.truncating = np.zeros(len(FAILURES), bool)
         """Which of `FAILURES` truncate an episode; the others terminate it."""
-        self.whole = settings.control_mode == "grasp_once"
+        self.whole = settings.control_mode in ONCE_MODES
         """Whether an action is a whole episode."""
         self.span = longest_grasp(settings) if self.whole else settings.hold
         """Control steps of an action, at most."""
@@ -90,7 +91,7 @@ class Episodes(EpisodeInfos):
             Grasps(settings, first, first.columns, number) if settings.control_mode in GRASP_MODES else None
         )
         self._features = SceneFeatures(number) if settings.obs_mode == FLAT else None
-        self.starts: Starts | None = None
+        self.starts: Starts | None = pre_grasps(settings)
         self.device: Any = None
         """Where progress is kept between resets, if not here: a `WarpEpisodes`."""
 
@@ -166,8 +167,9 @@ class Episodes(EpisodeInfos):
         if given is not None:
             pose = check_pose(given, simulation.hull * variation.size, settings.cell)
         self._mount(i, target, (), variation)
+        self.slots[i].joints = check_joints(options.get("joints"), settings.cell.robot)
         if given is not None:
-            simulation.place(pose)
+            simulation.place(pose, self.slots[i].joints)
             simulation.check_free()
         self._start_record(i, target, variation)
         return self._set_out(i, pose, rng, given is not None)
@@ -180,7 +182,7 @@ class Episodes(EpisodeInfos):
     def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:
         """Put the object of episode `i` down at `pose` (7,), drawn or given, and let it settle; return its scene."""
         simulation = self.enter(i)
-        simulation.place(pose)
+        simulation.place(pose, self.slots[i].joints)
         if given:
             simulation.settle()
         else:
@@ -227,7 +229,8 @@ class Episodes(EpisodeInfos):
         record["variation"] = astuple(variation)
         record["hull_first"], record["hull_count"] = self._hull_spans[target]
         record["latency"] = round(variation.latency / TIMESTEP)
-        self.commands[i] = self.settings.cell.robot.home
+        joints = self.slots[i].joints
+        self.commands[i] = self.settings.cell.robot.home if joints is None else joints
         record["grip_quat"][0] = 1.0
         record["phase"] = PHASES.index("none" if self.settings.disturbance.kind == "none" else "before")
 

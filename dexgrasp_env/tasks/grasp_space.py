@@ -17,8 +17,8 @@ from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix, rotation_components
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.tasks.constants import DISTURB_AFTER, PALM_STEP, PALM_TURN, at_pace
-from dexgrasp_env.tasks.control import GRASP_SIZE
+from dexgrasp_env.tasks.constants import DISTURB_AFTER, PALM_STEP, PALM_TURN, PLACE_X, PLACE_Y, at_pace
+from dexgrasp_env.tasks.control import GRASP_SIZE, ONCE_MODES
 from dexgrasp_env.tasks.records import Record
 from dexgrasp_env.tasks.rules import PALM, PALM_QUAT
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -53,10 +53,13 @@ _PLACE, _ABOVE = len(_PLACES), list(_PLACES).index("above")
 _LEAST_Z = 0.12  # m above the table, where the tips still clear it
 _GAIN, _FASTEST = 0.5, 0.8  # share of what is left that a control step goes, and of what it can go at most
 _CLOSING = 0.1  # rad that a joint of the hand moves in a control step at most
+_BESIDE, _HIGHEST = 0.03, 0.25  # m beside where objects are put, and above the table, that palms go to
 _TURNS = np.deg2rad(np.arange(0.0, 180.0, 3.0))
 _WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narrowest
 
 _PHASES = 32, 24, 28, 90  # control steps at 20 Hz: over the object, down, closing, lifted and held
+FRAME = 11
+"""Numbers of the frame of an episode's grasps, `grasp_frame`."""
 _OVER = 0.15  # m above the top of the object, from where a whole grasp comes straight down
 _LIFTED = 0.2  # m that it lifts
 _UP_BY = 30  # control steps at 20 Hz after closing, by which the object is up if it ever is
@@ -103,7 +106,7 @@ def grasp_space(settings: LiftSettings) -> GraspSpace:
     return GraspSpace(
         np.array(list(_PLACES.values())), opened[hand], joint_changes(robot, _CLOSED)[:, hand],
         np.stack([robot.lower[hand], robot.upper[hand]]), np.array(ends, np.int64),
-        settings.control_mode == "grasp_once",
+        settings.control_mode in ONCE_MODES,
     )  # fmt: skip
 
 
@@ -136,17 +139,17 @@ def home_yaw(simulation: Simulation) -> float:
     return float(np.arctan2(R[1, 2], R[0, 2]))
 
 
-def grasp_frame(record: Record, yaw: float, narrowest: bool) -> Array:
-    """Return the frame (7,) of an episode's grasps: where the object lay at first.
+def grasp_frame(record: Record, yaw: float) -> Array:
+    """Return the frame (FRAME,) of an episode's grasps: where the object lay at first.
 
     Args:
         record: of the episode.
         yaw: `home_yaw`.
-        narrowest: whether grasps close along the object's narrowest level direction; else along any, by the action.
 
     Returns:
         The middle of its top, m; the level direction that closes on it, rad; middle and span of heights above it, m;
-        span of turns from that direction, rad.
+        spans of turns from that direction, rad, and of the ways along and across it, m; the height above it from where
+        a whole grasp comes straight down, m; the level direction of these ways, rad.
     """
     pose, half = record["laid"], record["half_extents"]
     R = quat_to_matrix(pose[3:])
@@ -155,10 +158,6 @@ def grasp_frame(record: Record, yaw: float, narrowest: bool) -> Array:
     middle, span = _PLACES["above"]
     lowest = max(middle - span, _LEAST_Z - top)
     high = middle + span
-    heights = 0.5 * (high + lowest), 0.5 * (high - lowest)
-    if not narrowest:
-        azimuth = math.atan2(pose[1], pose[0])
-        return np.array([*pose[:2], top, yaw + azimuth, *heights, 0.5 * math.pi])
     # The narrowest grip that turns the wrist least, by 90 degrees at most, as grips are alike that are turned by 180:
     # of round things all are as narrow.
     level = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
@@ -166,7 +165,25 @@ def grasp_frame(record: Record, yaw: float, narrowest: bool) -> Array:
     narrow = widths <= widths.min() * _WIDER[0] + _WIDER[1]
     off = (_TURNS - yaw + 0.5 * np.pi) % np.pi - 0.5 * np.pi
     best = np.argmin(np.where(narrow, np.abs(off), np.inf))
-    return np.array([*pose[:2], top, yaw + off[best], *heights, _PLACES["turned"][1]])
+    heights = 0.5 * (high + lowest), 0.5 * (high - lowest)
+    spans = (_PLACES[name][1] for name in ("turned", "along", "across"))
+    axis = yaw + off[best]
+    return np.array([*pose[:2], top, axis, *heights, *spans, _OVER, axis])
+
+
+def table_frame(yaw: float) -> Array:
+    """Return the frame (FRAME,) of grasps at any place on the table, as `grasp_frame`; heights are above the table.
+
+    Args:
+        yaw: `home_yaw`, which is turned from by a right angle at most.
+    """
+    (x0, x1), (y0, y1) = PLACE_X, PLACE_Y
+    half, beside = 0.5 * (x1 - x0) + _BESIDE, 0.5 * (y1 - y0) + _BESIDE
+    low, high = _LEAST_Z, _HIGHEST
+    heights = 0.5 * (low + high), 0.5 * (high - low)
+    return np.array(
+        [0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0, yaw, *heights, 0.5 * math.pi, half, beside, high + _OVER, 0.0]
+    )
 
 
 @njit
@@ -178,7 +195,7 @@ def palm_actions(
     Args:
         actions: (N, 7); what lies beyond -1 and 1 is mirrored there.
         step: control steps since the actions were given.
-        frames: (N, 7), of `grasp_frame`.
+        frames: (N, FRAME), of `grasp_frame`.
         commands: (N, 3, n) rad, `COMMANDS`.
         sensors: (N, ...) `sensordata`.
         at: first columns of the readings there.
@@ -196,18 +213,18 @@ def _palm_action(
     a = np.empty(GRASP_SIZE)
     for k in range(GRASP_SIZE):
         a[k] = _folded(action[k])
-    along, across = space.places[0, 1] * a[0], space.places[1, 1] * a[1]
+    along, across = frame[7] * a[0], frame[8] * a[1]
     above = frame[4] + frame[5] * a[2]
     if space.whole:
         if step < space.ends[0]:
-            above = max(above, _OVER)
+            above = max(above, frame[9])
         elif step >= space.ends[2]:
             above += _LIFTED
         if step < space.ends[1]:
             a[5] = a[6] = -1.0
     yaw = frame[3] + frame[6] * a[3]
     tilt = space.places[4, 0] + space.places[4, 1] * a[4]
-    cosine, sine = math.cos(frame[3]), math.sin(frame[3])
+    cosine, sine = math.cos(frame[10]), math.sin(frame[10])
     palm = at[PALM]
     x = (frame[0] + cosine * along - sine * across - s[palm]) / PALM_STEP
     y = (frame[1] + sine * along + cosine * across - s[palm + 1]) / PALM_STEP
@@ -272,7 +289,7 @@ def grasp_states(
     """Write the states of palm and hand, (N, 7), as the actions that would leave them where they are.
 
     Args:
-        frames: (N, 7), of `grasp_frame`.
+        frames: (N, FRAME), of `grasp_frame`.
         positions: (N, n, ...) rad, of the robot's joints, as measured.
         sensors: (N, ...) `sensordata`.
         at: first columns of the readings there.
@@ -283,9 +300,9 @@ def grasp_states(
         s, frame, p, q = sensors[i], frames[i], at[PALM], at[PALM_QUAT]
         R = _rotation(s[q], s[q + 1], s[q + 2], s[q + 3])
         x, y, yaw = s[p] - frame[0], s[p + 1] - frame[1], math.atan2(R[5], R[2])
-        cosine, sine = math.cos(frame[3]), math.sin(frame[3])
-        out[i, 0] = (cosine * x + sine * y) / space.places[0, 1]
-        out[i, 1] = (cosine * y - sine * x) / space.places[1, 1]
+        cosine, sine = math.cos(frame[10]), math.sin(frame[10])
+        out[i, 0] = (cosine * x + sine * y) / frame[7]
+        out[i, 1] = (cosine * y - sine * x) / frame[8]
         out[i, 2] = (s[p + 2] - frame[2] - frame[4]) / frame[5]
         turned = (yaw - frame[3] + math.pi) % (2.0 * math.pi) - math.pi
         out[i, 3] = turned / frame[6]

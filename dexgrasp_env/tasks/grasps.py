@@ -7,13 +7,20 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index, Single
 from dexgrasp_env.tasks.control import GRASP_SIZE, check_finite
-from dexgrasp_env.tasks.grasp_space import grasp_frame, grasp_space, grasp_states, home_yaw, palm_actions
+from dexgrasp_env.tasks.grasp_space import (
+    grasp_frame,
+    grasp_space,
+    grasp_states,
+    home_yaw,
+    palm_actions,
+    table_frame,
+)
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation, StateHolder
 
 
 class Grasps:
-    """Actions of the grasp space, each about where the object of its episode lay at first."""
+    """Actions of the grasp space, each about where the object of its episode lay at first, or all on the table."""
 
     def __init__(self, settings: LiftSettings, simulation: Simulation, at: Index, number: int) -> None:
         """Prepare.
@@ -28,12 +35,14 @@ class Grasps:
             InputError: for a hand that has no postures of grasps.
         """
         self._space, self._at, self._yaw = grasp_space(settings), at, home_yaw(simulation)
-        self._frames, self._narrowest = np.ones((number, 7)), settings.grasp_axis == "narrowest"
+        self._frames = np.tile(table_frame(self._yaw), (number, 1))
+        self._fixed = settings.control_mode == "table_grasp_once"
         self._moves = np.zeros((number, 6 + len(self._space.opened)))
 
     def begin(self, i: int, record: NDArray[np.void]) -> None:
         """Take how the object of episode `i` lay at first, from the episode's record."""
-        self._frames[i] = grasp_frame(record, self._yaw, self._narrowest)
+        if not self._fixed:
+            self._frames[i] = grasp_frame(record, self._yaw)
 
     def moves(self, actions: Array, step: int, commands: Array, where: StateHolder) -> Array:
         """Return the actions (N, 6 + m) of `ee_delta` that go one control step towards grasp actions.

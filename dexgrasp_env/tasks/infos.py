@@ -11,7 +11,8 @@ from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import INFO_KINDS
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
-from dexgrasp_env.tasks.slots import Slot
+from dexgrasp_env.tasks.slots import Slot, Starts
+from dexgrasp_env.tasks.starts import ReverseStarts
 
 
 class EpisodeInfos:
@@ -23,6 +24,7 @@ class EpisodeInfos:
         slots: of the episodes.
         records: (N,) of the episodes.
         info_columns: (N, 12 + T), `INFO_COLUMNS` and the terms of the reward.
+        starts: where episodes begin, if not as usual.
     """
 
     settings: LiftSettings
@@ -30,6 +32,7 @@ class EpisodeInfos:
     slots: Sequence[Slot]
     records: NDArray[Any]
     info_columns: Array
+    starts: Starts | None
 
     def info(self, i: int) -> Fields:
         """Return the info of episode `i` alone, plain values; `infos` of one takes a tenth of a step."""
@@ -65,8 +68,10 @@ class EpisodeInfos:
         }
 
     def more_infos(self) -> Arrays:
-        """Return the task's own infos beside `INFO_COLUMNS`, arrays (N,) by key."""
-        return {}
+        """Return the task's own infos beside `INFO_COLUMNS`, arrays (N,) by key; `level` where starts move back."""
+        if not isinstance(self.starts, ReverseStarts):
+            return {}
+        return {"level": np.full(len(self.slots), self.starts.front)}
 
 
 def with_masks(infos: Fields, number: int) -> Fields:

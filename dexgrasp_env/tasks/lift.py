@@ -131,7 +131,7 @@ class LiftEnv(SingleEnv):
     | `mass` | `1.0` | factor on the object's mass, above 0 and up to 100 |
     | `presentation` | `'rest'` | `rest`; `upright`: standing as built where that is stable, else at rest |
     | `disturbance` | `None` | `none`, `pushed`, `shaken`, or `kind` and `size` (of the weight; of the shaking) |
-    | `object_pose` | `None` | ranges `x`, `y` (over the table), `yaw` and `rest_pose` (`any`, `each`, `likely`, number) |
+    | `object_pose` | `None` | ranges `x`, `y`, `yaw`, and `rest_pose` (`any`, `each`, `likely`, a number) |
     | `randomisation` | `None` | ranges of `mass`, `size`, `gain` (factors), `friction`, `latency` s, `joint_noise` |
     | `views` | `4` | names of the cameras that look, in the order of the images, or how many to draw at reset |
     | `calibration` | `None` | `position` m and `rotation` rad: one rigid error of all cameras, drawn at reset |

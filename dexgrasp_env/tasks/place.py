@@ -23,6 +23,7 @@ from dexgrasp_env.tasks.constants import (
     WORKSPACE_LOW,
     at_pace,
 )
+from dexgrasp_env.tasks.control import ONCE_MODES
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_SUMS, key_sizes, unbounded
@@ -53,9 +54,9 @@ class PlaceSettings(LiftSettings):
             InputError: as `LiftSettings.of`, or for whole grasps or a disturbance.
         """
         settings = super().of(**given)
-        if settings.control_mode == "grasp_once":
+        if settings.control_mode in ONCE_MODES:
             raise InputError(
-                "control_mode 'grasp_once' lifts, and brings nothing to a goal: valid are the others"
+                f"control_mode {settings.control_mode!r} lifts, and brings nothing to a goal: valid are the others"
             )
         if settings.disturbance.kind != "none":
             raise InputError("Place has no disturbance: valid is none")
@@ -163,7 +164,7 @@ class PlaceEpisodes(Episodes):
 
     def more_infos(self) -> Arrays:
         """Return the column of infos about the goal."""
-        return {"goal_distance": self._distances.copy()}
+        return super().more_infos() | {"goal_distance": self._distances.copy()}
 
 
 class GoalRewards:

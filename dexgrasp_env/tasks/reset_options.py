@@ -5,8 +5,14 @@ from collections.abc import Collection, Mapping
 from difflib import get_close_matches
 from typing import Any
 
-from dexgrasp_env.arrays import Fields
+import numpy as np
+
+from dexgrasp_env.arrays import Array, Fields, array
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.valid import check
+
+_BEYOND = 1e-3  # rad that single precision may add
 
 
 def check_options(
@@ -26,13 +32,33 @@ def check_options(
     for key in options:
         if key not in known:
             raise unknown_name("reset option", key, known)
+    if "joints" in options and "object_pose" not in options:
+        raise InputError(
+            "reset option joints is for where the hand is about an object: give object_pose beside it"
+        )
     if "object" in options and options["object"] not in objects:
         raise unknown_name("object", options["object"], objects)
-    if "state" in options and (beside := sorted({"object", "object_pose"} & options.keys())):
+    if "state" in options and (beside := sorted({"object", "object_pose", "joints"} & options.keys())):
         raise InputError(
             f"reset options {', '.join(beside)} beside state: valid is either, as it has its own"
         )
     return options
+
+
+def check_joints(given: Any, robot: Robot) -> Array | None:
+    """Return the joints (n,) rad that a robot is to begin at, None where none are given.
+
+    Raises:
+        InputError: if these are not so many numbers, or beyond the joints' ranges.
+    """
+    if given is None:
+        return None
+    joints: Array = check("joints", given, array(robot.dof))
+    beyond = (joints < robot.lower - _BEYOND) | (joints > robot.upper + _BEYOND)
+    if beyond.any():
+        names = ", ".join(name for name, off in zip(robot.joints, beyond, strict=True) if off)
+        raise InputError(f"joints are beyond the ranges of {names}: valid is within, rad")
+    return np.clip(joints, robot.lower, robot.upper)
 
 
 def _is_foreign(key: str, known: Collection[str]) -> bool:

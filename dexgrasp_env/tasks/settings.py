@@ -14,7 +14,7 @@ from dexgrasp_env.robot.cell import Cell, make_cell
 from dexgrasp_env.scene.constants import CONTROL_STEPS, FRICTION, TIMESTEP
 from dexgrasp_env.sensing.sensor import Calibration, SensorModel
 from dexgrasp_env.tasks.constants import LONGEST_SKIP, MAX_EPISODE_STEPS, SHORTEST_SKIP, at_pace
-from dexgrasp_env.tasks.control import CONTROL_MODES, GRASP_AXES, GRASP_MODES
+from dexgrasp_env.tasks.control import CONTROL_MODES, GRASP_MODES, ONCE_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance
 from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS, has_cameras, knows_state
 from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
@@ -80,8 +80,8 @@ class LiftSettings:
     frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)] = CONTROL_STEPS
     action_scale: Annotated[float, number(gt=0, le=1)] = 1.0
     hold: Count = 1
-    grasp_axis: Annotated[str, one_of(GRASP_AXES)] = "narrowest"
     reward_scale: Positive = 1.0
+    starts: str | None = None
     backend: Annotated[str, one_of(BACKENDS)] = "mujoco"
     device: str | None = None
 
@@ -122,8 +122,10 @@ class LiftSettings:
                 self.control_mode in ("joint_delta", "ee_delta"),
                 "a control_mode whose actions are changes",
             ),
-            "grasp_axis": (self.control_mode in GRASP_MODES, "a control_mode of the grasp space"),
-            "hold": (self.control_mode != "grasp_once", "a control_mode whose actions are not whole grasps"),
+            "hold": (
+                self.control_mode not in ONCE_MODES,
+                "a control_mode whose actions are not whole grasps",
+            ),
             "reward_weights": (self.reward_mode == "dense", "reward_mode='dense'"),
         }
 

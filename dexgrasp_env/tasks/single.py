@@ -149,9 +149,9 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
                 break
         return self._finish(seen, gained)
 
-    def twin(self) -> Self:
-        """Return another environment of the same settings, without an episode."""
-        return type(self)(**self._ezpickle_kwargs)
+    def twin(self, **other: Any) -> Self:
+        """Return another environment of the same settings, but `other`, without an episode."""
+        return type(self)(**self._ezpickle_kwargs | other)
 
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none."""

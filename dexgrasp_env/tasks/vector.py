@@ -265,9 +265,9 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
             timed_out = self._limit is not None and looks >= self._limit
             self._started[i], self._ended[i] = True, bool(state.record["failure"]) or timed_out
 
-    def twin(self) -> LiftEnv:
-        """Return a single environment of the same settings, without an episode."""
-        return self._env_type(**self._ezpickle_kwargs)
+    def twin(self, **other: Any) -> LiftEnv:
+        """Return a single environment of the same settings, but `other`, without an episode."""
+        return self._env_type(**self._ezpickle_kwargs | other)
 
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none, those within `step` too."""

@@ -14,7 +14,7 @@ from dexgrasp.learning.reinforcement.rollout_training import RolloutTask
 from dexgrasp.learning.reinforcement.settings import RlSettings
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.tasks.control import GRASP_MODES
+from dexgrasp_env.tasks.control import GRASP_MODES, ONCE_MODES
 from dexgrasp_env.tasks.randomisation import ranges
 
 with from_extra():
@@ -91,7 +91,7 @@ class PolicyTask(RolloutTask):
             scaling = self.clone.scaling
         else:
             envs.seed(s.seed)
-            held = _MEASURED if self.env["control_mode"] == "grasp_once" else self.env.get("hold", 1)
+            held = _MEASURED if self.env["control_mode"] in ONCE_MODES else self.env.get("hold", 1)
             outputs = max(_MEASURED // (spec.span * held), 10 // s.action_chunk, 1)
             scaling = measure(envs, spec, outputs, np.random.default_rng([s.seed, 0]))
         self.spec = spec._replace(scaling=scaling)

@@ -10,7 +10,7 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
-from dexgrasp_env.tasks.control import CONTROL_MODES
+from dexgrasp_env.tasks.control import CONTROL_MODES, ONCE_MODES
 from dexgrasp_env.tasks.randomisation import Draws
 from dexgrasp_env.tasks.settings import BACKENDS
 from dexgrasp_env.valid import Count, Natural, Positive, number, one_of, pair
@@ -107,7 +107,7 @@ class RlSettings:
     @property
     def limit(self) -> int:
         """Steps of the environments in an episode: control steps, where an action stands for one."""
-        if self.actions["control_mode"] == "grasp_once":
+        if self.actions["control_mode"] in ONCE_MODES:
             return 1
         return self.episode_steps or spec(self.env_id).max_episode_steps or MAX_EPISODE_STEPS
 
