@@ -135,11 +135,13 @@ def test_features_turn_with_the_scene_and_tell_what_the_state_does():
         rows.append(env.reset(seed=0, options={"object_pose": turned})[0])
     assert rows[0].dtype == np.float32
     assert np.abs(rows).max() < 10.0
-    changed = np.abs(rows[1] - rows[0])[-37:-8]  # of the object as it lay
-    assert changed[0] == pytest.approx(0.3, abs=1e-3)  # its azimuth
-    assert changed[1:].max() < 1e-3
+    changed = np.abs(rows[1] - rows[0])
+    assert changed[0] == pytest.approx(1.0, abs=1e-3)  # its azimuth, in spreads of 0.3 rad
+    assert changed[1:].max() < 1e-2
     friction = once(friction=0.4).reset(seed=0)[0]
-    assert friction[-8] == np.float32(0.4)
+    assert friction[-1] == pytest.approx(-1.5, abs=1e-6)
+    staged = gym.make("DexGrasp/LiftStaged-v0", objects="sugar_box", friction=0.4).reset(seed=0)[0]
+    np.testing.assert_array_equal(staged[-37:-7], friction)
 
 
 def test_states_go_on_bit_for_bit_within_a_staged_grasp():

@@ -9,6 +9,7 @@ from refusals import refused
 from trainings import begun, goes_on_to_the_same_bits
 
 from dexgrasp.data.demonstrations.generate import generate
+from dexgrasp.data.demonstrations.resets import DemoResets
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
@@ -20,9 +21,11 @@ pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 import gymnasium as gym
 import torch
+from stable_baselines3 import SAC
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.learning.reinforcement import rl_tasks
+from dexgrasp.learning.reinforcement.demo_replay import add_demonstrations
 from dexgrasp.learning.reinforcement.rl_tasks import PolicyTask
 from dexgrasp.learning.reinforcement.rollout_training import RolloutTraining
 from dexgrasp.learning.reinforcement.settings import GripSettings, RlSettings
@@ -69,6 +72,49 @@ def test_episodes_begin_along_demonstrations(tmp_path):
     whole = RolloutTraining(PolicyTask(settings), tmp_path / "whole").run()
     assert [row["front"] for row in whole.curve] == [0.9] * 3
     assert make_agent(str(tmp_path / "whole")).env_settings["control_mode"] == "ee_delta"
+
+
+@pytest.fixture(scope="module")
+def demos(tmp_path_factory):
+    pytest.importorskip("minari")
+    folder = tmp_path_factory.mktemp("own") / "demos"
+    generate(DemoSettings.of(["sugar_box"], agent="hardcoded", episodes=1), folder)
+    return folder
+
+
+def test_staged_grasps_begin_along_demonstrations(demos):
+    """In an environment whose actions demonstrations have none of, single and vector alike."""
+    env = gym.make("DexGrasp/LiftStaged-v0", objects="sugar_box")
+    envs = gym.make_vec("DexGrasp/LiftStaged-v0", num_envs=2, objects="sugar_box")
+    for each in (env, envs):
+        resets = DemoResets(demos).attach(each)
+        resets.whole = 0.0
+        assert resets.states[0][-1].of["control_mode"] == "grasp"
+    seen, info = env.reset(seed=3)
+    many, infos = envs.reset(seed=3)
+    np.testing.assert_array_equal(many[0], seen)
+    assert info["stage"] == "lifted"  # near the end of it
+    assert infos["level"].tolist() == [0.9, 0.9] == [info["level"]] * 2
+    keep = np.clip(seen[-7:], -1.0, 1.0)
+    keep[5:] = 1.0  # and firmly
+    _, reward, *_, info = env.step(keep)
+    assert reward > 0.0
+
+
+def test_demonstrations_fill_a_replay_buffer(demos):
+    env = gym.make("DexGrasp/LiftFromGrasp-v0", objects="sugar_box")
+    model = SAC("MlpPolicy", env, learning_starts=0, buffer_size=500, device="cpu", seed=0)
+    added = add_demonstrations(model, demos)
+    buffer = model.replay_buffer
+    assert 20 < added == buffer.pos < 150
+    assert buffer.rewards[:added].sum() > 15.0  # they succeed in the environment's own actions
+    np.testing.assert_array_equal(buffer.observations[1:added], buffer.next_observations[: added - 1])
+    assert np.abs(buffer.actions[:added]).max() <= 1.0
+    model.learn(2)
+    with refused("no actions for"):
+        add_demonstrations(
+            SAC("MlpPolicy", gym.make("DexGrasp/LiftOnce-v0", objects="sugar_box"), buffer_size=9), demos
+        )
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])

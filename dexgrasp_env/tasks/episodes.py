@@ -90,7 +90,7 @@ class Episodes(EpisodeInfos):
         self._grasps = (
             Grasps(settings, first, first.columns, number) if settings.control_mode in GRASP_MODES else None
         )
-        self._features = SceneFeatures(number) if settings.obs_mode == FLAT else None
+        self._features = SceneFeatures(number, self.whole) if settings.obs_mode == FLAT else None
         self.starts: Starts | None = pre_grasps(settings)
         self.device: Any = None
         """Where progress is kept between resets, if not here: a `WarpEpisodes`."""

@@ -26,6 +26,13 @@ _LONGEST = 250  # control steps after which the clock stands still
 FARTHEST = 10.0
 """That features are from 0 at most, where the environment gives them."""
 _FRICTION = 1  # column of the variation
+_NUMBERS = np.array(
+    [
+        (0.0, 0.3), (0.51, 0.1), *[(0.5, 0.25)] * 12, (0.5, 0.3), (0.9, 0.5), *[(0.0, 1.0)] * 9, *[(0.8, 0.4)] * 3,
+        (0.25, 0.2), (0.7, 0.2),
+    ]
+).T  # fmt: skip
+"""Middles and spreads (2, C + 1) of `InitialScene.numbers` and of friction, over where and what `Lift` puts down."""
 
 Observation = Mapping[str, NDArray[Any]]
 
@@ -109,10 +116,13 @@ def _turn(vectors: Array, turned: Array) -> Array:
 class SceneFeatures:
     """The features of N episodes side by side, as `obs_mode="features"` gives them.
 
-    Those of `features`, then the friction coefficient, then the state in the grasp space where actions are of it.
+    Those of `features`, what is of the object as it first lay about its middle and in spreads, and friction; then the
+    state in the grasp space where actions are of it. Where an action is a whole grasp, from home, they are of the
+    object alone.
     """
 
-    def __init__(self, number: int) -> None:
+    def __init__(self, number: int, whole: bool) -> None:
+        self._whole = whole
         empty = {"object_pose": np.zeros(7), "object_size": np.zeros(3), "object_mass": np.zeros(1)}
         self._scenes = stack_scenes([initial_scene(empty)] * number)
 
@@ -135,8 +145,11 @@ class SceneFeatures:
             steps: (n,) control steps since they began.
         """
         scenes = InitialScene(*(values[part] for values in self._scenes))
-        parts = [features(scenes, state, steps), state["variation"][:, _FRICTION : _FRICTION + 1]]
-        parts += [state["grasp_state"]] if "grasp_state" in state else []
+        laid = np.concatenate([scenes.numbers, state["variation"][:, _FRICTION : _FRICTION + 1]], axis=-1)
+        parts = [(laid - _NUMBERS[0]) / _NUMBERS[1]]
+        if not self._whole:
+            now = features(scenes, state, steps)[:, : -scenes.numbers.shape[-1]]
+            parts = [now, *parts, *([state["grasp_state"]] if "grasp_state" in state else [])]
         return np.clip(np.concatenate(parts, axis=-1), -FARTHEST, FARTHEST).astype(np.float32)
 
     def size(self, space: Mapping[str, Any]) -> int:

@@ -1,5 +1,6 @@
 """Episodes that begin along demonstrations, backwards from success: reward is met before the way to it is known."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -14,12 +15,12 @@ from dexgrasp.data.demonstrations.minari_format import read_episodes
 from dexgrasp.data.demonstrations.rollout import Episode, follow
 from dexgrasp.data.demonstrations.settings import ENV_ID, DemoSettings
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp_env.arrays import Array, Fields
+from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.constants import GOAL_STEPS
-from dexgrasp_env.tasks.control import GRASP_MODES
+from dexgrasp_env.tasks.control import DIRECT_MODES, GRASP_MODES
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv
 from dexgrasp_env.tasks.randomisation import ranges
@@ -78,16 +79,7 @@ class DemoResets(ReverseStarts):
         inner: Any = env.unwrapped
         if not isinstance(inner, LiftEnv | LiftVectorEnv):
             raise InputError(f"demonstrations are of DexGrasp environments, not of {type(inner).__name__}")
-        if inner.settings.frame_skip != CONTROL_STEPS:
-            raise InputError(
-                f"frame_skip is {inner.settings.frame_skip}: demonstrations are set-points {CONTROL_STEPS} physics "
-                "steps apart, and can be followed at that pace alone"
-            )
-        recorded = make_cell(self._settings.robot, self._settings.mount).robot.stamp
-        if recorded != (ours := inner.settings.cell.robot.stamp):
-            raise InputError(
-                f"the demonstrations are of {recorded}, the environment has {ours}: make some of its own"
-            )
+        self._check(inner)
         mode = inner.settings.control_mode
         # Whoever follows set-points commands them, one a control step; the episodes go on in the other's mode.
         following = {"hold": 1} | ({"control_mode": "joint_position"} if mode in GRASP_MODES else {})
@@ -105,6 +97,19 @@ class DemoResets(ReverseStarts):
         inner.start_from(self)
         return self
 
+    def _check(self, inner: Any) -> None:
+        """Refuse an environment of another pace, or another robot."""
+        if inner.settings.frame_skip != CONTROL_STEPS:
+            raise InputError(
+                f"frame_skip is {inner.settings.frame_skip}: demonstrations are set-points {CONTROL_STEPS} physics "
+                "steps apart, and can be followed at that pace alone"
+            )
+        recorded = make_cell(self._settings.robot, self._settings.mount).robot.stamp
+        if recorded != (ours := inner.settings.cell.robot.stamp):
+            raise InputError(
+                f"the demonstrations are of {recorded}, the environment has {ours}: make some of its own"
+            )
+
     @property
     def ways(self) -> int:
         """Number of demonstrations."""
@@ -117,9 +122,19 @@ class DemoResets(ReverseStarts):
 
     def _follow(self, env: LiftEnv, demo: Episode) -> list[EpisodeState]:
         """Return states on the way to success, none where it is not reached."""
+        states: list[EpisodeState] = []
+        for step, (_, result) in enumerate(self._play(env, demo)):
+            if result[4]["is_success"]:
+                return states
+            if step % _EVERY == 0:
+                states.append(_lean(env, states[-1].view if states else None))
+        return []
+
+    def _play(self, env: LiftEnv, demo: Episode) -> Iterator[tuple[Single | None, tuple[Any, ...]]]:
+        """Yield actions and what `step` returns along a demonstration; first None and what the reset returns."""
         target = demo.about["target"]
         if target not in env.settings.objects:
-            return []
+            return
         where: Fields = {"object": target, "object_pose": self._pose(demo) + _ABOVE}
         if isinstance(env, PlaceEnv):
             if "object_pose" not in demo.observations:
@@ -127,14 +142,38 @@ class DemoResets(ReverseStarts):
                     "demonstrations of Place say where they end in obs_mode 'state': these are of cameras"
                 )
             where["goal"] = [*demo.observations["object_pose"][-1, :3], 1.0]  # held where it is at last
-        env.reset(seed=demo.about["scene_seed"], options=where)
-        states, path = [_lean(env)], demo.observations["joint_targets"].astype(float)
-        for step, (_, result) in enumerate(follow(env, path, robot_tree(env.settings.cell)), 1):
-            if result[4]["is_success"]:
-                return states
-            if step % _EVERY == 0:
-                states.append(_lean(env, states[-1].view))
-        return []
+        first, info = env.reset(seed=demo.about["scene_seed"], options=where)
+        yield None, (first, 0.0, False, False, {**info, "is_success": False})
+        path = demo.observations["joint_targets"].astype(float)
+        yield from follow(env, path, robot_tree(env.settings.cell))
+
+    def transitions(self, env: LiftEnv) -> Iterator[tuple[Any, Any, Single, float, bool]]:
+        """Yield the steps of all demonstrations that succeed in an environment, followed in its own actions.
+
+        Args:
+            env: of ours, single, without wrappers; its episode is lost.
+
+        Yields:
+            Observation, the next one, action, reward, and whether the episode terminated.
+
+        Raises:
+            InputError: for actions that set-points of joints are none of, or as `attach`.
+        """
+        if env.settings.control_mode in GRASP_MODES:
+            raise InputError(
+                f"demonstrations are set-points of joints, which control_mode {env.settings.control_mode!r} has no "
+                f"actions for: valid are {', '.join(DIRECT_MODES)}"
+            )
+        self._check(env)
+        for demo in self._demos:
+            steps, before = list[Any](), None
+            for action, (after, reward, terminated, _, info) in self._play(env, demo):
+                if action is not None:
+                    steps.append((before, after, action, float(reward), terminated))
+                before = after
+                if info["is_success"]:
+                    yield from steps
+                    break
 
     def _pose(self, demo: Episode) -> Array:
         """Return where the object of a demonstration lay at first."""
