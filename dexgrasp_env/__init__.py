@@ -55,7 +55,7 @@ _register("LiftOneView-v2", obs_mode="pointcloud", views=1)
 _register("LiftOnce-v0", obs_mode="features", control_mode="grasp_once", reward_scale=_SCALE)
 _register(
     "LiftVaried-v0", obs_mode="features", control_mode="table_grasp_once", reward_scale=_SCALE, objects="drawn-0..39",
-    object_pose={"rest_pose": "each"}, randomisation={"friction": (0.3, 0.9), "mass": (0.5, 3.0)},
+    object_pose={"rest_pose": "each"}, randomisation={"friction": (0.3, 0.9), "mass": (1.0, 4.0)},
 )  # fmt: skip
 _register(
     "LiftFromGrasp-v0", 80, obs_mode="features", control_mode="ee_delta", hold=2, reward_scale=_SCALE,

@@ -32,12 +32,11 @@ def held(model: SAC, env: gym.Env, scenes: range) -> int:
 
 def main() -> None:
     """Train, look at 20 scenes now and then, at fresh ones in the end; the minutes are the learner's alone."""
-    args = PARSER.parse_args()
+    args, curve, minutes = PARSER.parse_args(), [], 0.0
     torch.set_num_threads(1)
     env, other = (gym.make("DexGrasp/LiftOnce-v0", objects=args.objects) for _ in range(2))
     model = SAC("MlpPolicy", env, seed=args.seed, device="cpu")
     args.out.parent.mkdir(parents=True, exist_ok=True)
-    curve, minutes = [], 0.0
     while model.num_timesteps < args.episodes:
         began = time.process_time()
         model.learn(min(args.every, args.episodes - model.num_timesteps), reset_num_timesteps=not curve)
@@ -48,13 +47,9 @@ def main() -> None:
         print(look, flush=True)
     model.save(args.out)
     fresh = held(model, other, range(1000, 1000 + args.trials))
-    told = {
-        "settings": vars(args) | {"out": str(args.out)},
-        "curve": curve,
-        "fresh": fresh,
-        "of": args.trials,
-    }
-    print(f"{fresh} of {args.trials} fresh scenes held")
+    settings = vars(args) | {"out": str(args.out)}
+    told = {"settings": settings, "curve": curve, "fresh": fresh, "of": args.trials}
+    print(fresh, "of", args.trials, "fresh scenes held")
     args.out.with_name(f"{args.out.name}_curve.json").write_text(json.dumps(told, indent=1))
 
 

@@ -16,7 +16,7 @@ POSE = [0.5, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0]
 
 
 def test_the_robot_begins_at_joints_that_are_given():
-    env, joints = make(), HOME + 0.05
+    env, joints = make(), np.minimum(HOME + 0.05, UPPER)
     seen, _ = env.reset(seed=0, options={"object_pose": POSE, "joints": joints})
     np.testing.assert_allclose(seen["joint_targets"], joints, atol=1e-6)
     np.testing.assert_allclose(seen["joint_positions"], joints, atol=0.02)
