@@ -16,6 +16,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 
 AGENTS: dict[str, str] = {
     "random": "dexgrasp.agents.random:RandomAgent",
+    "constant": "dexgrasp.agents.constant:ConstantAgent",
     "hardcoded": "dexgrasp.agents.hardcoded:HardcodedAgent",
     "hardcoded_completed": "dexgrasp.agents.hardcoded:HardcodedCompletedAgent",
     "cvae": "dexgrasp.agents.ablations:CvaeAgent",

@@ -33,22 +33,35 @@ _PUSHES = 80  # control steps that the pushes take: `tasks.disturbance`, which i
 _SOLVED = 75.0  # dense return: without success 50 at most
 
 
+_SCALE = 0.2  # of the rewards of tasks for plain learners: returns from 0 to 20
+
+
 def _register(name: str, max_episode_steps: int = MAX_EPISODE_STEPS, **kwargs: Any) -> None:
     # The entry points are strings so that specs serialise.
     register(
-        id=f"DexGrasp/{name}-v2", entry_point="dexgrasp_env.tasks.lift:LiftEnv",
+        id=f"DexGrasp/{name}", entry_point="dexgrasp_env.tasks.lift:LiftEnv",
         vector_entry_point="dexgrasp_env.tasks.vector:LiftVectorEnv", max_episode_steps=max_episode_steps,
-        reward_threshold=_SOLVED, kwargs=kwargs,
+        reward_threshold=_SOLVED * kwargs.get("reward_scale", 1.0), kwargs=kwargs,
     )  # fmt: skip
 
 
-_register("Lift")
-_register("LiftUpright", presentation="upright")
-_register("LiftSlippery", friction=0.35)
+_register("Lift-v2")
+_register("LiftUpright-v2", presentation="upright")
+_register("LiftSlippery-v2", friction=0.35)
 _register(
-    "LiftPushed", MAX_EPISODE_STEPS + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5}
+    "LiftPushed-v2", MAX_EPISODE_STEPS + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5}
 )
-_register("LiftOneView", obs_mode="pointcloud", views=1)
+_register("LiftOneView-v2", obs_mode="pointcloud", views=1)
+_register("LiftOnce-v0", obs_mode="features", control_mode="grasp_once", reward_scale=_SCALE)
+_register(
+    "LiftVaried-v0", obs_mode="features", control_mode="table_grasp_once", reward_scale=_SCALE, objects="drawn-0..39",
+    object_pose={"rest_pose": "each"}, randomisation={"friction": (0.3, 0.9), "mass": (1.0, 4.0)},
+)  # fmt: skip
+_register(
+    "LiftFromGrasp-v0", 80, obs_mode="features", control_mode="ee_delta", hold=2, reward_scale=_SCALE,
+    starts="pregrasps",
+)  # fmt: skip
+_register("LiftStaged-v0", 6, obs_mode="features", control_mode="grasp", hold=28, reward_scale=_SCALE)
 
 for name, count, gaps, limit in (
     ("Sparse", (4, 8), (0.02, 0.05), CLUTTER_EPISODE_STEPS),

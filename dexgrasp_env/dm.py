@@ -108,6 +108,11 @@ class Task(control.Task):
     def __init__(self, env: gym.Env[Any, Any], seed: int | None = None) -> None:
         inner = env.unwrapped
         assert isinstance(inner, LiftEnv)
+        if inner.steps_an_action > 1 or not isinstance(inner.observation_space, spaces.Dict):
+            raise InputError(
+                "dm_control has an action a control step, and observations by name: valid are hold=1, a control_mode "
+                "but grasp_once, an obs_mode but features"
+            )
         self.inner, self._seed = inner, seed
         self._limit = (env.spec.max_episode_steps if env.spec else None) or math.inf
         self.info: Fields = {}

@@ -42,8 +42,8 @@ def clone(tmp_path):
     import numpy as np
 
     import dexgrasp_env  # noqa: F401
-    from dexgrasp.learning.imitation.state_features import features, initial_scene
     from dexgrasp.runs.policy_folder import write_policy
+    from dexgrasp_env.tasks.features import features, initial_scene
 
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     first, _ = env.reset(seed=0)

@@ -21,10 +21,10 @@ from dexgrasp.learning.imitation.cloud_features import grip_features, observed_c
 from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
 from dexgrasp.learning.imitation.demonstrated_grasp import demonstrated_grasp, grasp_from_row, grasp_to_row
 from dexgrasp.learning.imitation.demonstration_data import read_grips, read_rows
-from dexgrasp.learning.imitation.state_features import features, initial_scene, stack_scenes
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp_env.poses import about_z, quat_multiply, rotate, yaw_quat
+from dexgrasp_env.tasks.features import features, initial_scene, stack_scenes
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("minari")

@@ -1,5 +1,6 @@
 """Reinforcement: resuming to the same bits, corrections that begin at the clone, agents by their path."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -8,7 +9,10 @@ from refusals import refused
 from trainings import begun, goes_on_to_the_same_bits
 
 from dexgrasp.data.demonstrations.generate import generate
+from dexgrasp.data.demonstrations.resets import DemoResets
 from dexgrasp.data.demonstrations.settings import DemoSettings
+from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
+from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.registry import make_agent
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp_env.valid import read
@@ -17,10 +21,11 @@ pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 import gymnasium as gym
 import torch
+from stable_baselines3 import SAC
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.learning.reinforcement import rl_tasks
-from dexgrasp.learning.reinforcement.grasp_space import GraspSpace
+from dexgrasp.learning.reinforcement.demo_replay import add_demonstrations
 from dexgrasp.learning.reinforcement.rl_tasks import PolicyTask
 from dexgrasp.learning.reinforcement.rollout_training import RolloutTraining
 from dexgrasp.learning.reinforcement.settings import GripSettings, RlSettings
@@ -67,6 +72,49 @@ def test_episodes_begin_along_demonstrations(tmp_path):
     whole = RolloutTraining(PolicyTask(settings), tmp_path / "whole").run()
     assert [row["front"] for row in whole.curve] == [0.9] * 3
     assert make_agent(str(tmp_path / "whole")).env_settings["control_mode"] == "ee_delta"
+
+
+@pytest.fixture(scope="module")
+def demos(tmp_path_factory):
+    pytest.importorskip("minari")
+    folder = tmp_path_factory.mktemp("own") / "demos"
+    generate(DemoSettings.of(["sugar_box"], agent="hardcoded", episodes=1), folder)
+    return folder
+
+
+def test_staged_grasps_begin_along_demonstrations(demos):
+    """In an environment whose actions demonstrations have none of, single and vector alike."""
+    env = gym.make("DexGrasp/LiftStaged-v0", objects="sugar_box")
+    envs = gym.make_vec("DexGrasp/LiftStaged-v0", num_envs=2, objects="sugar_box")
+    for each in (env, envs):
+        resets = DemoResets(demos).attach(each)
+        resets.whole = 0.0
+        assert resets.states[0][-1].of["control_mode"] == "grasp"
+    seen, info = env.reset(seed=3)
+    many, infos = envs.reset(seed=3)
+    np.testing.assert_array_equal(many[0], seen)
+    assert info["stage"] == "lifted"  # near the end of it
+    assert infos["level"].tolist() == [0.9, 0.9] == [info["level"]] * 2
+    keep = np.clip(seen[-7:], -1.0, 1.0)
+    keep[5:] = 1.0  # and firmly
+    _, reward, *_, info = env.step(keep)
+    assert reward > 0.0
+
+
+def test_demonstrations_fill_a_replay_buffer(demos):
+    env = gym.make("DexGrasp/LiftFromGrasp-v0", objects="sugar_box")
+    model = SAC("MlpPolicy", env, learning_starts=0, buffer_size=500, device="cpu", seed=0)
+    added = add_demonstrations(model, demos)
+    buffer = model.replay_buffer
+    assert 20 < added == buffer.pos < 150
+    assert buffer.rewards[:added].sum() > 15.0  # they succeed in the environment's own actions
+    np.testing.assert_array_equal(buffer.observations[1:added], buffer.next_observations[: added - 1])
+    assert np.abs(buffer.actions[:added]).max() <= 1.0
+    model.learn(2)
+    with refused("no actions for"):
+        add_demonstrations(
+            SAC("MlpPolicy", gym.make("DexGrasp/LiftOnce-v0", objects="sugar_box"), buffer_size=9), demos
+        )
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
@@ -163,33 +211,10 @@ def test_grasps_are_learned(tmp_path):
     assert [row["steps"] for row in whole.curve] == [24, 48, 72]
 
 
-@pytest.mark.parametrize("name", ["tomato_soup_can", "lego"])
-def test_every_height_of_the_grasp_space_is_above_the_table(name):
-    env = gym.make("DexGrasp/Lift-v2", objects=name, control_mode="ee_delta")
-    heights = []
-    for height in (-1.0, -0.8):
-        observation, _ = env.reset(seed=1)
-        observations = {key: value[None] for key, value in observation.items()}
-        space = GraspSpace(env.unwrapped.settings.cell.robot, observations)
-        action = np.array([[0.2, -0.56, height, 0.0, 0.5, -1.0, -1.0]])
-        for _ in range(40):
-            observation, *_ = env.step(space.env_actions(action, observations)[0])
-            observations = {key: value[None] for key, value in observation.items()}
-        heights.append(observations["palm_pose"][0, 2])
-        np.testing.assert_allclose(space.state(observations), action, atol=0.2)
-    assert 0.11 < heights[0] < heights[1] - 0.01
-
-
-def test_what_lies_beyond_an_action_is_folded_back():
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode="ee_delta")
-    observations = {key: value[None] for key, value in env.reset(seed=1)[0].items()}
-    space = GraspSpace(env.unwrapped.settings.cell.robot, observations)
-    for beyond, within in ((1.5, 0.5), (-1.25, -0.75), (3.0, -1.0), (2.0, 0.0), (-4.5, -0.5), (0.9, 0.9)):
-        told = [space.env_actions(np.full((1, 7), value), observations) for value in (beyond, within)]
-        np.testing.assert_allclose(*told, atol=1e-6)
+def test_what_ppo_draws_beyond_an_action_is_not_cut_off():
     settings = settings_of("ppo", control_mode="grasp", action_repeat=3)
     envs = PolicyTask(settings).environments(torch.device("cpu"))
-    assert envs.action_space.high[0] == 3.0  # what PPO draws is not cut off before it is folded
+    assert envs.action_space.high[0] == 3.0  # the environment mirrors it
     envs.close()
 
 
@@ -212,7 +237,7 @@ def test_one_answer_is_an_episode_and_its_last_action_stands(tmp_path):
     about, arrays = read_policy(tmp_path / "whole")
     arrays = {name: 0.0 * array if name.startswith("actor.") else array for name, array in arrays.items()}
     write_policy(tmp_path / "whole", about, arrays | {"actor.2.bias": answer.astype(np.float32)})
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode="ee_delta")
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode="grasp")
     agent = make_agent(str(tmp_path / "whole"))
     observation, info = env.reset(seed=1)
     agent.reset(observation, info)
@@ -239,23 +264,6 @@ def test_exploring_gets_less_as_told(tmp_path):
     assert work.model.policy.log_std.mean().item() == pytest.approx(
         -2.6, abs=0.05
     )  # of the last round's begin
-
-
-def test_a_grasp_is_a_few_points_of_the_grasp_space():
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode="ee_delta")
-    firsts, _ = env.reset(seed=1)
-    observations = {key: value[None] for key, value in firsts.items()}
-    space = GraspSpace(env.unwrapped.settings.cell.robot, observations)
-    opened, closed = [-1.0, -1.0], [1.0, 1.0]
-    above, at, lifted = ([0.2, -0.56, height, 0.0, 0.5] for height in (0.3, -0.86, 1.0))
-    phases = [(above + opened, 32), (at + opened, 24), (at + closed, 28), (lifted + closed, 90)]
-    for action, steps in phases:
-        for _ in range(steps):
-            observation, *_, info = env.step(space.env_actions(np.array([action]), observations)[0])
-            observations = {key: value[None] for key, value in observation.items()}
-        if action[5:] == opened:
-            np.testing.assert_allclose(space.state(observations)[0], action, atol=0.2)
-    assert info["is_success"]
 
 
 def test_a_correction_begins_at_the_clone(tmp_path, clone):
@@ -285,6 +293,34 @@ def test_policies_of_0_3_0_are_read(tmp_path):
     write_policy(tmp_path, {was.get(key, key): value for key, value in about.items()}, arrays)
     spec = make_agent(str(tmp_path))._policy.spec
     assert (spec.residual_scale, spec.action_repeat, spec.action_chunk) == (1.0, 2, 3)
+
+
+def test_grasp_policies_of_0_3_0_act_by_the_control_mode_of_today(tmp_path):
+    """It wrote the control mode that its grasp space was made of."""
+    RolloutTraining(PolicyTask(settings_of("ppo", control_mode="grasp")), tmp_path).run(stop_after=1)
+    about, arrays = read_policy(tmp_path)
+    was = about | {"env": about["env"] | {"control_mode": "ee_delta"}, "grasps": True}
+    agents = []
+    for told in (about, was):
+        write_policy(tmp_path, told, arrays)
+        agents.append(begun(tmp_path, 3))
+    assert agents[1][0].env_settings["control_mode"] == "grasp"
+    np.testing.assert_array_equal(*(agent.act(observation) for agent, observation in agents))
+
+
+@pytest.mark.parametrize(("name", "looks", "own"), [("LiftOnce", 1, {}), ("LiftStaged", 6, {"hold": 28})])
+def test_tasks_for_plain_learners_are_trained_on_as_they_are(name, looks, own, tmp_path, monkeypatch):
+    monkeypatch.undo()
+    monkeypatch.setattr(rl_tasks, "_MEASURED", 4)
+    settings = replace(settings_of("ppo", env_id=f"DexGrasp/{name}-v0"), steps=2 * looks)
+    assert settings.length == looks
+    RolloutTraining(PolicyTask(settings), tmp_path).run()
+    asked = make_agent(str(tmp_path)).env_settings
+    assert {key: asked[key] for key in own} == own
+    settings = EvaluationSettings.of([str(tmp_path)], ["sugar_box"], trials=1, seed=0)
+    row, _ = TrialRunner(settings).run(plan_trials(settings)[0])
+    assert row["error"] is None
+    assert row["steps"] <= (1 if looks == 1 else 11)  # as many seconds as others have, in fewer actions
 
 
 def test_grips_are_trained_in_the_newest_environment():

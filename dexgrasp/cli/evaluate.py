@@ -50,6 +50,7 @@ class Evaluate(Command):
     def run(self) -> Answer | int:
         """Evaluate; 3 if it was interrupted or a worker died, with what was finished kept, 1 if trials were lost."""
         from dexgrasp.evaluation.evaluate import LostTrialsError, evaluate
+        from dexgrasp.evaluation.protocol import get_protocol
         from dexgrasp.evaluation.report.tables import render_summary
         from dexgrasp.registry import check_name
         from dexgrasp_env.rendering import SHOW_CAMERAS
@@ -79,7 +80,8 @@ class Evaluate(Command):
         if not path.is_file():
             return code
         summary = json.loads(path.read_text())
-        return Answer(summary, render_summary(summary), code)
+        floors = [get_protocol(name).floor_line for name in settings.parts]
+        return Answer(summary, "\n".join([render_summary(summary), *filter(None, floors)]), code)
 
 
 COMMAND = Evaluate

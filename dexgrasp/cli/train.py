@@ -234,7 +234,7 @@ class Bc(PolicyCommand):
         """Train a policy for each seed, return losses and successes."""
         from dexgrasp.data.demonstrations.generate import read_about
         from dexgrasp.learning.imitation.bc_tasks import VIEWS
-        from dexgrasp.learning.imitation.state_features import view_of
+        from dexgrasp.learning.imitation.settings import view_of
         from dexgrasp.learning.training.gradient_training import GradientTraining
 
         view = self.view or view_of(str(read_about(self.data[0])["settings"].get("obs_mode")))

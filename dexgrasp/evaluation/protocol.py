@@ -14,7 +14,7 @@ from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import seed_name
 
-AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode", "frame_skip", "action_scale")
+AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode", "frame_skip", "action_scale", "hold")
 """The settings that an agent may choose; everything else belongs to the protocol."""
 
 
@@ -27,17 +27,29 @@ class Protocol:
         description: one line for people.
         scene: settings of `gym.make` that make the scenes.
         env_id: the registered environment; its time limit and success criterion apply.
+        floor: successes of `constant` and `hardcoded` on a set, published with the protocol: what a policy has to beat.
     """
 
     name: str
     description: str
     scene: Fields = field(default_factory=dict)
     env_id: str = "DexGrasp/Lift-v2"
+    floor: Fields = field(default_factory=dict)
 
     @property
     def places(self) -> bool:
         """Flag: it has goals that objects are brought to."""
         return self.env_id.startswith("DexGrasp/Place")
+
+    @property
+    def floor_line(self) -> str:
+        """The floor in a line for people; empty where none is published."""
+        if not self.floor:
+            return ""
+        agents = (
+            f"{name} {self.floor[name]} of {self.floor['trials']}" for name in ("constant", "hardcoded")
+        )
+        return f"floor of {self.name} on {self.floor['objects']}: {', '.join(agents)}"
 
 
 DEFAULT_PROTOCOL = "lift"

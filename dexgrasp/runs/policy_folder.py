@@ -12,7 +12,7 @@ from dexgrasp_env.files import expand, read_json_object, write_json
 
 SCHEMA = 1
 ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
-ENV_KEYS = ("obs_mode", "control_mode", "observe")
+ENV_KEYS = ("obs_mode", "control_mode", "observe", "hold")
 Weights = dict[str, Single]
 
 

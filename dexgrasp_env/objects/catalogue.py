@@ -1,7 +1,8 @@
 """The catalogue, from assets/objects/catalogue.yaml: six training objects and the twenty objects of Tables 1-3.
 
 And objects of random sizes by the same builders, so that whoever learns on them has not met the catalogue's own:
-`varied-17` is always the same one, `varied-0..199` names two hundred.
+`varied-17` is always the same one, `varied-0..199` names two hundred. Those of `drawn-N` have all sides between 3 and
+12 cm, and more shapes.
 """
 
 import re
@@ -114,14 +115,14 @@ def _arrays(built: ObjectModel) -> Arrays:
 
 MOST = 100_000
 """How many there are."""
-_NAME = re.compile(r"varied-(\d{1,6})(?:\.\.(\d{1,6}))?")
+_NAME = re.compile(r"(varied|drawn)-(\d{1,6})(?:\.\.(\d{1,6}))?")
 _DENSITY = (150.0, 700.0)  # kg/m^3: from a filled cardboard box to a bottle that is not quite full
 _MASS = (0.04, 0.6)  # kg
 _RGBA = (0.55, 0.6, 0.7, 1.0)
 
 
 def varied_targets(target: str) -> tuple[str, ...]:
-    """Return the names that `varied-N` or `varied-FIRST..LAST` stands for; none for other targets.
+    """Return the names that `varied-N` or `varied-FIRST..LAST` stands for, or `drawn-`; none for other targets.
 
     Raises:
         InputError: for numbers that there are no objects of.
@@ -129,19 +130,22 @@ def varied_targets(target: str) -> tuple[str, ...]:
     match = _NAME.fullmatch(target)
     if match is None:
         return ()
-    first, last = int(match[1]), int(match[2] or match[1])
+    family, first, last = match[1], int(match[2]), int(match[3] or match[2])
     if not first <= last < MOST:
         raise InputError(
-            f"objects {target!r}: valid are varied-0 to varied-{MOST - 1}, or varied-FIRST..LAST"
+            f"objects {target!r}: valid are {family}-0 to {family}-{MOST - 1}, or {family}-FIRST..LAST"
         )
-    return tuple(f"varied-{number}" for number in range(first, last + 1))
+    return tuple(f"{family}-{number}" for number in range(first, last + 1))
 
 
 @lru_cache(maxsize=64)
 def varied_object(target: str) -> ObjectModel:
-    """Return the object that `varied-N` names: its kind, sizes and mass are drawn by its number."""
-    rng = np.random.default_rng([int(target.removeprefix("varied-")), 20221])
-    _, builder, drawn = _KINDS[int(rng.choice(len(_KINDS), p=_SHARES))]
+    """Return the object that `varied-N` or `drawn-N` names: its kind, sizes and mass are drawn by its number."""
+    family, _, number = target.partition("-")
+    word, kinds = _FAMILIES[family]
+    rng = np.random.default_rng([int(number), word])
+    shares = np.array([weight for weight, *_ in kinds])
+    _, builder, drawn = kinds[int(rng.choice(len(kinds), p=shares / shares.sum()))]
     shape = builder(**drawn(rng))
     mass = float(np.clip(shape.mesh.volume * rng.uniform(*_DENSITY), *_MASS))
     return centred_model(
@@ -149,7 +153,8 @@ def varied_object(target: str) -> ObjectModel:
     )
 
 
-_KINDS: tuple[tuple[float, Callable[..., shapes.Shape], Callable[[Generator], Fields]], ...] = (
+_Kinds = tuple[tuple[float, Callable[..., shapes.Shape], Callable[[Generator], Fields]], ...]
+_VARIED: _Kinds = (
     (4.0, shapes.box, lambda rng: {"size": rng.uniform((0.025, 0.045, 0.05), (0.085, 0.16, 0.21))}),
     (2.0, shapes.rounded_box, lambda rng: {
         "size": (size := rng.uniform((0.035, 0.05, 0.05), (0.08, 0.13, 0.16))),
@@ -200,5 +205,34 @@ _KINDS: tuple[tuple[float, Callable[..., shapes.Shape], Callable[[Generator], Fi
     }),
 )  # fmt: skip
 """Weight, builder, and what draws its arguments, in metres, in the order in which they stand."""
-_SHARES = np.array([weight for weight, *_ in _KINDS])
-_SHARES /= _SHARES.sum()
+
+
+def _stone(rng: Generator) -> Fields:
+    """Draw the corners of a stone: points of an ellipsoid."""
+    directions = rng.standard_normal((int(rng.integers(8, 15)), 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return {"vertices": directions * rng.uniform((0.025,) * 3, (0.06,) * 3)}
+
+
+def _cone(rng: Generator) -> Fields:
+    """Draw the profile of a cone without its tip, point up or down."""
+    wide, height = rng.uniform(0.025, 0.06), rng.uniform(0.05, 0.12)
+    narrow = wide * rng.uniform(0.2, 0.7)
+    return {
+        "profile": [(wide, 0.0), (narrow, height)] if rng.random() < 0.5 else [(narrow, 0.0), (wide, height)]
+    }
+
+
+_DRAWN: _Kinds = (
+    (1.0, shapes.box, lambda rng: {"size": rng.uniform((0.03,) * 3, (0.12,) * 3)}),
+    (1.0, shapes.cylinder, lambda rng: {"diameter": rng.uniform(0.03, 0.12), "height": rng.uniform(0.03, 0.12)}),
+    (4.0, shapes.polyhedron, _stone),
+    (2.0, shapes.prism, lambda rng: {
+        "polygon": ((0.0, 0.0), (rng.uniform(0.06, 0.12), 0.0), (rng.uniform(0.0, 0.06), rng.uniform(0.06, 0.12))),
+        "thickness": rng.uniform(0.05, 0.12),
+    }),
+    (2.0, shapes.tetrahedron, lambda rng: {"edge": rng.uniform(0.07, 0.12)}),
+    (2.0, shapes.revolve, _cone),
+)  # fmt: skip
+_FAMILIES = {"varied": (20221, _VARIED), "drawn": (20302, _DRAWN)}
+"""Word that the draws begin from, and kinds."""

@@ -25,7 +25,7 @@ from dexgrasp_env.tasks.constants import (
 )
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
-from dexgrasp_env.tasks.observations import unbounded
+from dexgrasp_env.tasks.observations import OBS_SUMS, unbounded
 from dexgrasp_env.tasks.records import INFO_COLUMNS
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation, StateHolder
@@ -56,6 +56,7 @@ class ClutterSettings(LiftSettings):
     """
 
     objects: Objects = OBJECT_SETS["all20"]
+    obs_mode: Annotated[str, one_of(OBS_SUMS)] = "state"
     neighbours: Annotated[
         tuple[int, int], Rule(f"a number from 0 to {MOST_NEIGHBOURS}, or a pair of them", _counts)
     ] = (4, 8)
@@ -107,6 +108,7 @@ class ClutterEpisodes(Episodes):
         self._clutter, self.walled = settings, settings.bin
         self.neighbours, self.around = settings.neighbours[1], settings.neighbour_objects
         first = next(iter(self.simulations.values())).base
+        self.options = ("object", "object_pose", "state")
         self._alone = first.nq, first.nsensordata  # of a scene without neighbours
         if settings.gaps is None:
             self.options = ("object", "state")  # where the object lies in a heap is not for anybody to say
@@ -176,7 +178,7 @@ class ClutterEpisodes(Episodes):
             " ".join(object_name(slot.neighbours[k]) for k in np.flatnonzero(row))
             for slot, row in zip(self.slots, hit, strict=True)
         ]
-        return {
+        return super().more_infos() | {
             "is_clean": (self.info_columns[:, _SUCCESS] > 0) & (moved <= NEIGHBOUR_MOVED),
             "neighbours": self.task_records["neighbours"].copy(),
             "neighbours_moved": moved.copy(),

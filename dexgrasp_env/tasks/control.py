@@ -11,21 +11,40 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
 
-CONTROL_MODES = ("joint_position", "joint_delta", "ee_delta")
+DIRECT_MODES = ("joint_position", "joint_delta", "ee_delta")
+"""Those whose actions say at once where set-points go."""
+ONCE_MODES = ("grasp_once", "table_grasp_once")
+"""Those whose action is a whole grasp, about the object or at a place on the table."""
+GRASP_MODES = ("grasp", *ONCE_MODES)
+"""Those of the grasp space, `grasp_space`."""
+CONTROL_MODES = (*DIRECT_MODES, *GRASP_MODES)
+GRASP_SIZE = 7
 
 
 class ActionSpace(spaces.Box):
     """The actions of a control mode; a policy saved with its space says what they meant."""
 
     def __init__(
-        self, control_mode: str, robot: Robot, frame_skip: int = CONTROL_STEPS, scale: float = 1.0
+        self,
+        control_mode: str,
+        robot: Robot,
+        frame_skip: int = CONTROL_STEPS,
+        scale: float = 1.0,
+        hold: int = 1,
     ) -> None:
         super().__init__(-1.0, 1.0, (action_size(control_mode, robot),), np.float32)
-        self.control_mode, self.frame_skip, self.action_scale = control_mode, frame_skip, scale
+        self.control_mode, self.frame_skip, self.action_scale, self.hold = (
+            control_mode,
+            frame_skip,
+            scale,
+            hold,
+        )
 
 
 def action_size(mode: str, robot: Robot) -> int:
     """Return how many numbers an action of a control mode has."""
+    if mode in GRASP_MODES:
+        return GRASP_SIZE
     return 6 + robot.dof - robot.arm_dof if mode == "ee_delta" else robot.dof
 
 

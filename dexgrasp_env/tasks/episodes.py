@@ -4,10 +4,8 @@ The single environment has one, the vector environment many; only who advances t
 """
 
 import copy
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -21,27 +19,34 @@ from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.tasks import kernel
-from dexgrasp_env.tasks.control import check_finite
-from dexgrasp_env.tasks.observations import cut, layout, observation_space
+from dexgrasp_env.tasks.constants import LIFT_HEIGHT
+from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, check_finite
+from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
+from dexgrasp_env.tasks.grasp_space import lifted_by, longest_grasp
+from dexgrasp_env.tasks.grasps import Grasps
+from dexgrasp_env.tasks.infos import EpisodeInfos
+from dexgrasp_env.tasks.observations import FLAT, cut, layout, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFO_COLUMNS, INFO_KINDS, PHASES
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFO_COLUMNS, PHASES
+from dexgrasp_env.tasks.reset_options import check_joints, check_options
 from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import NO_PHYSICS, Simulation, StateHolder, arm_chain, warning_names
+from dexgrasp_env.tasks.simulation import NO_PHYSICS, Simulation, StateHolder, arm_chain
 from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
+from dexgrasp_env.tasks.starts import pre_grasps
 from dexgrasp_env.tasks.views import CameraObserver
 
 
-class Episodes:
+class Episodes(EpisodeInfos):
     """Records, slots and the scenes that they share."""
 
     task = "lift"
     task_dtype = np.dtype([])
     """Of what the task notes of an episode beside its record."""
     walled = False  # whether what is set out stands in a bin
-    options: tuple[str, ...] = ("object", "object_pose", "state")
+    options: tuple[str, ...] = ("object", "object_pose", "joints", "state")
     """Of a reset."""
     neighbours = 0
     """Most objects beside the one that is meant."""
@@ -77,13 +82,37 @@ class Episodes:
         self.width = max(part.stop for part in self.layout.values())
         self.truncating = np.zeros(len(FAILURES), bool)
         """Which of `FAILURES` truncate an episode; the others terminate it."""
-        self.starts: Starts | None = None
+        self.whole = settings.control_mode in ONCE_MODES
+        """Whether an action is a whole episode."""
+        self.span = longest_grasp(settings) if self.whole else settings.hold
+        """Control steps of an action, at most."""
+        self._lifted_by = lifted_by(settings)
+        self._grasps = (
+            Grasps(settings, first, first.columns, number) if settings.control_mode in GRASP_MODES else None
+        )
+        self._features = SceneFeatures(number, self.whole) if settings.obs_mode == FLAT else None
+        self.starts: Starts | None = pre_grasps(settings)
         self.device: Any = None
         """Where progress is kept between resets, if not here: a `WarpEpisodes`."""
 
     def observation_space(self) -> spaces.Dict:
-        """Return the space of one environment's observations."""
-        return observation_space(self.settings.obs_mode, self.views.image_shape, self.settings.cell.robot)
+        """Return the space of one environment's observations; one of a single key `FLAT` is told as that array."""
+        parts = observation_space(self.settings.obs_mode, self.views.image_shape, self.settings.cell.robot)
+        if self._grasps:
+            parts["grasp_state"] = unbounded(GRASP_SIZE)
+        if self._features is None:
+            return spaces.Dict(dict(sorted(parts.items())))
+        size = self._features.size(parts)
+        return spaces.Dict({FLAT: spaces.Box(-FARTHEST, FARTHEST, (size,), np.float32)})
+
+    def told_space(self) -> spaces.Space[Any]:
+        """Return the space of what people are given."""
+        space = self.observation_space()
+        return space if self._features is None else space[FLAT]
+
+    def told(self, observation: Arrays) -> Any:
+        """Return an observation as people are given it."""
+        return observation if self._features is None else observation[FLAT]
 
     # -- starting ------------------------------------------------------------------------------------------------
 
@@ -107,9 +136,19 @@ class Episodes:
             options = self.starts(
                 i, rng, {name: part[name] for part in last for name in part.dtype.names or ()}
             )
-        simulation = self._begin(i, rng, self._check_options(options))
+        simulation = self._begin(i, rng, check_options(options, self.options, self.simulations))
         judge = not self.slots[i].resumed
+        if judge:
+            self.records[i]["laid"] = simulation.object_pose()
+        self._know_scene(i)
         return simulation, self.conclude(slice(i, i + 1), simulation, np.zeros(1, np.int64), [rng], judge)
+
+    def _know_scene(self, i: int) -> None:
+        """Prepare what follows from how the object of episode `i` lay at first."""
+        if self._grasps:
+            self._grasps.begin(i, self.records[i])
+        if self._features:
+            self._features.begin(i, self.records[i])
 
     def _begin(self, i: int, rng: Generator, options: Mapping[str, Any]) -> Simulation:
         """Start episode `i` by options that are known."""
@@ -128,8 +167,9 @@ class Episodes:
         if given is not None:
             pose = check_pose(given, simulation.hull * variation.size, settings.cell)
         self._mount(i, target, (), variation)
+        self.slots[i].joints = check_joints(options.get("joints"), settings.cell.robot)
         if given is not None:
-            simulation.place(pose)
+            simulation.place(pose, self.slots[i].joints)
             simulation.check_free()
         self._start_record(i, target, variation)
         return self._set_out(i, pose, rng, given is not None)
@@ -142,38 +182,12 @@ class Episodes:
     def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:
         """Put the object of episode `i` down at `pose` (7,), drawn or given, and let it settle; return its scene."""
         simulation = self.enter(i)
-        simulation.place(pose)
+        simulation.place(pose, self.slots[i].joints)
         if given:
             simulation.settle()
         else:
             self.settle(simulation)
         return simulation
-
-    def _check_options(self, options: Mapping[str, Any] | None) -> Fields:
-        options = {key: value for key, value in (options or {}).items() if not self._is_foreign(key)}
-        for key in options:
-            if key not in self.options:
-                raise unknown_name("reset option", key, self.options)
-        if "object" in options and options["object"] not in self.simulations:
-            raise unknown_name("object", options["object"], self.simulations)
-        if "state" in options and (beside := sorted({"object", "object_pose"} & options.keys())):
-            raise InputError(
-                f"reset options {', '.join(beside)} beside state: valid is either, as it has its own"
-            )
-        return options
-
-    def _is_foreign(self, key: str) -> bool:
-        """Return whether a reset option is of another program's name space, as `lerobot_new_rollout` is; warn of it.
-
-        What begins with a word of ours is a mistake in one of ours.
-        """
-        space, underscore, _ = str(key).partition("_")
-        foreign = bool(underscore) and not get_close_matches(
-            space, {"reset", *" ".join(self.options).replace("_", " ").split()}
-        )
-        if foreign:
-            warnings.warn(f"reset option {key!r} is of another program: it is passed over", stacklevel=6)
-        return foreign
 
     def enter(self, i: int) -> Simulation:
         """Mount the model of episode `i` in its scene, which it may share with others."""
@@ -215,17 +229,20 @@ class Episodes:
         record["variation"] = astuple(variation)
         record["hull_first"], record["hull_count"] = self._hull_spans[target]
         record["latency"] = round(variation.latency / TIMESTEP)
-        self.commands[i] = self.settings.cell.robot.home
+        joints = self.slots[i].joints
+        self.commands[i] = self.settings.cell.robot.home if joints is None else joints
         record["grip_quat"][0] = 1.0
         record["phase"] = PHASES.index("none" if self.settings.disturbance.kind == "none" else "before")
 
     # -- stepping ------------------------------------------------------------------------------------------------
 
-    def set_points(self, actions: Array) -> tuple[Array, Array]:
+    def set_points(self, actions: Array, where: StateHolder, step: int = 0) -> tuple[Array, Array]:
         """Move the set-points by one control step.
 
         Args:
             actions: (N, m), a copy that may be written to.
+            where: the episodes are.
+            step: control steps since the actions were given.
 
         Returns:
             Rows (N, frame_skip, n) rad for the physics steps, and pushes (N, 3) N on the object.
@@ -233,6 +250,8 @@ class Episodes:
         Raises:
             InputError: for an action that is not finite.
         """
+        if self._grasps:
+            actions = self._grasps.moves(actions, step, self.commands, where)
         if self.device:
             self.device.set_points(actions)
         elif not set_points(self.records, self.commands, actions, self.control, self._rows, self._push):
@@ -279,6 +298,15 @@ class Episodes:
         """Apply the task's own rules after `conclude`, and return its observation."""
         return state
 
+    def complete(self, part: slice, where: StateHolder, state: Arrays) -> Arrays:
+        """Return `conclude`'s observation of a part of the episodes with what is made of it once an action."""
+        if self._grasps:
+            seen = self._grasps.states(part, state["joint_positions"], where)
+            state = dict(sorted({**state, "grasp_state": seen}.items()))
+        if self._features is None:
+            return state
+        return {FLAT: self._features.of(part, state, self.records["elapsed"][part])}
+
     def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array:
         n = self.settings.cell.robot.dof
         if self.settings.randomisation.joint_noise is None:
@@ -290,46 +318,31 @@ class Episodes:
         """Return which episodes a failure has terminated, and which it has truncated, (N,) each."""
         failures = self.records["failure"]
         truncated = self.truncating[failures]
-        return (failures > 0) & ~truncated, truncated
+        over = failures > 0
+        if self.whole:
+            over |= self.records["elapsed"] > 0
+        return over & ~truncated, truncated
 
-    # -- telling -------------------------------------------------------------------------------------------------
+    def keep(self, i: int, seen: Arrays) -> tuple[Any, ...]:
+        """Return what episode `i` has come to, for `put_back`: its row of `conclude`'s observation with it."""
+        told = {key: values[i].copy() for key, values in seen.items()}
+        rows = self.records, self.task_records, self.info_columns, self.commands
+        return told, [row[i].copy() for row in rows]
 
-    def info(self, i: int) -> Fields:
-        """Return the info of episode `i` alone, plain values; `infos` of one takes a tenth of a step."""
-        numbers = self.info_columns[i].tolist()
-        told = {
-            key: kind[int(number)] if isinstance(kind, tuple) else kind(number)
-            for (key, kind), number in zip(INFO_KINDS.items(), numbers, strict=False)
-        }
-        target = self.slots[i].target
-        return told | {
-            "object": self.simulations[target].object.name if target else "",
-            "mujoco_warnings": warning_names(told["mujoco_warnings"]),
-            "variation": dict(vars(self.slots[i].variation)),
-            "reward_terms": dict(zip(self.settings.weights, numbers[len(told) :], strict=True)),
-            **{key: values[i : i + 1].tolist()[0] for key, values in self.more_infos().items()},
-        }
+    def put_back(self, i: int, kept: tuple[Any, ...], seen: Arrays) -> None:
+        """Make episode `i`, and its row of the observation, what `keep` returned."""
+        told, rows = kept
+        for key, values in told.items():
+            seen[key][i] = values
+        self.records[i], self.task_records[i], self.info_columns[i], self.commands[i] = rows
 
-    def infos(self) -> Fields:
-        """Return the infos without cameras, arrays (N,) by key: the same at reset and at every step."""
-        told = self.info_columns.T.copy()
-        infos: Fields = {}
-        for (key, kind), numbers in zip(INFO_KINDS.items(), told, strict=False):
-            named = isinstance(kind, tuple)
-            infos[key] = np.array(kind, object)[numbers.astype(int)] if named else numbers.astype(kind)
-        names = [self.simulations[slot.target].object.name if slot.target else "" for slot in self.slots]
-        warnings = [*map(warning_names, infos["mujoco_warnings"].tolist())]
-        return infos | {
-            "object": np.array(names, object),
-            "mujoco_warnings": np.array(warnings, object),
-            "variation": dict(zip(vars(Variation()), self.records["variation"].T.copy(), strict=True)),
-            "reward_terms": dict(zip(self.settings.weights, told[len(infos) :], strict=True)),
-            **self.more_infos(),
-        }
-
-    def more_infos(self) -> Arrays:
-        """Return the task's own infos beside `INFO_COLUMNS`, arrays (N,) by key."""
-        return {}
+    def undecided(self) -> Mask:
+        """Return in which episodes an action goes on, (N,): while nothing fails, whole grasps until held or missed."""
+        failed = self.records["failure"] > 0
+        if not self.whole:
+            return ~failed
+        lost = (self.records["elapsed"] >= self._lifted_by) & (self.records["height"] < LIFT_HEIGHT)
+        return ~(failed | self.records["success"] | lost)
 
     # -- states --------------------------------------------------------------------------------------------------
 
@@ -356,7 +369,7 @@ class Episodes:
             "reward_weights",
         )  # fmt: skip
         own = {key: getattr(settings, key) for key in keys}
-        seen = {} if settings.obs_mode == "state" else {"views": settings.views}
+        seen = {"views": settings.views} if settings.sees else {}
         return {"task": self.task, "robot": settings.cell.robot.name, **own, **seen}
 
     def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:
@@ -385,6 +398,7 @@ class Episodes:
         rng.bit_generator.state = copy.deepcopy(state.rng)
         simulation.set_state(state.physics)
         simulation.data.sensordata[:] = state.sensors[: len(simulation.data.sensordata)]
+        self._know_scene(i)
         if self.device:
             self.device.load(i)
         return simulation

@@ -30,6 +30,19 @@ class LiftEnv(SingleEnv):
     | `ee_delta` | 22 | 0-2 | translation of the palm; 1 is 25 mm |
     | | | 3-5 | rotation vector of the palm; 1 is 0.125 rad |
     | | | 6-21 | set-points of the hand's joints; -1 and 1 are the ends of the range |
+    | `grasp` | 7 | 0-1 | palm along the object's narrowest level direction and across it; 1 is 50 mm from the middle |
+    | | | 2 | palm above the object's top; -1 and 1 are 20 mm below (at least 120 mm above the table) and 240 mm above |
+    | | | 3-4 | turned, 1 is 0.3 rad; thumb tilted up, -1 and 1 are -0.1 and 0.3 rad |
+    | | | 5-6 | closing of index and middle finger, and of the thumb; -1 is open |
+    | `grasp_once` | 7 | 0-6 | a whole grasp there: the hand opens, comes down, closes, lifts 200 mm and holds |
+    | `table_grasp_once` | 7 | 0-6 | the same, palm anywhere: x, y, height, any turn within 90 deg, tilt, closing |
+
+    The last three are of the grasp space, set-points that a low level goes to by `ee_delta`; what lies beyond -1 and 1
+    is mirrored there. They go to where the object truly is, so they are for `state` and `features`. Thumb, index,
+    middle and ring finger have to be the Allegro hand's. After a whole grasp the episode has terminated: it ends once
+    held for 3 s, or 1.5 s after closing with the object not up. `table_grasp_once` has x in 0.39-0.63, y in +-0.23,
+    palms 120 to 250 mm above the table. `hold` repeats an action for so many control steps; `step` returns what they
+    gained together.
 
     ## Observation Space
 
@@ -60,6 +73,13 @@ class LiftEnv(SingleEnv):
     | `table_plane` | (5,) | float32 | `pointcloud` | normal, offset m and RMS m of the table as seen |
     | `depth` | (4, 120, 160) | float32 | `depth`, `rgbd` | m along the optical axis, 0 where nothing was measured |
     | `rgb` | (4, 120, 160, 3) | uint8 | `rgbd` | colours |
+
+    `grasp_state`, (7,) float32, joins the state where actions are of the grasp space: the action that would leave palm
+    and hand where they are. `obs_mode="features"` is one array instead, a `Box(-10, 10, (92,))`: set-points rad, tips
+    and palm about the object (10 is 1 m), palm's rotation, time (1 is 5 s), forces (tanh of 5 N), height, share held,
+    way since the start; in spreads, of the object as it first lay, azimuth, distance, reach in 12 level directions,
+    height, top, rotation, sides, mass, and friction; with `grasp` the 7 of `grasp_state`. Where an action is a whole
+    grasp, what is of the object alone: 30 numbers. Directions are seen from the arm's base turned to where it lay.
 
     With fewer `views` the first axis of the images is as long as they are many. Keys are in alphabetical order. `info`
     has at reset and at every step, always of one type each: `is_success`, `is_grasped`, `is_stable` (less than 2.5 cm
@@ -98,7 +118,8 @@ class LiftEnv(SingleEnv):
     place (x in 0.42-0.60, y in +-0.20) and its turn about the vertical; it settles for 0.2 s. Objects that the
     catalogue presents in one pose always lie in that.
     `reset(options={"object": NAME, "object_pose": [x, y, z, qw, qx, qy, qz]})` sets them; the pose must be over the
-    table, not inside it, free of the robot and in reach. Observation and info of the reset show this state.
+    table, not inside it, free of the robot and in reach. `joints` (n,) rad beside a pose begin with the robot there.
+    Observation and info of the reset show this state.
 
     ## Episode End
 
@@ -122,8 +143,8 @@ class LiftEnv(SingleEnv):
     | Argument | Default | Valid |
     | --- | --- | --- |
     | `objects` | `'ycb6'` | name, set (`ycb6`, `seen`, `familiar`, `novel`, `all20`), mesh file, or a list of these |
-    | `obs_mode` | `'state'` | `state`, `pointcloud`, `depth`, `rgbd`, or the state beside one: `state+pointcloud` ... |
-    | `control_mode` | `'joint_delta'` | `joint_position`, `joint_delta`, `ee_delta` |
+    | `obs_mode` | `'state'` | `state`, `features`, `pointcloud`, `depth`, `rgbd`, or `state+` one of the last three |
+    | `control_mode` | `'joint_delta'` | `joint_position`, `joint_delta`, `ee_delta`, `grasp`, `[table_]grasp_once` |
     | `reward_mode` | `'dense'` | `dense`, `sparse` |
     | `robot` | `None` | a cell, a robot, or the path of a file of either; None: the simulated cell |
     | `mount` | `None` | `palm_normal`, `fingers_along`: how the hand sits on the flange; None: the robot's own |
@@ -131,7 +152,7 @@ class LiftEnv(SingleEnv):
     | `mass` | `1.0` | factor on the object's mass, above 0 and up to 100 |
     | `presentation` | `'rest'` | `rest`; `upright`: standing as built where that is stable, else at rest |
     | `disturbance` | `None` | `none`, `pushed`, `shaken`, or `kind` and `size` (of the weight; of the shaking) |
-    | `object_pose` | `None` | ranges `x`, `y` (over the table), `yaw` and `rest_pose` (`any`, `likely`, a number) |
+    | `object_pose` | `None` | ranges `x`, `y`, `yaw`, and `rest_pose` (`any`, `each`, `likely`, a number) |
     | `randomisation` | `None` | ranges of `mass`, `size`, `gain` (factors), `friction`, `latency` s, `joint_noise` |
     | `views` | `4` | names of the cameras that look, in the order of the images, or how many to draw at reset |
     | `calibration` | `None` | `position` m and `rotation` rad: one rigid error of all cameras, drawn at reset |
@@ -145,6 +166,9 @@ class LiftEnv(SingleEnv):
     | `reward_weights` | `None` | weights by term, from 0 on; terms that are not named keep theirs |
     | `frame_skip` | `25` | physics steps of a control step, 5 to 125; what lasts seconds still does; limits are steps |
     | `action_scale` | `1.0` | factor, above 0 and up to 1, on what 1 means in actions that are changes |
+    | `hold` | `1` | control steps that an action stands for |
+    | `reward_scale` | `1.0` | factor on rewards, above 0 |
+    | `starts` | `None` | `pregrasps`, or a file of `scripts/pregrasps.py`: episodes begin on the way to these |
     | `backend` | `'mujoco'` | `mujoco`; `warp`: mujoco_warp, the extra `gpu`; see the vector environment |
     | `device` | `None` | of `warp`: `cuda:0`, `cuda:1`, ..., `cpu`; None: a GPU where there is one |
 

@@ -13,6 +13,18 @@ from dexgrasp_env.robot.robot import Robot
 OBS_MODES = ("state", "pointcloud", "depth", "rgbd")
 OBS_SUMS = (*OBS_MODES, *(f"state+{mode}" for mode in OBS_MODES[1:]))
 """Modes, and the state beside what cameras see: for a critic that knows more than the actor."""
+FLAT = "features"
+"""The mode of one array: what `features` makes of the state."""
+
+
+def has_cameras(obs_mode: str) -> bool:
+    """Return whether cameras look."""
+    return obs_mode not in ("state", FLAT)
+
+
+def knows_state(obs_mode: str) -> bool:
+    """Return whether what no camera tells is observed."""
+    return obs_mode.startswith("state") or obs_mode == FLAT
 
 
 def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
@@ -21,7 +33,7 @@ def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
     keys = {
         "joint_positions": n, "joint_velocities": n, "joint_targets": n, "fingertip_positions": tips, "palm_pose": 7
     }  # fmt: skip
-    if not obs_mode.startswith("state"):
+    if not knows_state(obs_mode):
         return keys
     return keys | {
         "object_pose": 7, "object_velocity": 6, "object_size": 3, "object_mass": 1, "fingertip_forces": tips,

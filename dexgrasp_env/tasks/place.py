@@ -23,9 +23,10 @@ from dexgrasp_env.tasks.constants import (
     WORKSPACE_LOW,
     at_pace,
 )
+from dexgrasp_env.tasks.control import ONCE_MODES
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
-from dexgrasp_env.tasks.observations import key_sizes, unbounded
+from dexgrasp_env.tasks.observations import OBS_SUMS, key_sizes, unbounded
 from dexgrasp_env.tasks.records import FAILURES, INFO_COLUMNS
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
@@ -43,15 +44,20 @@ class PlaceSettings(LiftSettings):
     """Everything that `gym.make` accepts of `PlaceEnv`, in checked form."""
 
     reward_mode: Annotated[str, one_of(REWARD_MODES)] = "sparse"
+    obs_mode: Annotated[str, one_of(OBS_SUMS)] = "state"
 
     @classmethod
     def of(cls, **given: Any) -> LiftSettings:
         """Check the arguments of the environment.
 
         Raises:
-            InputError: as `LiftSettings.of`, or for a disturbance.
+            InputError: as `LiftSettings.of`, or for whole grasps or a disturbance.
         """
         settings = super().of(**given)
+        if settings.control_mode in ONCE_MODES:
+            raise InputError(
+                f"control_mode {settings.control_mode!r} lifts, and brings nothing to a goal: valid are the others"
+            )
         if settings.disturbance.kind != "none":
             raise InputError("Place has no disturbance: valid is none")
         return settings
@@ -158,7 +164,7 @@ class PlaceEpisodes(Episodes):
 
     def more_infos(self) -> Arrays:
         """Return the column of infos about the goal."""
-        return {"goal_distance": self._distances.copy()}
+        return super().more_infos() | {"goal_distance": self._distances.copy()}
 
 
 class GoalRewards:

@@ -29,7 +29,7 @@ _INTO_TABLE = 0.001  # m that a given pose may reach below the table's top
 
 
 def _rest_pose(value: Any) -> str | int:
-    return value if value in ("any", "likely") else NATURAL.validate(value)
+    return value if value in ("any", "likely", "each") else NATURAL.validate(value)
 
 
 @dataclass(frozen=True)
@@ -40,14 +40,14 @@ class Placement:
         x: range of the centre, m, over the table.
         y: range of the centre, m, over the table or just beside it.
         yaw: range of the turn about z, rad.
-        rest_pose: `"any"` draws a rest pose by its probability, `"likely"` takes the most probable, a number takes that
-            one; objects of the catalogue with a fixed presentation ignore it.
+        rest_pose: `"any"` draws a rest pose by its probability, `"each"` all alike, `"likely"` takes the most probable,
+            a number takes that one; objects of the catalogue with a fixed presentation ignore it.
     """
 
     x: Annotated[tuple[float, float], pair(number(ge=_FRONT, le=_BACK))] = PLACE_X
     y: Annotated[tuple[float, float], pair(number(ge=-_SIDE, le=_SIDE))] = PLACE_Y
     yaw: Annotated[tuple[float, float], pair(number())] = PLACE_YAW
-    rest_pose: Annotated[str | int, Rule("any, likely, or a whole number >= 0", _rest_pose)] = "any"
+    rest_pose: Annotated[str | int, Rule("any, each, likely, or a whole number >= 0", _rest_pose)] = "any"
 
     def sample(self, model: ObjectModel, rng: Generator, presentation: str = "rest") -> Array:
         """Draw a pose (7,): position m and quaternion wxyz.
@@ -73,6 +73,8 @@ class Placement:
                     f"rest_pose {self.rest_pose}: {model.name} has {len(poses)}, valid are 0..{len(poses) - 1}"
                 )
             pose = poses[self.rest_pose]
+        elif self.rest_pose == "each":
+            pose = poses[int(u * len(poses))]
         elif self.rest_pose == "likely":
             pose = max(poses, key=lambda p: p.probability)
         else:

@@ -26,6 +26,7 @@ EPISODE = np.dtype(
         ("hull_first", "i8"),  # rows of the table of hull vertices
         ("hull_count", "i8"),
         ("latency", "i8"),  # physics steps by which commands come late
+        ("laid", "f8", (7,)),  # the object's pose in the first observation, m and quaternion wxyz
         # How far it has come.
         ("elapsed", "i8"),  # control steps
         ("held", "i8"),  # consecutive control steps at height, held by the hand alone

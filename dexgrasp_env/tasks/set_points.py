@@ -13,13 +13,13 @@ from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, GRAVITY
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN, at_pace
-from dexgrasp_env.tasks.control import CONTROL_MODES, max_step
+from dexgrasp_env.tasks.control import DIRECT_MODES, GRASP_MODES, max_step
 from dexgrasp_env.tasks.disturbance import KINDS, PAUSE_STEPS, PUSH_STEPS
 from dexgrasp_env.tasks.kernel import product, rotated
 from dexgrasp_env.tasks.records import COMMANDS, PHASES, Record, Records
 from dexgrasp_env.tasks.settings import LiftSettings
 
-_DELTA, _PALM = CONTROL_MODES.index("joint_delta"), CONTROL_MODES.index("ee_delta")
+_DELTA, _PALM = DIRECT_MODES.index("joint_delta"), DIRECT_MODES.index("ee_delta")
 _PUSHED, _SHAKEN = KINDS.index("pushed"), KINDS.index("shaken")
 _RUNNING = PHASES.index("running")
 
@@ -35,7 +35,7 @@ class Control(NamedTuple):
     """Constants of actions and disturbances, for a robot of n joints, a of them the arm's.
 
     Attributes:
-        mode: index of `CONTROL_MODES`.
+        mode: index of `DIRECT_MODES`.
         chain: (a + 1, 7) fixed poses of the arm's joints and of the palm, each in the frame before.
         joints: (4, n) rad, ranges, largest step and home.
         shaken: (2,) the joints that a shaking turns.
@@ -59,13 +59,14 @@ class Control(NamedTuple):
 
 def control_of(settings: LiftSettings, chain: Array) -> Control:
     """Return the control of an environment; see `Control`. Raises an InputError for too many joints."""
-    if settings.control_mode == "ee_delta" and len(chain) > ARM_ROOM:
-        raise InputError(f"ee_delta is for arms of less than {ARM_ROOM} joints")
+    mode = "ee_delta" if settings.control_mode in GRASP_MODES else settings.control_mode
+    if mode == "ee_delta" and len(chain) > ARM_ROOM:
+        raise InputError(f"{settings.control_mode} is for arms of less than {ARM_ROOM} joints")
     robot, disturbance, period = settings.cell.robot, settings.disturbance, settings.period
     joints = np.stack([robot.lower, robot.upper, max_step(robot, period), robot.home])
     push = np.array([at_pace(steps, settings.frame_skip) for steps in (PUSH_STEPS, PAUSE_STEPS)])
     return Control(
-        CONTROL_MODES.index(settings.control_mode), chain, joints, np.array(robot.arm.shaken, np.int64),
+        DIRECT_MODES.index(mode), chain, joints, np.array(robot.arm.shaken, np.int64),
         KINDS.index(disturbance.kind), disturbance.size, push, period, settings.action_scale,
     )  # fmt: skip
 

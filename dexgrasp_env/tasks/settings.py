@@ -14,12 +14,12 @@ from dexgrasp_env.robot.cell import Cell, make_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS, FRICTION, TIMESTEP
 from dexgrasp_env.sensing.sensor import SENSORS, Calibration, SensorModel
 from dexgrasp_env.tasks.constants import LONGEST_SKIP, MAX_EPISODE_STEPS, SHORTEST_SKIP, at_pace
-from dexgrasp_env.tasks.control import CONTROL_MODES
+from dexgrasp_env.tasks.control import CONTROL_MODES, GRASP_MODES, ONCE_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance
-from dexgrasp_env.tasks.observations import OBS_SUMS
+from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS, has_cameras, knows_state
 from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
-from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, number, one_of, read
+from dexgrasp_env.valid import Count, Friction, Mass, Positive, Rule, check, number, one_of, read
 
 REWARD_MODES = ("dense", "sparse")
 WEIGHTS = {
@@ -59,7 +59,7 @@ class LiftSettings:
 
     cell: Cell
     objects: Objects = OBJECT_SETS["ycb6"]
-    obs_mode: Annotated[str, one_of(OBS_SUMS)] = "state"
+    obs_mode: Annotated[str, one_of((*OBS_SUMS, FLAT))] = "state"
     control_mode: Annotated[str, one_of(CONTROL_MODES)] = "joint_delta"
     reward_mode: Annotated[str, one_of(REWARD_MODES)] = "dense"
     friction: Friction | None = None
@@ -82,6 +82,9 @@ class LiftSettings:
     reward_weights: dict[str, float] | None = None
     frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)] = CONTROL_STEPS
     action_scale: Annotated[float, number(gt=0, le=1)] = 1.0
+    hold: Count = 1
+    reward_scale: Positive = 1.0
+    starts: str | None = None
     backend: Annotated[str, one_of(BACKENDS)] = "mujoco"
     device: str | None = None
 
@@ -99,6 +102,7 @@ class LiftSettings:
         cell = make_cell(given.pop("robot", None), given.pop("mount", None))
         settings = read(cls, given | {"cell": cell})
         check("render_camera", settings.render_camera, one_of((*SHOW_CAMERAS, *cell.camera_names)))
+        settings.refuse_blind_grasps()
         latency = settings.randomisation.latency
         if latency and latency[1] > settings.period:
             raise InputError(
@@ -124,8 +128,12 @@ class LiftSettings:
             "mesh_scale": meshes,
             "mesh_mass": meshes,
             "action_scale": (
-                self.control_mode != "joint_position",
+                self.control_mode in ("joint_delta", "ee_delta"),
                 "a control_mode whose actions are changes",
+            ),
+            "hold": (
+                self.control_mode not in ONCE_MODES,
+                "a control_mode whose actions are not whole grasps",
             ),
             "reward_weights": (self.reward_mode == "dense", "reward_mode='dense'"),
         }
@@ -153,6 +161,27 @@ class LiftSettings:
             for name, (met, _) in self.needs().items()
             if not met and getattr(self, name) != defaults[name]
         ]
+
+    def refuse_blind_grasps(self) -> None:
+        """Refuse actions about an object, whose place is known, to those who see it by cameras alone.
+
+        Raises:
+            InputError: naming the modes that know the state, or the physics on which such actions are carried out.
+        """
+        if self.control_mode in GRASP_MODES and not knows_state(self.obs_mode):
+            raise InputError(
+                f"control_mode {self.control_mode!r} goes to where the object truly is: valid beside it are obs_mode "
+                "state, features or state+..., which tell that too"
+            )
+        if self.backend == "warp" and (self.hold > 1 or self.control_mode in GRASP_MODES):
+            raise InputError(
+                "backend='warp' has one action a control step, of joints or of the palm: valid is mujoco"
+            )
+
+    @property
+    def sees(self) -> bool:
+        """Flag: cameras look."""
+        return has_cameras(self.obs_mode)
 
     @property
     def period(self) -> float:

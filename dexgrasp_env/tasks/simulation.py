@@ -108,13 +108,19 @@ class Simulation:
             apply_variation(self.model, self.base, variation, self.data)
             self.variation = variation
 
-    def place(self, poses: Array) -> None:
-        """Put the robot home and the objects at `poses` (k, 7), or (7,) of one: position m and quaternion wxyz."""
+    def place(self, poses: Array, joints: Array | None = None) -> None:
+        """Put the robot home, or to `joints` (n,) rad, and the objects down.
+
+        Args:
+            poses: (k, 7) of these, or (7,) of one: position m and quaternion wxyz.
+            joints: of the robot.
+        """
         mujoco.mj_resetData(self.model, self.data)
         robot = self.cell.robot
-        self.data.qpos[: robot.dof] = robot.home
+        begin = robot.home if joints is None else joints
+        self.data.qpos[: robot.dof] = begin
         self.data.qpos[robot.dof :] = poses.ravel()
-        self.data.ctrl[:] = robot.home
+        self.data.ctrl[:] = begin
 
     def object_pose(self) -> Array:
         """Return the object's pose (7,): position m and quaternion wxyz."""

@@ -14,7 +14,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import Episodes
-from dexgrasp_env.tasks.observations import OBS_SUMS
+from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS
 from dexgrasp_env.tasks.physics import give_physics
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
@@ -32,7 +32,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
 
     episodes_type = Episodes
     settings_type: type[LiftSettings] = LiftSettings
-    obs_modes: tuple[str, ...] = OBS_SUMS
+    obs_modes: tuple[str, ...] = (*OBS_SUMS, FLAT)
     metadata = {  # noqa: RUF012  (as Gymnasium has it)
         "render_modes": ["human", "rgb_array", "depth_array"],
         "render_fps": round(1 / CONTROL_PERIOD),
@@ -47,8 +47,8 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         self._views = self._episodes.views
         robot = self.settings.cell.robot
         s = self.settings
-        self.action_space = ActionSpace(s.control_mode, robot, s.frame_skip, s.action_scale)  # type: ignore[assignment]
-        self.observation_space = self._episodes.observation_space()  # type: ignore[assignment]
+        self.action_space = ActionSpace(s.control_mode, robot, s.frame_skip, s.action_scale, s.hold)  # type: ignore[assignment]
+        self.observation_space = self._episodes.told_space()  # type: ignore[assignment]
         self.simulation = next(iter(self._episodes.simulations.values()))
         give_physics(self._episodes)
         self._over = True
@@ -72,6 +72,11 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
     def dt(self) -> float:
         """Seconds of a control step."""
         return self.settings.period
+
+    @property
+    def steps_an_action(self) -> int:
+        """Control steps of an action, at most."""
+        return self._episodes.span
 
     @property
     def targets(self) -> Array:
@@ -107,7 +112,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         self._over = True  # options may be refused
         self.simulation, seen = self._episodes.begin(0, self.np_random, options)
         self._over, slot = False, self._episodes.slots[0]
-        observation, info = self._look(seen, at_reset=not (slot.resumed and slot.view.seen))
+        observation, info = self._look(self._complete(seen), at_reset=not (slot.resumed and slot.view.seen))
         return observation, info | self.agent_info
 
     def observe(self) -> tuple[Arrays, Fields]:
@@ -119,26 +124,33 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
             InputError: before the first reset.
         """
         self.get_state()
-        return self._told(self._conclude(0, copy.deepcopy(self.np_random), judge=False))
+        return self._told(self._complete(self._conclude(0, copy.deepcopy(self.np_random), judge=False)))
 
     def step(self, action: Single) -> tuple[Arrays, float, bool, bool, Fields]:
-        """Advance 50 ms.
+        """Advance 50 ms, or as long as an action stands for.
 
         Raises:
             InputError: if the action has the wrong shape or is not finite, or no episode is running.
         """
-        return self.finish_step(self.simulation.step(self.start_step(action)))
+        episodes, gained = self._episodes, 0.0
+        actions = self._checked(action)
+        for step in range(episodes.span):
+            seen = self._conclude(self.simulation.step(self._start(actions, step)))
+            gained += episodes.rewards[0]
+            if not episodes.undecided()[0]:
+                break
+        return self._finish(seen, gained)
 
-    def twin(self) -> Self:
-        """Return another environment of the same settings, without an episode."""
-        return type(self)(**self._ezpickle_kwargs)
+    def twin(self, **other: Any) -> Self:
+        """Return another environment of the same settings, but `other`, without an episode."""
+        return type(self)(**self._ezpickle_kwargs | other)
 
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none."""
         self._episodes.starts = starts
 
     def start_step(self, action: Single) -> Array:
-        """Begin a step, before the physics: move the set-points, and push what is to be pushed.
+        """Begin a step of one control step, before the physics: move the set-points, and push what is to be pushed.
 
         Args:
             action: as for `step`.
@@ -149,9 +161,17 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         Raises:
             InputError: as `step`.
         """
+        if self._episodes.span > 1:
+            raise InputError("an action takes several control steps here: call step()")
+        return self._start(self._checked(action), 0)
+
+    def _checked(self, action: Single) -> Array:
         if self._over:
             raise InputError("step() called without a running episode: call reset() first")
-        rows, push = self._episodes.set_points(check_actions(action, self.action_space.shape)[None])
+        return check_actions(action, self.action_space.shape)[None]
+
+    def _start(self, actions: Array, step: int) -> Array:
+        rows, push = self._episodes.set_points(actions, self.simulation, step)
         if self.settings.disturbance.kind == "pushed":
             self.data.xfrc_applied[self.simulation.body, :3] = push[0]
         return rows
@@ -165,18 +185,24 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         Returns:
             What `step` returns.
         """
-        seen, episodes = self._conclude(bits), self._episodes
+        return self._finish(self._conclude(bits), float(self._episodes.rewards[0]))
+
+    def _finish(self, seen: Arrays, gained: float) -> tuple[Arrays, float, bool, bool, Fields]:
+        episodes = self._episodes
         terminated, truncated = (bool(flags[0]) for flags in episodes.endings())
         self._over = terminated or truncated
-        observation, info = self._look(seen, at_reset=False)
-        return observation, float(episodes.rewards[0]), terminated, truncated, info
+        observation, info = self._look(self._complete(seen), at_reset=False)
+        return observation, float(self.settings.reward_scale * gained), terminated, truncated, info
+
+    def _complete(self, seen: Arrays) -> Arrays:
+        return self._episodes.complete(slice(None), self.simulation, seen)
 
     def _conclude(self, bits: int, rng: Generator | None = None, judge: bool = True) -> Arrays:
         rngs = [rng or self.np_random]
         return self._episodes.conclude(slice(None), self.simulation, np.array([bits]), rngs, judge)
 
     def _look(self, observed: Arrays, at_reset: bool) -> tuple[Arrays, Fields]:
-        if self.settings.obs_mode != "state":
+        if self.settings.sees:
             view = self._episodes.slots[0].view
             self._views.observe(view, self.data.qpos, lambda: self.simulation, self.np_random, at_reset)
         if self.render_mode == "human":
@@ -188,7 +214,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         view = self._episodes.slots[0].view
         seen, info = copy.deepcopy((view.seen, view.info)) if view.seen else ({}, {})
         observation = {key: values[0] for key, values in observed.items()} | seen
-        return dict(sorted(observation.items())), self._episodes.info(0) | info
+        return self._episodes.told(dict(sorted(observation.items()))), self._episodes.info(0) | info
 
     def get_state(self) -> EpisodeState:
         """Return everything that the running episode's future depends on.

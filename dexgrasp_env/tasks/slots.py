@@ -20,7 +20,12 @@ Starts = Callable[[int, Generator, Mapping[str, Any]], Mapping[str, Any]]
 
 @dataclass
 class Slot:
-    """Object, scene and variation of a running episode; `resumed`: it began from a state that was given."""
+    """Object, scene and variation of a running episode.
+
+    Attributes:
+        resumed: it began from a state that was given.
+        joints: (n,) rad, where the robot began; None: at home.
+    """
 
     target: str = ""
     neighbours: tuple[str, ...] = ()
@@ -29,6 +34,7 @@ class Slot:
     variation: Variation = field(default_factory=Variation)
     view: CameraViews = field(default_factory=CameraViews)
     resumed: bool = False
+    joints: Array | None = None
 
 
 @dataclass

@@ -22,7 +22,7 @@ from dexgrasp_env.tasks.control import ActionSpace, check_actions, check_tensor
 from dexgrasp_env.tasks.infos import masked, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.member import MemberAccess, one_for_each
-from dexgrasp_env.tasks.observations import cut
+from dexgrasp_env.tasks.observations import FLAT, cut
 from dexgrasp_env.tasks.physics import make_physics, use_device
 from dexgrasp_env.tasks.place import GoalRewards, PlaceEnv
 from dexgrasp_env.tasks.simulation import Simulation
@@ -94,8 +94,11 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         if self.settings.render_mode == "human":
             raise InputError("the vector environment has no 'human': use vectorization_mode='sync'")
         self._tensors = check("tensors", tensors, instance(bool, "true or false"))
-        if tensors and (self.settings.backend != "warp" or self._env_type is not LiftEnv):
-            raise InputError("tensors=True is of DexGrasp/Lift with backend='warp'")
+        named = self.settings.obs_mode != FLAT
+        if tensors and not (self.settings.backend == "warp" and self._env_type is LiftEnv and named):
+            raise InputError(
+                "tensors=True is of DexGrasp/Lift with backend='warp', and of observations by name"
+            )
         endless = max_episode_steps in (None, -1)  # -1 is Gymnasium's
         self._limit = None if endless else check("max_episode_steps", max_episode_steps, COUNT)
         self.autoreset_mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
@@ -114,8 +117,10 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         if self.settings.backend == "warp":
             use_device(self._episodes, self._physics, tensors)
         s = self.settings
-        self.single_action_space = ActionSpace(s.control_mode, s.cell.robot, s.frame_skip, s.action_scale)
-        self.single_observation_space = self._episodes.observation_space()
+        self.single_action_space = ActionSpace(
+            s.control_mode, s.cell.robot, s.frame_skip, s.action_scale, s.hold
+        )
+        self.single_observation_space = self._episodes.told_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs, self._drawn_from = map(
@@ -123,7 +128,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         )
         self._observation: Arrays = {
             key: np.zeros((num_envs, *(part.shape or ())), part.dtype)
-            for key, part in self.single_observation_space.items()
+            for key, part in self._episodes.observation_space().items()
             if not (tensors and key in self._episodes.layout)
         }
         self._notes: list[Fields] = [{} for _ in range(num_envs)]
@@ -169,7 +174,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         states = state if isinstance(state, list) else [state] * self.num_envs
         states = one_for_each("states", states, self.num_envs)
         left_out = np.flatnonzero(~mask & ~self._started).tolist()
-        if left_out and self.settings.obs_mode != "state":
+        if left_out and self.settings.sees:
             raise InputError(
                 f"reset_mask leaves out environments {left_out}, which have no episode to see yet"
             )
@@ -181,7 +186,9 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         return self._observations(), infos if mask.all() else masked(infos, mask)
 
     def step(self, actions: NDArray[Any]) -> tuple[Arrays, NDArray[Any], NDArray[Any], NDArray[Any], Fields]:
-        """Advance every environment by 50 ms; those that ended are reset as `autoreset_mode` says.
+        """Advance every environment by 50 ms, or as long as an action stands for.
+
+        Those that ended are reset as `autoreset_mode` says.
 
         Raises:
             InputError: for actions of a wrong shape or not finite, or if an environment needs a reset first.
@@ -196,17 +203,19 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         self._advance(clipped, running)
         for i in waiting:
             self._reset_one(int(i))
-        rewards = self._episodes.rewards.copy()
+        rewards = self.settings.reward_scale * self._episodes.rewards
         rewards[waiting] = 0.0
         terminated, truncated = self._episodes.endings()
         if self._limit is not None:
-            truncated |= self._episodes.records["elapsed"] >= self._limit
+            truncated |= -(-self._episodes.records["elapsed"] // self._episodes.span) >= self._limit
         self._ended = terminated | truncated
         final = self._finish() if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any() else {}
         if self._tensors:
             rewards, terminated, truncated = self._episodes.device.told_tensors(
                 waiting, terminated, truncated
             )
+            if self.settings.reward_scale != 1.0:
+                rewards = self.settings.reward_scale * rewards
         return self._observations(), rewards, terminated, truncated, self._infos() | final
 
     def observe(self) -> tuple[Arrays, Fields]:
@@ -276,12 +285,14 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
             now = self._episodes.conclude(only, simulation, np.zeros(1, np.int64), [rng], judge=False)
             self._note(only, now)
             self._note(i, self._episodes.slots[i].view.seen)
-            timed_out = self._limit is not None and state.record["elapsed"] >= self._limit
+            timed_out = (
+                self._limit is not None and -(-state.record["elapsed"] // self._episodes.span) >= self._limit
+            )
             self._started[i], self._ended[i] = True, bool(state.record["failure"]) or timed_out
 
-    def twin(self) -> LiftEnv:
-        """Return a single environment of the same settings, without an episode."""
-        return self._env_type(**self._ezpickle_kwargs)
+    def twin(self, **other: Any) -> LiftEnv:
+        """Return a single environment of the same settings, but `other`, without an episode."""
+        return self._env_type(**self._ezpickle_kwargs | other)
 
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none, those within `step` too."""
@@ -314,8 +325,8 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         self._started[i], self._ended[i] = False, True  # options may be refused
         simulation, seen = self._episodes.begin(i, self._rngs[i], options)
         self._physics.load(i, simulation)
-        self._note(slice(i, i + 1), seen)
-        if self.settings.obs_mode != "state":
+        self._note(slice(i, i + 1), self._episodes.complete(slice(i, i + 1), simulation, seen))
+        if self.settings.sees:
             slot = self._episodes.slots[i]
             fresh = not (slot.resumed and slot.view.seen)
             self._look(i, simulation.data.qpos, lambda: simulation, at_reset=fresh)
@@ -323,24 +334,38 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
 
     def _advance(self, actions: Array, running: NDArray[np.intp]) -> None:
         """Step those that run; the kernel passes over all rows, and what it makes of the others is overwritten."""
-        episodes, physics = self._episodes, self._physics
-        everything = slice(None)
-        rows, push = episodes.set_points(actions)
-        warnings = physics.step(rows, push if self.settings.disturbance.kind == "pushed" else None, running)
+        episodes, physics, going = self._episodes, self._physics, running
+        everything, pushed = slice(None), self.settings.disturbance.kind == "pushed"
+        gained, kept = np.zeros(self.num_envs), {}
         rngs = [None if over else rng for rng, over in zip(self._rngs, self._ended, strict=True)]
-        self._note(everything, episodes.conclude(everything, physics, warnings, rngs))
-        if self.settings.obs_mode != "state":
+        for step in range(episodes.span):
+            rows, push = episodes.set_points(actions, physics, step)
+            warnings = physics.step(rows, push if pushed else None, going)
+            seen = episodes.conclude(everything, physics, warnings, rngs)
+            gained[going] += episodes.rewards[going]
+            if episodes.span == 1:
+                break
+            goes_on = episodes.undecided()[going]
+            for i in going[~goes_on].tolist():
+                kept[i], rngs[i] = episodes.keep(i, seen), None
+            going = going[goes_on]
+            if not len(going):
+                break
+        for i, ended in kept.items():  # the kernel went on with those whose action had ended
+            episodes.put_back(i, ended, seen)
+        episodes.rewards[:] = gained
+        self._note(everything, episodes.complete(everything, physics, seen))
+        if self.settings.sees:
             for i in running.tolist():
                 self._look(i, physics.current.qpos[i], partial(self.simulation, i))
 
     def _finish(self) -> Fields:
         """Return the last observations and infos of those that ended, and reset them."""
         ended, infos, now = self._ended.copy(), self._infos(), self._observations()
-        rows = [
-            {key: values[i] for key, values in now.items()} if over else None for i, over in enumerate(ended)
-        ]
-        last = np.array(copy.deepcopy(rows), object)
+        last = np.full(self.num_envs, None, object)
         for i in np.flatnonzero(ended).tolist():
+            own = {key: values[i] for key, values in now.items()} if isinstance(now, dict) else now[i]
+            last[i] = copy.deepcopy(own)
             self._reset_one(i)
         final = {"final_obs": last, "final_info": masked(infos, ended)}
         return final | dict.fromkeys(("_final_obs", "_final_info"), ended)
@@ -361,16 +386,16 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
             if key in self._observation:
                 self._observation[key][part] = values
 
-    def _observations(self) -> Arrays:
+    def _observations(self) -> Any:
         copies = {key: values.copy() for key, values in self._observation.items()}
         if not self._tensors:
-            return copies
+            return self._episodes.told(copies)
         return cut(self._episodes.device.rows(), self._episodes.layout) | copies
 
     def _infos(self) -> Fields:
         """Return the infos of the episodes, those of cameras too, with their masks."""
         infos, seen = self._episodes.infos(), [slot.view.info for slot in self._episodes.slots]
-        if self.settings.obs_mode != "state":
+        if self.settings.sees:
             infos |= {
                 key: np.fromiter((info[key] for info in seen), object, len(seen))
                 if isinstance(value, str | tuple)

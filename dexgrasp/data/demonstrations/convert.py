@@ -17,7 +17,7 @@ def to_action(control_mode: str, now: Array, wanted: Array, tree: RobotTree, sca
     """Return the action that takes the set-points to `wanted`, or as near as one control step of 50 ms can.
 
     Args:
-        control_mode: one of `CONTROL_MODES`.
+        control_mode: one of `DIRECT_MODES`.
         now: (n,) rad, set-points before the step.
         wanted: (n,) rad, set-points after it. `ee_delta` follows the palm and the hand: the arm's posture is its own.
         tree: the robot.
@@ -37,7 +37,7 @@ def with_noise(control_mode: str, action: Array, noise: Array, robot: Robot) -> 
     """Return an action with noise on what it commands.
 
     Args:
-        control_mode: one of `CONTROL_MODES`.
+        control_mode: one of `DIRECT_MODES`.
         action: (n,) of that mode.
         noise: (n,) shares of the way that each joint may go in a control step.
         robot: that moves.

@@ -1,7 +1,6 @@
 """Episodes that begin along demonstrations, backwards from success: reward is met before the way to it is known."""
 
-from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -9,7 +8,6 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from dexgrasp.agent import Env
 from dexgrasp.data.demonstrations.generate import read_about
@@ -17,27 +15,27 @@ from dexgrasp.data.demonstrations.minari_format import read_episodes
 from dexgrasp.data.demonstrations.rollout import Episode, follow
 from dexgrasp.data.demonstrations.settings import ENV_ID, DemoSettings
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp_env.arrays import Array, Fields
+from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.constants import GOAL_STEPS
+from dexgrasp_env.tasks.control import DIRECT_MODES, GRASP_MODES
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv
 from dexgrasp_env.tasks.randomisation import ranges
 from dexgrasp_env.tasks.slots import EpisodeState
+from dexgrasp_env.tasks.starts import ReverseStarts
 from dexgrasp_env.tasks.vector import LiftVectorEnv
 from dexgrasp_env.tasks.views import CameraViews
 
 _MOST = 100  # demonstrations
 _NEEDED = ("joint_targets", "object_pose")  # of their observations
 _EVERY = 4  # control steps from one kept state to the next
-_LATEST, _BACK = 0.9, 0.1  # shares of a demonstration: where episodes begin at first, what is won at a time
 _ABOVE = np.array([0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 0.0])  # m: what lies has sunk in too deep to ask for
-_WON, _OF = 0.6, 50  # share of the last so many episodes from the front that succeed before it moves back
 
 
-class DemoResets:
+class DemoResets(ReverseStarts):
     """Gives episodes their beginnings: states of demonstrations from `front` on, and some of the usual.
 
         resets = DemoResets("runs/demos").attach(envs)
@@ -46,10 +44,7 @@ class DemoResets:
     What cameras saw is kept once a look; where they look at every step (`observe="step"`) they do so at these resets.
 
     Attributes:
-        front: share of a demonstration, from which on episodes begin; moves from near success to 0, the first state,
-            as episodes from about there succeed.
         states: of each demonstration, in time.
-        whole: share of the episodes that begin as usual; it may be changed at any time.
     """
 
     def __init__(self, folder: str | Path, whole: float = 0.2) -> None:
@@ -62,6 +57,7 @@ class DemoResets:
         Raises:
             InputError: if there are none, they are damaged, or of sizes that each scene drew.
         """
+        super().__init__(whole)
         self._settings = DemoSettings.of_json(read_about(Path(folder))["settings"])
         if "size" in ranges(self._settings.randomise):
             raise InputError(
@@ -69,14 +65,10 @@ class DemoResets:
                 "--randomise size alone, whose objects are as large as an environment's"
             )
         self._demos = [_followed(demo) for demo in islice(read_episodes(Path(folder)), _MOST)]
-        self.whole, self.front = whole, _LATEST
         self.states: list[list[EpisodeState]] = []
-        self._recent: deque[bool] = deque(maxlen=_OF)
-        self._won = "solved", 1  # what a record says of an episode that succeeded, at least
-        self._near: dict[int, bool] = {}
 
     def attach(self, env: Env | gym.vector.VectorEnv[Any, Any, Any]) -> "DemoResets":
-        """Follow the demonstrations in a copy of an environment, and give its episodes their beginnings.
+        """Follow the demonstrations in a copy of an environment, single or vector, and give its episodes beginnings.
 
         What its settings make fail (another friction, pushes) is left out.
 
@@ -87,6 +79,26 @@ class DemoResets:
         inner: Any = env.unwrapped
         if not isinstance(inner, LiftEnv | LiftVectorEnv):
             raise InputError(f"demonstrations are of DexGrasp environments, not of {type(inner).__name__}")
+        self._check(inner)
+        mode = inner.settings.control_mode
+        # Whoever follows set-points commands them, one a control step; the episodes go on in the other's mode.
+        following = {"hold": 1} | ({"control_mode": "joint_position"} if mode in GRASP_MODES else {})
+        own = inner.twin(**following)
+        if isinstance(own, PlaceEnv):
+            self._won = "at_goal", GOAL_STEPS
+        self.states = [found for demo in self._demos if (found := self._follow(own, demo))]
+        own.close()
+        self.states = [
+            [replace(state, of={**state.of, "control_mode": mode}) for state in states]
+            for states in self.states
+        ]
+        if not self.states:
+            raise InputError("no demonstration succeeds in this environment: give those of its objects")
+        inner.start_from(self)
+        return self
+
+    def _check(self, inner: Any) -> None:
+        """Refuse an environment of another pace, or another robot."""
         if inner.settings.frame_skip != CONTROL_STEPS:
             raise InputError(
                 f"frame_skip is {inner.settings.frame_skip}: demonstrations are set-points {CONTROL_STEPS} physics "
@@ -97,46 +109,32 @@ class DemoResets:
             raise InputError(
                 f"the demonstrations are of {recorded}, the environment has {ours}: make some of its own"
             )
-        own = inner.twin()
-        if isinstance(own, PlaceEnv):
-            self._won = "at_goal", GOAL_STEPS
-        self.states = [found for demo in self._demos if (found := self._follow(own, demo))]
-        own.close()
-        if not self.states:
-            raise InputError("no demonstration succeeds in this environment: give those of its objects")
-        inner.start_from(self)
-        return self
 
     @property
-    def progress(self) -> Fields:
-        """State of the resets, for `go_on`."""
-        return {"front": self.front, "recent": list(self._recent)}
+    def ways(self) -> int:
+        """Number of demonstrations."""
+        return len(self.states)
 
-    def go_on(self, front: float, recent: Sequence[bool]) -> None:
-        """Take up `progress`; episodes that run count no more."""
-        self.front, self._recent, self._near = front, deque(recent, maxlen=_OF), {}
-
-    def __call__(self, slot: int, rng: Generator, record: Mapping[str, Any]) -> Fields:
-        """Note how the last episode of a slot went, and return the options of its next reset."""
-        if self._near.pop(slot, False):
-            name, least = self._won
-            self._recent.append(bool(record[name] >= least))
-        if len(self._recent) == _OF and sum(self._recent) >= _WON * _OF:
-            self.front = max(self.front - _BACK, 0.0)
-            self._recent.clear()
-        if rng.random() < self.whole:
-            return {}
-        states = self.states[rng.integers(len(self.states))]
-        # Half of them at the front: what moves it is soon known, and what was learned behind it is not forgotten.
-        share = self.front + rng.uniform(0.0, _BACK if rng.random() < 0.5 else 1.0 - self.front)
-        self._near[slot] = share < self.front + _BACK
+    def options(self, way: int, share: float) -> Fields:
+        """Return the state of a reset at a share of a demonstration."""
+        states = self.states[way]
         return {"state": states[min(int(share * len(states)), len(states) - 1)]}
 
     def _follow(self, env: LiftEnv, demo: Episode) -> list[EpisodeState]:
         """Return states on the way to success, none where it is not reached."""
+        states: list[EpisodeState] = []
+        for step, (_, result) in enumerate(self._play(env, demo)):
+            if result[4]["is_success"]:
+                return states
+            if step % _EVERY == 0:
+                states.append(_lean(env, states[-1].view if states else None))
+        return []
+
+    def _play(self, env: LiftEnv, demo: Episode) -> Iterator[tuple[Single | None, tuple[Any, ...]]]:
+        """Yield actions and what `step` returns along a demonstration; first None and what the reset returns."""
         target = demo.about["target"]
         if target not in env.settings.objects:
-            return []
+            return
         where: Fields = {"object": target, "object_pose": self._pose(demo) + _ABOVE}
         if isinstance(env, PlaceEnv):
             if "object_pose" not in demo.observations:
@@ -144,14 +142,38 @@ class DemoResets:
                     "demonstrations of Place say where they end in obs_mode 'state': these are of cameras"
                 )
             where["goal"] = [*demo.observations["object_pose"][-1, :3], 1.0]  # held where it is at last
-        env.reset(seed=demo.about["scene_seed"], options=where)
-        states, path = [_lean(env)], demo.observations["joint_targets"].astype(float)
-        for step, (_, result) in enumerate(follow(env, path, robot_tree(env.settings.cell)), 1):
-            if result[4]["is_success"]:
-                return states
-            if step % _EVERY == 0:
-                states.append(_lean(env, states[-1].view))
-        return []
+        first, info = env.reset(seed=demo.about["scene_seed"], options=where)
+        yield None, (first, 0.0, False, False, {**info, "is_success": False})
+        path = demo.observations["joint_targets"].astype(float)
+        yield from follow(env, path, robot_tree(env.settings.cell))
+
+    def transitions(self, env: LiftEnv) -> Iterator[tuple[Any, Any, Single, float, bool]]:
+        """Yield the steps of all demonstrations that succeed in an environment, followed in its own actions.
+
+        Args:
+            env: of ours, single, without wrappers; its episode is lost.
+
+        Yields:
+            Observation, the next one, action, reward, and whether the episode terminated.
+
+        Raises:
+            InputError: for actions that set-points of joints are none of, or as `attach`.
+        """
+        if env.settings.control_mode in GRASP_MODES:
+            raise InputError(
+                f"demonstrations are set-points of joints, which control_mode {env.settings.control_mode!r} has no "
+                f"actions for: valid are {', '.join(DIRECT_MODES)}"
+            )
+        self._check(env)
+        for demo in self._demos:
+            steps, before = list[Any](), None
+            for action, (after, reward, terminated, _, info) in self._play(env, demo):
+                if action is not None:
+                    steps.append((before, after, action, float(reward), terminated))
+                before = after
+                if info["is_success"]:
+                    yield from steps
+                    break
 
     def _pose(self, demo: Episode) -> Array:
         """Return where the object of a demonstration lay at first."""

@@ -198,9 +198,10 @@ def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Episode | None:
 def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
     """Follow set-points (T + 1, n), 50 ms apart, in the mode of a running episode, and hold the last for a while."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
+    path, scale = path[:: settings.hold], settings.action_scale * settings.hold
     for step in range(len(path) - 1 + _LINGER):
         wanted = path[min(step + 1, len(path) - 1)]
-        action = to_action(settings.control_mode, _targets(env), wanted, tree, settings.action_scale)
+        action = to_action(settings.control_mode, _targets(env), wanted, tree, scale)
         result = env.step(action)
         yield action, result
         if result[2] or result[3]:

@@ -10,7 +10,7 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.robot.cell import make_cell
-from dexgrasp_env.tasks.control import CONTROL_MODES
+from dexgrasp_env.tasks.control import DIRECT_MODES
 from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.randomisation import Draws, ranges
 from dexgrasp_env.valid import CellFile, Count, Friction, Mount, Natural, Rule, number, one_of, read
@@ -49,7 +49,7 @@ class DemoSettings:
     episodes: Count = 10
     seed: Natural = 0
     obs_mode: Annotated[str, one_of(OBS_MODES)] = "state"
-    control_mode: Annotated[str, one_of(CONTROL_MODES)] = "joint_delta"
+    control_mode: Annotated[str, one_of(DIRECT_MODES)] = "joint_delta"
     observe: Annotated[str, one_of(("reset", "step"))] = "reset"
     noise: Annotated[float, number(ge=0, le=1), "SHARE"] = 0.0
     friction: Annotated[Friction | None, "MU"] = None

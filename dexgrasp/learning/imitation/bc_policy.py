@@ -5,13 +5,13 @@ import numpy as np
 from dexgrasp.agent import Observation
 from dexgrasp.data.demonstrations.convert import to_action
 from dexgrasp.learning.imitation.policy import Mlp, Policy, Scaling
-from dexgrasp.learning.imitation.state_features import entry, features, initial_scene
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.runs.arrays import relu
 from dexgrasp.runs.policy_folder import Weights
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.tasks.features import entry, features, initial_scene
 
 CONTROL_MODES = ("joint_delta", "joint_position")
 

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dexgrasp.agent import Observation
-from dexgrasp.learning.imitation.state_features import METRES, entry
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import about_z
+from dexgrasp_env.tasks.features import METRES, entry
 
 POINTS = 192
 """Points of a cloud that the network is given."""

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.data.demonstrations.rollout import Episode, intended
-from dexgrasp.learning.imitation.state_features import METRES, entry
 from dexgrasp.mechanics.kinematics.forward import fingertips, hand_contact_jacobian
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
@@ -14,6 +13,7 @@ from dexgrasp.motion.move_until_contact import TIP_DEPTH
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.tasks.features import METRES, entry
 
 _STILL = 1e-6  # rad of the arm in a control step
 _LEAST = 15  # control steps that the arm waits for the hand

@@ -14,12 +14,12 @@ from dexgrasp.data.demonstrations.settings import MODES
 from dexgrasp.learning.imitation.cloud_features import ObjectCloud, grip_features, observed_cloud
 from dexgrasp.learning.imitation.demonstrated_grasp import demonstrated_grasp, grasp_to_row
 from dexgrasp.learning.imitation.settings import BcSettings
-from dexgrasp.learning.imitation.state_features import entry, features, initial_scene
 from dexgrasp_env.arrays import Array, Arrays, Index, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.robot.cell import Cell, make_cell
 from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.tasks.features import entry, features, initial_scene
 
 _TESTED = 16  # rows of each held-out episode
 

@@ -81,3 +81,17 @@ class BcSettings:
         """
         if self.execute > self.network.chunk:
             raise InputError(f"execute is {self.execute}: valid are 1 to {self.network.chunk}, the chunk")
+
+
+def view_of(obs_mode: str) -> str:
+    """Return which of `bc_training.VIEWS` an observation mode gives.
+
+    Raises:
+        InputError: for one that gives none.
+    """
+    views = {"state": "state", "pointcloud": "cloud"}
+    if obs_mode not in views:
+        raise InputError(
+            f"policies are cloned from state or pointcloud, not from {obs_mode!r}: choose another"
+        )
+    return views[obs_mode]

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from dexgrasp.learning.imitation.policy import Scaling
-from dexgrasp.learning.reinforcement.grasp_space import SIZE
 from dexgrasp.learning.reinforcement.rl_policy import ActionSpec, ObservationEncoder, one
 from dexgrasp_env.arrays import Single
 
@@ -36,7 +35,7 @@ class FeatureVecEnv(VecEnvWrapper):
             farthest: largest number of an output.
         """
         width = np.size(spec.scaling.mean) + (spec.clone.joints if spec.clone else 0)
-        size = SIZE if spec.grasps else int(np.prod(envs.action_space.shape or ()))
+        size = int(np.prod(envs.action_space.shape or ()))
         actions = spaces.Box(-farthest, farthest, (spec.action_chunk * size,), np.float32)
         super().__init__(envs, spaces.Box(-np.inf, np.inf, (width,), np.float32), actions)
         self._spec, self._cell = spec, envs.get_attr("settings")[0].cell
@@ -70,7 +69,7 @@ class FeatureVecEnv(VecEnvWrapper):
         rewards, ended = np.zeros(self.num_envs, np.float32), np.zeros(self.num_envs, bool)
         told: list[Any] = []
         for step in range(self._spec.span):
-            actions = encoder.env_actions(self._spec.action(self._outputs, step), self._now)
+            actions = encoder.env_actions(self._spec.action(self._outputs, step))
             self._now, gained, dones, infos = self.venv.step(actions)
             told = [
                 before if over else info

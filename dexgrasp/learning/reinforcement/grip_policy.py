@@ -6,8 +6,6 @@ from dexgrasp.agent import Observation
 from dexgrasp.data.demonstrations.convert import to_action
 from dexgrasp.learning.imitation.bc_policy import BcPolicy, BcRun
 from dexgrasp.learning.imitation.policy import Mlp, Policy
-from dexgrasp.learning.imitation.state_features import entry, features, initial_scene
-from dexgrasp.learning.reinforcement.grasp_space import joint_changes
 from dexgrasp.mechanics.kinematics.damped import damped_step
 from dexgrasp.mechanics.kinematics.forward import empty_frames, forward
 from dexgrasp.mechanics.kinematics.palm_ik import TURN_SCALE, palm_jacobian
@@ -18,6 +16,8 @@ from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.tasks.control import max_step
+from dexgrasp_env.tasks.features import entry, features, initial_scene
+from dexgrasp_env.tasks.grasp_space import joint_changes
 
 _PALM = {"deeper": (0, 0.03), "over": (2, 0.03), "tilted": (3, 0.2)}
 """Axis of the palm, and m along it or (from 3 on) rad about it at 1."""

@@ -8,13 +8,13 @@ import numpy as np
 
 from dexgrasp.data.demonstrations.resets import DemoResets
 from dexgrasp.learning.imitation.policy import Scaling
-from dexgrasp.learning.reinforcement.grasp_space import FARTHEST
 from dexgrasp.learning.reinforcement.grip_policy import GripPolicy
-from dexgrasp.learning.reinforcement.rl_policy import ActionSpec, RlPolicy
+from dexgrasp.learning.reinforcement.rl_policy import FARTHEST, ActionSpec, RlPolicy
 from dexgrasp.learning.reinforcement.rollout_training import RolloutTask
-from dexgrasp.learning.reinforcement.settings import GRASPS, RlSettings
+from dexgrasp.learning.reinforcement.settings import RlSettings
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
+from dexgrasp_env.tasks.control import GRASP_MODES, ONCE_MODES
 from dexgrasp_env.tasks.randomisation import ranges
 
 with from_extra():
@@ -27,7 +27,7 @@ with from_extra():
     from dexgrasp.learning.reinforcement.sb3_vec_env import SB3VecEnv
 
 _FACTOR, _LEAST, _MOST, _AIM = 1.5, 1e-5, 1e-2, 0.01  # of a rate that follows a divergence
-_WRITTEN = "residual_scale", "action_repeat", "action_chunk", "once", "grasps"
+_WRITTEN = "residual_scale", "action_repeat", "action_chunk", "once"
 _BATCHES = 4  # that a rollout is cut into
 _MEASURED = 100  # control steps of random actions that features are scaled by, where no clone says how
 
@@ -85,13 +85,14 @@ class PolicyTask(RolloutTask):
         if self._resets:
             self._resets.attach(envs.envs)
         scale = s.residual_scale or (0.2 if self.clone else 1.0)
-        grasps, once = s.control_mode == GRASPS, s.limit <= s.span
+        grasps, once = self.env["control_mode"] in GRASP_MODES, s.limit <= s.span
         spec = ActionSpec(Scaling(0.0, 1.0), self.clone, scale, s.action_repeat, grasps, s.action_chunk, once)
         if self.clone:
             scaling = self.clone.scaling
         else:
             envs.seed(s.seed)
-            outputs = max(_MEASURED // spec.span, 10 // s.action_chunk, 1)
+            held = _MEASURED if self.env["control_mode"] in ONCE_MODES else self.env.get("hold", 1)
+            outputs = max(_MEASURED // (spec.span * held), 10 // s.action_chunk, 1)
             scaling = measure(envs, spec, outputs, np.random.default_rng([s.seed, 0]))
         self.spec = spec._replace(scaling=scaling)
         farthest = FARTHEST if grasps and s.algorithm == "ppo" else 1.0

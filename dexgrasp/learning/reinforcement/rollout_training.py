@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.learning.imitation.bc_policy import BcPolicy
-from dexgrasp.learning.reinforcement.settings import GRASPS
 from dexgrasp.learning.training.checkpoint import Parts
 from dexgrasp.learning.training.loop import RunOptions, Task, Training, origin
 from dexgrasp.runs.policy_folder import read_policy, write_policy
@@ -59,8 +58,7 @@ class RolloutTask(Task):
         self.settings = settings
         self.base: Any = read_policy(clone) if clone else None
         self.clone = BcPolicy(*self.base) if self.base else None
-        mode = getattr(settings, "control_mode", "joint_delta")
-        self.env = {"obs_mode": "state", "control_mode": "ee_delta" if mode == GRASPS else mode}
+        self.env = {"obs_mode": "state", **settings.actions}
         if self.clone and self.clone.env != self.env:
             raise InputError(
                 f"reinforcement starts from a clone of {self.env}: this one is of {self.clone.env}, clone another"

@@ -6,10 +6,11 @@ from typing import Annotated
 
 from gymnasium import registry, spec
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
-from dexgrasp_env.tasks.control import CONTROL_MODES
+from dexgrasp_env.tasks.control import CONTROL_MODES, ONCE_MODES
 from dexgrasp_env.tasks.randomisation import Draws
 from dexgrasp_env.tasks.settings import BACKENDS
 from dexgrasp_env.valid import Count, Natural, Positive, number, one_of, pair
@@ -20,8 +21,6 @@ NEWEST_LIFT = max(
     (each for each in registry.values() if each.namespace == "DexGrasp" and each.name == "Lift"),
     key=lambda each: each.version or 0,
 ).id
-GRASPS = "grasp"
-"""Control mode of those that `GraspSpace` makes of `ee_delta`."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,8 @@ class RlSettings:
         objects: objects, sets or mesh files to learn on.
         algorithm: `ppo` or `sac`, of Stable-Baselines3.
         env_id: what is learned.
-        control_mode: of the environments; grasp: set-points of the palm about the object and of the hand's closing.
+        control_mode: of the environments (default: what the environment is registered with); grasp: set-points of the
+            palm about the object and of the hand's closing; grasp_once: a whole grasp, and a look an episode.
         action_repeat: control steps that an action of the network stands for.
         action_chunk: actions, one after the other, that it gives at a look.
         episode_steps: control steps after which an episode is over, what would come then unvalued (default: those of
@@ -65,7 +65,7 @@ class RlSettings:
     objects: Annotated[Objects, "OBJECT"]
     algorithm: Annotated[str, one_of(("ppo", "sac"))] = "ppo"
     env_id: Annotated[str, _LIFTS] = NEWEST_LIFT
-    control_mode: Annotated[str, one_of((*CONTROL_MODES, GRASPS))] = "joint_delta"
+    control_mode: Annotated[str | None, one_of(CONTROL_MODES)] = None
     action_repeat: Count = 1
     action_chunk: Count = 1
     episode_steps: Count | None = None
@@ -93,13 +93,22 @@ class RlSettings:
     threads: Count = 1
 
     @property
+    def actions(self) -> Fields:
+        """Keywords of `gym.make` that say what actions are."""
+        own = spec(self.env_id).kwargs
+        mode = {"control_mode": self.control_mode or own.get("control_mode", "joint_delta")}
+        return mode | ({"hold": own["hold"]} if "hold" in own and not self.control_mode else {})
+
+    @property
     def span(self) -> int:
         """Control steps between two looks of the network."""
         return self.action_repeat * self.action_chunk
 
     @property
     def limit(self) -> int:
-        """Control steps of an episode."""
+        """Steps of the environments in an episode: control steps, where an action stands for one."""
+        if self.actions["control_mode"] in ONCE_MODES:
+            return 1
         return self.episode_steps or spec(self.env_id).max_episode_steps or MAX_EPISODE_STEPS
 
     @property
@@ -177,6 +186,11 @@ class GripSettings:
             )
         if self.num_envs % self.group_size:
             raise InputError(f"num_envs is {self.num_envs}: valid are multiples of {self.group_size}")
+
+    @property
+    def actions(self) -> Fields:
+        """Keywords of `gym.make` that say what actions are: those of the clone."""
+        return {"control_mode": "joint_delta"}
 
     @property
     def round_steps(self) -> int:

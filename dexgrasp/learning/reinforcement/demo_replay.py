@@ -1,0 +1,62 @@
+"""Demonstrations in the replay buffer of an off-policy learner of Stable-Baselines3."""
+
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.data.demonstrations.resets import DemoResets
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.vector import LiftVectorEnv
+
+
+def add_demonstrations(model: Any, folder: str | Path) -> int:
+    """Follow demonstrations in a learner's environment and add what comes of them to its replay buffer.
+
+        model = SAC("MlpPolicy", gym.make("DexGrasp/LiftFromGrasp-v0"))
+        add_demonstrations(model, "runs/demos")
+
+    Args:
+        model: a learner with a `replay_buffer`, on environments of ours.
+        folder: of `dexgrasp demos generate`.
+
+    Returns:
+        How many steps were added.
+
+    Raises:
+        InputError: for another learner or environment, or where no demonstration succeeds in it.
+    """
+    buffer = getattr(model, "replay_buffer", None)
+    if buffer is None:
+        raise InputError(
+            f"{type(model).__name__} has no replay buffer: valid are SAC, TD3, DDPG and the like"
+        )
+    own = _inner(model.get_env()).twin()
+    added, resets = 0, DemoResets(folder)
+    steps = resets.transitions(own)
+    # The buffer takes as many at a time as there are environments.
+    while len(rows := list(islice(steps, buffer.n_envs))) == buffer.n_envs:
+        before, after, actions, rewards, ends = (_stacked(part) for part in zip(*rows, strict=True))
+        buffer.add(before, after, actions, rewards, ends, [{} for _ in rows])
+        added += len(rows)
+    own.close()
+    if not added:
+        raise InputError("no demonstration succeeds in this environment: give those of its objects")
+    return added
+
+
+def _inner(envs: Any) -> LiftEnv | LiftVectorEnv:
+    """Return an environment of ours within a learner's."""
+    single = getattr(envs, "envs", None)
+    inner = single if isinstance(single, LiftVectorEnv) else single[0].unwrapped if single else envs
+    if not isinstance(inner, LiftEnv | LiftVectorEnv):
+        raise InputError(f"demonstrations are of DexGrasp environments, not of {type(inner).__name__}")
+    return inner
+
+
+def _stacked(values: Any) -> Any:
+    if isinstance(values[0], dict):
+        return {key: np.stack([value[key] for value in values]) for key in values[0]}
+    return np.stack(values)

@@ -1,0 +1,82 @@
+"""Pre-grasps that `DexGrasp/LiftFromGrasp` begins at: certified by the planner, each with the way to it.
+
+    python scripts/pregrasps.py assets/pregrasps.npz --objects all20 --each 4 --seed 71
+
+For each object `bilevel` plans on the clouds of drawn scenes; of a plan that then holds in simulation the file keeps
+the object's name and pose (7,), and the joints (16, n) rad from home to the fingers open around the object.
+"""
+
+import sys
+from itertools import islice
+
+import gymnasium as gym
+import numpy as np
+from tqdm import tqdm
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.cli.command import Argument, File, Script
+from dexgrasp.cli.commands import run_script
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.objects.load import Objects
+from dexgrasp_env.valid import Count, Natural
+
+_KNOTS = 16  # of a way
+_TRIES = 5  # scenes for each that is wanted
+
+
+class PreGraspFile(Script):
+    """Plan pre-grasps and write them to a file.
+
+    Attributes:
+        out: file, .npz.
+        objects: objects, or sets.
+        each: pre-grasps of each object.
+        seed: of the scenes.
+    """
+
+    out: Argument[File]
+    objects: Objects
+    each: Count = 4
+    seed: Natural = 71
+
+    def run(self) -> int:
+        """Write the file; 1 where an object has fewer."""
+        agent, rows, short = BilevelAgent(), list[tuple[str, Array, Array]](), False
+        for target in tqdm(self.objects):
+            env = gym.make("DexGrasp/Lift-v2", objects=target, disable_env_checker=True, **agent.env_settings)
+            seeds = range(self.seed, self.seed + _TRIES * self.each)
+            ways = (way for seed in seeds if (way := _way(env, agent, seed)) is not None)
+            found = list(islice(ways, self.each))
+            short |= len(found) < self.each
+            rows += [(target, *way) for way in found]
+            env.close()
+        names, poses, ways = zip(*rows, strict=True)
+        np.savez_compressed(
+            self.out, objects=np.array(names), poses=np.array(poses), ways=np.array(ways, np.float32)
+        )
+        print(f"{len(rows)} pre-grasps of {len(set(names))} objects")
+        return int(short)
+
+
+def _way(env: gym.Env, agent: BilevelAgent, seed: int) -> tuple[Array, Array] | None:
+    """Return the object's pose and the joints on the way to a pre-grasp that holds; None where none is found."""
+    observation, info = env.reset(seed=seed)
+    pose = env.unwrapped.simulation.object_pose()
+    agent.seed(seed)
+    agent.reset(observation, info)
+    if agent.report.failure or agent.result is None or agent.result.found[0].script is None:
+        return None
+    way = agent.result.found[0].script.way("approach")
+    over = held = False
+    while not (over or held):
+        observation, _, terminated, truncated, info = env.step(agent.act(observation))
+        over, held = terminated or truncated, info["is_success"]
+    if not held or agent.report.details.get("regrasps"):
+        return None
+    knots = np.linspace(0.0, len(way) - 1.0, _KNOTS)
+    return pose, np.stack([np.interp(knots, np.arange(len(way)), column) for column in way.T], axis=1)
+
+
+if __name__ == "__main__":
+    sys.exit(run_script(PreGraspFile))

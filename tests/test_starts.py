@@ -1,0 +1,98 @@
+"""Beginnings near success: the robot's joints at a reset, certified pre-grasps, and how they move back."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from lift_envs import make
+from refusals import refused
+from robots import HOME, UPPER
+from vector_envs import assert_same, native, singles
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.tasks.starts import PreGrasps
+
+ID = "DexGrasp/LiftFromGrasp-v0"
+POSE = [0.5, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0]
+
+
+def test_the_robot_begins_at_joints_that_are_given():
+    env, joints = make(), np.minimum(HOME + 0.05, UPPER)
+    seen, _ = env.reset(seed=0, options={"object_pose": POSE, "joints": joints})
+    np.testing.assert_allclose(seen["joint_targets"], joints, atol=1e-6)
+    np.testing.assert_allclose(seen["joint_positions"], joints, atol=0.02)
+    after, *_ = env.step(np.zeros(23))
+    np.testing.assert_allclose(after["joint_positions"], seen["joint_positions"], atol=0.01)
+    usual, _ = env.reset(seed=0)
+    np.testing.assert_allclose(usual["joint_targets"], HOME, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"joints": HOME}, "give object_pose beside it"),
+        ({"joints": HOME[:7], "object_pose": POSE}, r"shape \(23\)"),
+        ({"joints": UPPER + 0.1, "object_pose": POSE}, "panda_joint1"),
+    ],
+)
+def test_joints_that_cannot_be_are_refused(options, word):
+    with refused(word):
+        make().reset(options=options)
+
+
+def test_an_object_in_the_hand_is_refused():
+    env = make()
+    env.reset(seed=0)
+    palm = env.unwrapped.data.site("palm").xpos.copy()
+    with refused("in the way"):
+        env.reset(options={"object_pose": [*palm, 1.0, 0.0, 0.0, 0.0], "joints": HOME})
+
+
+def test_episodes_begin_on_the_way_to_pre_grasps():
+    starts = PreGrasps(objects=["sugar_box"])
+    assert starts.ways >= 2
+    assert {*starts.names} == {"sugar_box"}
+    env = gym.make(ID, objects="sugar_box", obs_mode="state")
+    for way in range(starts.ways):
+        for share, near in ((0.0, False), (1.0, True)):
+            seen, info = env.reset(seed=way, options=starts.options(way, share))
+            gaps = np.linalg.norm(seen["fingertip_positions"].reshape(4, 3) - seen["object_pose"][:3], axis=1)
+            assert (gaps.min() < 0.12) == near
+            assert info["stage"] == "untouched"
+            moved = np.abs(seen["object_pose"][:3] - starts.poses[way, :3]).max()
+            assert moved < 0.005  # nothing was pushed by the hand that is there already
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_many_begin_as_single_ones(mode):
+    kwargs = {"env_id": ID, "autoreset_mode": mode, "max_episode_steps": 2, "objects": ["sugar_box", "soda"]}
+    ours, theirs = native(3, **kwargs), singles(3, **kwargs)
+    first = ours.reset(seed=3)
+    assert_same(theirs.reset(seed=3), first)
+    assert first[1]["level"].tolist() == [0.9] * 3
+    rng = np.random.default_rng(0)
+    for step in range(5):
+        actions = rng.uniform(-1.0, 1.0, ours.action_space.shape).astype(np.float32)
+        assert_same(theirs.step(actions), ours.step(actions), f"step {step}")
+
+
+def test_starts_move_back_as_episodes_succeed():
+    starts, rng = PreGrasps(objects=["sugar_box"], whole=0.0), np.random.default_rng(0)
+    for solved, front in ((False, 0.9), (True, 0.7)):
+        for _ in range(250):
+            starts(0, rng, {"solved": solved})
+        assert starts.front <= front
+    assert starts.front == pytest.approx(0.9 - 0.1 * round((0.9 - starts.front) / 0.1))
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
+    assert "level" not in env.reset(seed=0)[1]
+    env.unwrapped.start_from(starts)
+    assert env.reset(seed=0)[1]["level"] == starts.front
+
+
+def test_files_that_are_none_are_refused(tmp_path):
+    with refused("does not exist"):
+        gym.make(ID, starts=str(tmp_path / "none.npz"))
+    (tmp_path / "text.npz").write_text("no arrays")
+    with refused("holds no pre-grasps"):
+        gym.make(ID, starts=str(tmp_path / "text.npz"))
+    with refused("of none of these objects: valid are .*sugar_box"):
+        gym.make(ID, objects="varied-3")
