@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from dexgrasp.evaluation.prediction import auc
 from numpy.typing import NDArray
 from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.evaluation.prediction import auc
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.probability import OUTCOMES, SCHEMA, Model, read_model

@@ -1,12 +1,10 @@
 import numpy as np
 import pytest
 from oracles import closed, directional_error, random_grasps, sample_box
-from refusals import refused
 
 from dexgrasp.grasp.verify.cones import conic_margin
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.margin import UNDEFINED, cone_margin, margins, margins_to
-from dexgrasp.mechanics.metrics import ferrari_canny
 
 
 def test_cone_margin_is_the_cone_programme():
@@ -70,18 +68,6 @@ def test_axis_aligned_and_degenerate_grasps_give_finite_answers():
     value, dp, _, _ = cone_margin(line, np.eye(3), 0.5, shape_of(3))
     assert value == UNDEFINED
     assert not dp.any()
-
-
-def test_ferrari_canny():
-    n = np.array([[np.cos(a), np.sin(a), 0.0] for a in 2 * np.pi / 3 * np.arange(3)])
-    p = 0.03 * n
-    epsilon = ferrari_canny(p, n, 0.5)
-    assert 0 < epsilon < ferrari_canny(p, n, 0.8) < 1
-    assert ferrari_canny(p, np.tile(n[:1], (3, 1)), 0.5) == 0.0  # all push one way
-    assert ferrari_canny(p[:2], n[:2], 0.5) == 0.0  # two points resist no torque about their line
-    assert ferrari_canny(p, n, 0.5, torque_scale=0.3) < epsilon
-    with refused("at least 2"):
-        ferrari_canny(p[:1], n[:1], 0.5)
 
 
 def test_more_contacts_do_not_lose_closure():

@@ -12,7 +12,6 @@ from planned import hammer
 from refusals import refused
 from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 
-from dexgrasp.cli.benchmarks.proposals import UniformProposals
 from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.geometry.target import GraspTarget
@@ -180,19 +179,6 @@ def test_no_proposals_with_the_reason(name, settings, reason):
     assert found.failure == reason
     assert found.contacts.shape == (0, 3, 3)
     assert list(atlas_postures(found, GraspProblem(grasp_target, CELL, settings))) == []
-
-
-def test_uniform_proposals_are_not_judged():
-    found = propose(subject("stone"), source=UniformProposals())
-    assert found.contacts.shape == (SETTINGS.triples, 3, 3)
-    assert all(len(np.unique(triple, axis=0)) == 3 for triple in found.contacts)
-    closed = [
-        conic_residual(p, n, SETTINGS.friction).upper < 1e-6
-        for p, n in zip(found.contacts, found.normals, strict=True)
-    ]
-    assert 0 < np.mean(closed) < 0.9
-    plate = propose(standing(trimesh.creation.box((0.3, 0.2, 0.002))), source=UniformProposals())
-    assert plate.failure == "no_surface_above_table"
 
 
 def test_subject_assumptions_and_bad_input():

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from planned import lying
 from robots import CELL, HOME, LOWER, UPPER
 
-from dexgrasp.cli.benchmarks.proposals import UniformProposals
 from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.mechanics.contacts import shape_of
@@ -224,7 +223,7 @@ def test_the_time_limit_stops_the_work():
 
 
 def test_without_closure_the_margin_is_not_asked_for():
-    plan = Planner(source=UniformProposals(), with_closure=False).plan(BOX, 0)
+    plan = Planner(with_closure=False).plan(BOX, 0)
     assert plan.grasp is not None
     assert not any(reason.startswith("closure_margin") for reason in plan.log.blocked)
 

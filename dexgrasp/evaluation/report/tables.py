@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from dexgrasp.evaluation.comparison import compare_rows, difference_words, test_words
 from dexgrasp.evaluation.pooling import Rows
-from dexgrasp.evaluation.prediction import PREDICTORS, Prediction
 from dexgrasp.evaluation.reasons import sentence
 from dexgrasp.evaluation.report import paper
 from dexgrasp.evaluation.summary import bare_count, grouped
@@ -179,16 +178,6 @@ def failure_table(agents: Agents, *, codes: bool = False) -> Table:
         for why, n in agent["failures"].items()
     ]
     return Table(("agent", "trials", "why"), rows)
-
-
-def prediction_table(found: Mapping[str, Mapping[str, Prediction]]) -> Table:
-    """Return how well fields of the certificate told successes from failures: agent -> field -> areas."""
-    rows = [
-        [agent, PREDICTORS[name], str(p.trials), f"{p.auc:.2f} [{p.interval[0]:.2f}, {p.interval[1]:.2f}]"]
-        for agent, own in found.items()
-        for name, p in own.items()
-    ]
-    return Table(("agent", "value", "trials", "area, 95 %"), rows)
 
 
 def constraint_tables(name: str, agent: Fields) -> list[tuple[str, Table]]:
