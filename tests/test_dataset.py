@@ -14,7 +14,6 @@ from processes import typed
 from refusals import refused
 from robots import CELL
 
-from dexgrasp.cli.dataset import describe
 from dexgrasp.cli.main import main
 from dexgrasp.data.dataset.dataset import complete, fields_of, read_arrays, read_dataset, read_manifest
 from dexgrasp.data.dataset.generate import Job, generate, make
@@ -145,19 +144,6 @@ def test_cut_off_and_missing_files_are_refused_and_made_again(made, tmp_path):
     assert hashes(tmp_path / "set") == hashes(made)
 
 
-def test_a_changed_file_is_not_blessed(made, tmp_path):
-    """One that is whole, but not as it was made, is made again."""
-    folder = tmp_path / "copy"
-    shutil.copytree(made, folder)
-    shard = next((folder / "grasps").glob("*.npz"))
-    before = shard.read_bytes()
-    arrays = read_arrays(shard)
-    arrays["margin"] = arrays["margin"] * 0 + 7.0
-    write_again(shard, arrays)
-    generate(SETTINGS, folder)
-    assert shard.read_bytes() == before
-
-
 @pytest.mark.parametrize(
     "change",
     [{"files": {"../x.npz": "a"}}, {"files": []}, {"settings": 3}, {"key": None}, {"complete": "yes"}],
@@ -167,12 +153,6 @@ def test_damaged_manifests_are_refused_in_one_line(change, made, tmp_path):
     (tmp_path / "manifest.json").write_text(json.dumps(manifest | change))
     with refused("is damaged"):
         read_manifest(tmp_path)
-
-
-def test_figures_are_tables(made):
-    text = describe(summary(made))
-    assert "{" not in text
-    assert "closure margin" in text
 
 
 def test_other_settings_in_the_folder_are_refused(made, tmp_path):
@@ -288,15 +268,6 @@ def test_names_in_a_manifest_may_not_leave_the_folder(made, tmp_path, name, caps
     (folder / "manifest.json").write_text(json.dumps(manifest))
     assert typed(f"dataset info {folder}") == 2
     assert "is damaged (files has" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "content", ["", "[]", '{"schema": 1}', '{"schema": 1, "key": 3, "files": []}', "[" * 99999]
-)
-def test_text_that_is_no_manifest_is_refused_in_one_line(tmp_path, content, capsys):
-    (tmp_path / "manifest.json").write_text(content)
-    assert typed(f"dataset info {tmp_path}") == 2
-    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_workers_end_with_a_parent_that_is_killed():

@@ -158,17 +158,6 @@ def test_several_protocols_are_counted_apart():
     assert {name: part["rate"] for name, part in agent["by_protocol"].items()} == {"lift": 1.0, "heavy": 0.0}
 
 
-def test_identity_changes_with_the_content(tmp_path):
-    mesh = tmp_path / "thing.stl"
-    mesh.write_text("one")
-    settings = EvaluationSettings(("random",), (str(mesh),))
-    before, folder = settings.identity(), settings.default_folder()
-    assert settings.default_folder() == folder
-    mesh.write_text("two")
-    assert settings.identity() != before
-    assert settings.default_folder() != folder
-
-
 def test_identity_knows_every_file(tmp_path, monkeypatch):
     """Meshes of one name, checkpoints and the settings beside them, a path from home."""
     monkeypatch.setenv("HOME", str(tmp_path))

@@ -126,14 +126,6 @@ def test_straight_way_through_the_tower_is_avoided_the_same_way_twice():
     assert_array_equal(path[[0, -1]], [LEFT, RIGHT])
 
 
-def test_script_around_the_tower_is_free_and_reproducible():
-    motion = GraspMotion(RIGHT, RIGHT, RIGHT)
-    script, again = (make_script(LEFT, motion, TOWER, CELL) for _ in range(2))
-    assert_array_equal(script.targets, again.targets)
-    approach = np.concatenate([LEFT[None], script.phases["approach"]])
-    assert CollisionChecker(CELL, TOWER, margin=0.002).first_contact(approach) is None
-
-
 def test_pregrasp_inside_the_object_is_reported_with_the_bodies():
     inside = palm_down(0.45, 0.0, 0.2)
     with pytest.raises(NoPath, match=r"approach_blocked: .* mm from object") as caught:

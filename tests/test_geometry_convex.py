@@ -125,10 +125,6 @@ def test_curvature_of_a_union_is_that_of_its_nearest_part(hammer):
         assert_array_equal(H, expected)
 
 
-def test_a_union_of_one_is_that_one(hammer):
-    assert ConvexDistance.union(hammer[:1]) is hammer[0]
-
-
 def test_simplified_hull_keeps_its_stated_error():
     mesh = trimesh.creation.icosphere(4, 0.05)
     full, small = ConvexDistance.from_points(mesh.vertices), ConvexDistance.from_points(mesh.vertices, 200)

@@ -79,15 +79,6 @@ def test_files_of_other_schemas_are_refused_in_a_line(schema, words, contents):
         record_of(contents["pear"] | {"schema": schema})
 
 
-def test_parts_are_read_as_they_were_planned_on(contents, tmp_path):
-    assert len(contents["pear"]["parts"]) == 1
-    write_grasp(tmp_path / "g.json", contents["hammer"])
-    record = read_grasp(tmp_path / "g.json")
-    assert [len(part) for part in record.parts] == [8, 8]
-    assert np.ptp(record.parts[1], axis=0) == pytest.approx([0.035, 0.11, 0.05])
-    assert_array_equal(np.concatenate(record.parts), np.concatenate(contents["hammer"]["parts"]))
-
-
 def drop(key):
     return lambda c: c.pop(key)
 

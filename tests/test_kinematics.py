@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
-from refusals import refused
 from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
 
 from dexgrasp.geometry.convex import ConvexDistance
@@ -139,13 +138,6 @@ def test_tip_jacobians_are_mujocos(mount):
             assert_allclose(ours[i], J, atol=1e-12)
 
 
-def test_limits_and_unknown_mount():
-    assert_array_equal(robot_tree(CELL).lower, LOWER)
-    assert_array_equal(robot_tree(CELL).upper, UPPER)
-    with refused("valid are palm_normal"):
-        robot_tree(CELL.mounted("sideways"))
-
-
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_palm_ik_reaches_poses_that_can_be_reached(mount):
     """Goals are made from configurations, so every one can be reached; MuJoCo judges."""
@@ -255,32 +247,6 @@ def test_thumb_beside_the_palm_is_within_half_a_millimetre():
                 assert true - value <= 0.00051
                 near += 1
     assert near > 1000
-
-
-def test_the_pairs_that_are_kept_are_all_that_collide():
-    """Whatever the simulation calls a self-collision is a row below zero, at random configurations."""
-    model, _ = world("palm_normal")
-    index = {model.body(name).id: i for i, name in enumerate(BODIES)}
-    collisions = 0
-    for q in anywhere(np.random.default_rng(7), 500):
-        q[15:19] = HOME[15:19]  # the ring finger takes no part
-        _, data = placed(q)
-        contacts = {
-            tuple(sorted(index.get(int(model.geom_bodyid[g]), -1) for g in pair))
-            for pair, distance in zip(data.contact.geom, data.contact.dist, strict=True)
-            if distance < -1e-4
-        }
-        contacts = {pair for pair in contacts if pair[0] >= 0}
-        if not contacts:
-            continue
-        below = {
-            tuple(sorted(key[1:]))
-            for key, (value, _) in clearances(q).items()
-            if value < 0 and key[0] == SELF
-        }
-        collisions += 1
-        assert contacts <= below, [[BODIES[b] for b in pair] for pair in contacts - below]
-    assert collisions > 100
 
 
 def test_gradients_of_clearances_are_their_differences():

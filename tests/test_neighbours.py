@@ -168,15 +168,6 @@ def test_a_field_tells_distances_between_its_nodes_and_nothing_beyond():
     assert field_at(field, low - 0.01) == field_at(field, high + 0.03) == np.inf
 
 
-def test_the_file_says_what_stands_around(plans):
-    found, target = plans[1].found[0], plans[1].target
-    record = planned_record("box", found.grasp, target, PlannerSettings(), script=found.script)
-    assert [np.array_equal(n.parts[0], s[0]) for n, s in zip(record.neighbours, SIDES, strict=True)] == [
-        True,
-        True,
-    ]
-
-
 def shell(x, y, size, seen=((1, 0), (-1, 0), (0, 1), (0, -1))):
     """Points and normals of the top and of the sides of a box that are seen."""
     grid = np.linspace(-0.5, 0.5, 15)

@@ -10,15 +10,13 @@ import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 from planned import hammer
 from refusals import refused
-from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
+from robots import CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 
 from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.verify.cones import conic_margin, conic_residual
 from dexgrasp.mechanics.contacts import shape_of
-from dexgrasp.mechanics.kinematics.clearance import clearance_rows, empty_rows
-from dexgrasp.mechanics.kinematics.forward import body_frames, fingertips
 from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.mechanics.margin import margins
@@ -351,29 +349,3 @@ def test_values_of_the_fixed_rows_by_another_way(name, proposals):
             axis, pad = -frame[:, 2] @ at.normals[i], -frame[:, 0] @ at.normals[i]
             assert at.values[FIRST_AXIS + i] == pytest.approx(0.01 * (axis - bounds.cosine), abs=1e-9)
             assert at.values[FIRST_PAD + i] == pytest.approx(0.01 * (pad - bounds.pad_cosine), abs=1e-9)
-
-
-def test_clearance_rows_are_shifted_by_what_is_asked_for(proposals):
-    wide = PlannerSettings(clearance=0.004)
-    q = next(near_contact("box", proposals, 1))
-    (_, tight), (_, loose) = rows_at(q, subject("box"), wide), rows_at(q, subject("box"))
-    moved = [key for key in loose if key[0] >= 0]
-    assert moved
-    for key in moved:
-        assert loose[key][0] - tight[key][0] == pytest.approx(0.003)
-
-
-def test_constraints_and_clearances_are_of_one_compilation(proposals):
-    """Compiled code is cached by file: a stale copy of the clearances inside the constraints would differ here."""
-    grasp_target, rows = subject("box"), empty_rows(160, TREE)
-    for q in near_contact("box", proposals, 5):
-        n = clearance_rows(
-            TREE, body_frames(q, TREE), (grasp_target.distance.obstacle, NOTHING), 0.02, True, rows
-        )
-        at, _ = rows_at(q, grasp_target)
-        assert_allclose(at.values[FIXED_ROWS:], rows.values[:n] - SETTINGS.clearance, atol=1e-12)
-
-
-def test_tip_positions_follow_the_names():
-    assert [BODIES[b] for b in TREE.tip_body] == [f"{finger}_distal" for finger in GRASP_FINGERS]
-    assert_allclose(fingertips(HOME, TREE), tips_by_mujoco(HOME), atol=1e-12)

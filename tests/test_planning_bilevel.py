@@ -19,7 +19,7 @@ from dexgrasp.planning.certificate_builder import contacts_of
 from dexgrasp.planning.certifier import grasp_motion, opened
 from dexgrasp.planning.constraints import evaluate
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.postures import atlas_postures, oriented_postures
+from dexgrasp.planning.postures import atlas_postures
 from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import TOLERANCE, bounds_of, solve
@@ -122,15 +122,6 @@ def test_no_iterations_no_motion(solutions):
     )
 
 
-def test_same_start_same_solution_bit_for_bit(solutions):
-    proposals = SurfaceProposals().propose(BOX, SETTINGS, np.random.default_rng(0))
-    again = [solve(p.q, PROBLEM) for p in atlas_postures(proposals, PROBLEM)]
-    assert len(again) == len(solutions)
-    for one, two in zip(solutions, again, strict=True):
-        assert_array_equal(one.q, two.q)
-        assert one.iterations == two.iterations
-
-
 def test_plan_is_whole_and_repeats_itself(plan):
     again, other = Planner().plan(BOX, 0, HOME), Planner().plan(BOX, 1, HOME)
     assert plan.reason is None
@@ -184,12 +175,6 @@ def test_a_hand_may_open_upwards(plan):
     assert_array_equal(risen.squeeze, level.squeeze)
 
 
-def test_a_plan_without_start_has_no_script():
-    bare = Planner().plan(BOX, 0)
-    assert bare.grasp is not None
-    assert bare.script is None
-
-
 @pytest.mark.parametrize(
     ("grasp_target", "settings", "reasons"),
     [
@@ -226,20 +211,6 @@ def test_without_closure_the_margin_is_not_asked_for():
     plan = Planner(with_closure=False).plan(BOX, 0)
     assert plan.grasp is not None
     assert not any(reason.startswith("closure_margin") for reason in plan.log.blocked)
-
-
-class Oriented(Planner):
-    """Starts from palms above the object, as section 3.3 does."""
-
-    def starts(self, proposals, problem):
-        for k in range(len(proposals.contacts)):
-            yield from oriented_postures(k, proposals, problem)
-
-
-def test_oriented_starts_find_a_grasp_too():
-    plan = Oriented().plan(BOX, 0)
-    assert plan.grasp is not None
-    assert plan.grasp.certificate.closure_margin >= SETTINGS.closure_margin
 
 
 def test_the_squeeze_presses_with_the_planned_forces(plan):

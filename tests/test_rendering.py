@@ -100,14 +100,6 @@ def test_collision_shapes_are_hidden():
 
 
 @NEEDS_GL
-def test_pictures_larger_than_the_models_buffer():
-    model, data = scene()
-    renderer = make_renderer(model, 500, 700)
-    assert render(renderer, data, show_camera()).shape == (500, 700, 3)
-    renderer.close()
-
-
-@NEEDS_GL
 def test_works_in_a_process_that_has_set_nothing():
     """MuJoCo reads MUJOCO_GL at its import; here it is chosen after that."""
     code = textwrap.dedent("""

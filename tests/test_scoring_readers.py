@@ -109,13 +109,6 @@ def test_dictionaries_of_arrays_pass_whatever_the_pickle_protocol(tmp_path, prot
     assert (found["b"], found["c"], found["d"], found["e"]) == (2.5, "text", [1, (2, None)], b"x")
 
 
-def test_plain_arrays_are_no_dictionary(tmp_path):
-    with refused("no dictionary"):
-        read_dictionary(saved(tmp_path / "a.npy", np.zeros(3)))
-    with refused("cannot read"):
-        read_dictionary(tmp_path / "none.npy")
-
-
 # -- layouts ----------------------------------------------------------------------------------------------------
 
 

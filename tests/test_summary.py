@@ -1,7 +1,5 @@
 """Statistics, summaries, tables and reports."""
 
-import math
-
 import numpy as np
 import pytest
 from trial_rows import row
@@ -10,7 +8,7 @@ from dexgrasp.evaluation.report import paper
 from dexgrasp.evaluation.report.build import write_report
 from dexgrasp.evaluation.report.tables import render_summary
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.statistics import mcnemar, quantiles, wilson_interval
+from dexgrasp.evaluation.statistics import mcnemar, wilson_interval
 from dexgrasp.evaluation.store import TrialStore
 from dexgrasp.evaluation.summary import present_sets, summarise, summarise_agent
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
@@ -36,11 +34,6 @@ def test_mcnemar_is_exact():
     assert [result[k] for k in ("both", "only_a", "only_b", "neither")] == [1, 8, 1, 10]
     assert result["p_value"] == pytest.approx(2 * (1 + 9) / 2**9)
     assert mcnemar([(True, True), (False, False)])["p_value"] == 1.0
-
-
-def test_quantiles():
-    assert quantiles([1.0, 2.0, 3.0], median=0.5, p75=0.75) == {"median": 2.0, "p75": 2.5}
-    assert quantiles([], median=0.5) == {}
 
 
 def some_rows(agent, seed):
@@ -145,9 +138,3 @@ def test_papers_rows_add_up_to_its_sums():
         }
         assert found == sets
     assert paper.successes("random") == {}
-
-
-def test_rates_are_finite_numbers():
-    agent = summarise_agent([])
-    assert agent["rate"] == 0.0
-    assert all(math.isfinite(end) for end in agent["ci95"])

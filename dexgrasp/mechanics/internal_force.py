@@ -66,7 +66,7 @@ class Aim(NamedTuple):
 def empty_room(shape: Shape, joints: int) -> Programme:
     """Return room for squeezes of contacts that `joints` joints press; estimates are made by the thousand."""
     rows = shape.contacts * (_FACES + 1 + _ROUNDS) + 4 * shape.contacts * joints
-    return empty_programme(shape, shape.pushed, rows)
+    return empty_programme(shape, shape.internal + 1, rows)
 
 
 @njit
