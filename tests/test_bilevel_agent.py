@@ -331,15 +331,6 @@ def test_the_squeeze_presses_from_where_the_joints_stand(attempt):
         assert_allclose(targets[-1][columns], np.clip(pressed, LOWER[columns], UPPER[columns]), atol=2e-4)
 
 
-def test_the_arm_alone_moves_in_the_lift(attempt):
-    *_, targets, held = closing(attempt, (0.9, 0.9, 0.9))
-    q, execution = targets[-1].copy(), GuardedCarry(held)
-    lifted = np.array([denormalise(execution.action(q), ROBOT) for _ in range(200)])
-    assert_allclose(lifted[:, 7:], np.broadcast_to(lifted[0, 7:], lifted[:, 7:].shape), atol=1e-6)
-    rise = tips(lifted[-1])[:, 2].mean() - tips(targets[0])[:, 2].mean()
-    assert rise > 0.1
-
-
 def test_works_without_torch_and_the_same_in_another_process(attempt):
     code = """
         import sys

@@ -9,8 +9,6 @@ import sys
 import time
 
 import pytest
-import trimesh
-from processes import typed
 from refusals import refused
 from trial_rows import row
 
@@ -248,20 +246,6 @@ def test_every_mesh_is_looked_at_before_the_first_trial(tmp_path):
     with refused(r"bad\.obj"):
         evaluate(settings, tmp_path / "out")
     assert not (tmp_path / "out" / "trials.jsonl").exists()
-
-
-def test_a_mesh_by_a_link_of_another_name_loses_no_trial(tmp_path, capsys):
-    trimesh.creation.box((0.05, 0.06, 0.08)).export(tmp_path / "plain.stl")
-    link = tmp_path / "link2.stl"
-    link.symlink_to("plain.stl")
-    out = tmp_path / "run"
-    command = ["evaluate", "--agents", "bilevel", "--objects", str(link), "soda", "--trials", "1"]
-    assert main([*command, "--out", str(out)]) == 0
-    rows = {row["object"]: row for row in read_rows(out)}
-    assert set(rows) == {"link2", "soda"}
-    assert json.loads((out / rows["link2"]["grasp"]).read_text())["object"]["source"] == str(link)
-    capsys.readouterr()
-    assert typed(f"plan {link} --json") == 0
 
 
 def test_fewer_trials_than_asked_for_are_no_success(tmp_path, monkeypatch, capsys):

@@ -12,14 +12,14 @@ import pytest
 from refusals import refused
 from robots import ARM_JOINTS, CELL, HAND_JOINTS, HOME, LOWER, ROBOT, UPPER
 
-from dexgrasp.export.check import _looks, check_trajectory
+from dexgrasp.export.check import check_trajectory
 from dexgrasp.export.formats import moveit_grasp, write_csv, write_json, write_ros2
 from dexgrasp.export.grasp_export import export_grasp
 from dexgrasp.export.read import read_trajectory
 from dexgrasp.export.replay import replay
 from dexgrasp.export.scene_folder import write_scene
 from dexgrasp.export.time_law import Limits, timed
-from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_trajectory
+from dexgrasp.export.trajectory import ARM_TICK, Waypoints, make_trajectory
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp_env.objects.load import load_object
@@ -92,15 +92,6 @@ def test_a_way_along_the_ends_of_joint_ranges_stays_inside():
     for rows, part in ((made.arm, slice(0, 7)), (made.hand, slice(7, 23))):
         assert (rows >= LOWER[part]).all()
         assert (rows <= UPPER[part]).all()
-
-
-def test_arm_and_hand_end_together_and_segments_follow_each_other(trajectory):
-    assert len(trajectory.arm) == 1 + HAND_EVERY * (len(trajectory.hand) - 1)
-    names = [name for name, _, _ in trajectory.segments]
-    assert names == ["approach", "close", "squeeze", "lift"]
-    ends = [end for _, _, end in trajectory.segments]
-    assert [start for _, start, _ in trajectory.segments][1:] == ends[:-1]
-    assert ends[-1] == pytest.approx(ARM_TICK * (len(trajectory.arm) - 1))
 
 
 def test_a_good_trajectory_passes_every_check(folder):
@@ -189,15 +180,6 @@ def test_segments_that_do_not_follow_each_other_are_found(folder, name):
 def test_a_grasp_that_was_exported_though_it_is_rejected_is_found(trajectory, tmp_path):
     write_csv(tmp_path, trajectory, FACTS | {"rejected": ["load"]})
     assert broken(tmp_path) == "grasp: checks of verify that fail"
-
-
-def test_no_joint_turns_far_between_two_looks_but_in_one_step(trajectory):
-    looks = _looks(trajectory.arm)
-    assert (looks[0], looks[-1]) == (0, len(trajectory.arm) - 1)
-    assert max(np.abs(np.diff(trajectory.arm[looks], axis=0)).max(axis=1)) <= 0.01 + 1e-12
-    assert len(looks) < 0.1 * len(trajectory.arm)
-    leaps = np.array([[0.0], [0.001], [0.5], [0.501], [0.502]])
-    assert _looks(leaps) == [0, 1, 2, 4]
 
 
 def test_damaged_files_are_one_line(folder, tmp_path):

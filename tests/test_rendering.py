@@ -149,16 +149,6 @@ def test_cameras_for_people_and_their_size():
 
 
 @NEEDS_GL
-def test_quick_pictures_leave_the_model_as_it_is():
-    model, data = scene()
-    before = model.vis.quality.offsamples, model.vis.quality.shadowsize
-    renderer = make_renderer(model, 48, 64, quick=True)
-    assert render(renderer, data, show_camera()).std() > 1
-    assert (model.vis.quality.offsamples, model.vis.quality.shadowsize) == before
-    renderer.close()
-
-
-@NEEDS_GL
 def test_gymnasiums_videos_are_written(tmp_path):
     pytest.importorskip("moviepy")
     settings = {

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from trial_rows import row
 
-from dexgrasp.evaluation.report import paper
 from dexgrasp.evaluation.report.build import write_report
 from dexgrasp.evaluation.report.tables import render_summary
 from dexgrasp.evaluation.settings import EvaluationSettings
@@ -121,20 +120,3 @@ def test_report_has_the_papers_tables_beside_ours(tmp_path):
     assert (tmp_path / "report" / "report.md").read_text() == text
     for plot in ("success_by_set.png", "success_by_object.png"):
         assert (tmp_path / "report" / plot).stat().st_size > 10_000
-
-
-def test_papers_rows_add_up_to_its_sums():
-    printed = {
-        "bilevel": {"seen": (17, 18), "familiar": (23, 24), "novel": (64, 78)},
-        "cvae": {"seen": (7, 18)},
-        "cvae_kinematics": {"seen": (16, 18)},
-        "hardcoded": {"seen": (8, 9), "familiar": (9, 12), "novel": (15, 39)},
-    }
-    for agent, sets in printed.items():
-        found = {
-            name: tuple(cell.values())
-            for name, cell in paper.successes(agent).items()
-            if name in paper.TABLES
-        }
-        assert found == sets
-    assert paper.successes("random") == {}

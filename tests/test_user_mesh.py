@@ -205,19 +205,6 @@ def test_a_concave_mesh_is_split_the_same_way_every_time_and_cached(tmp_path, mo
     assert len(convex_parts(torus)[0]) == len(parts)
 
 
-def test_cutting_ends_at_many_pieces(monkeypatch):
-    """Merging takes time with the square of their number: a mesh in crumbs took two minutes."""
-    torus, pieces = trimesh.creation.torus(0.04, 0.012, 24, 12), []
-    merged = decompose._merged
-    monkeypatch.setattr(
-        decompose, "_merged", lambda found, volume: pieces.append(len(found)) or merged(found, volume)
-    )
-    decompose.decompose(torus)
-    monkeypatch.setattr(decompose, "_PIECES", 3)
-    assert decompose.decompose(torus)
-    assert pieces[-1] < pieces[0]
-
-
 def test_a_solid_that_cannot_be_cut_is_its_hull(monkeypatch):
     monkeypatch.setattr(decompose, "decompose", lambda mesh: [])
     parts, (note,) = convex_parts(trimesh.creation.torus(0.04, 0.012, 24, 12))
@@ -373,10 +360,3 @@ def test_masses_no_object_has_are_refused(tmp_path, mass):
     path = saved(tmp_path, CAPSULE, "x.stl")
     with refused(r">= 0\.0001 and <= 100"):
         load_object(path, mass=mass)
-
-
-def test_a_cache_that_cannot_be_written_stops_no_mesh(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "file"))
-    model = load_object(saved(tmp_path, trimesh.creation.torus(0.04, 0.012, 24, 12), "ring.stl"))
-    assert len(model.parts) > 2
