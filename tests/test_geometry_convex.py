@@ -76,14 +76,6 @@ def test_gradient_and_hessian_agree_with_finite_differences(name, request):
     assert np.mean(agree) > 0.99  # a point within the step of a feature's border has two Hessians
 
 
-def test_gradient_is_continuous_outside(can):
-    points = scatter(np.random.default_rng(3), 2000)
-    points = points[can.distance(points) > 5e-3]
-    near = points + 1e-8 * np.random.default_rng(4).normal(size=points.shape)
-    change = np.abs(can.distance_gradient(points)[1] - can.distance_gradient(near)[1])
-    assert change.max() < 1e-4
-
-
 def test_compiled_function_and_batch_give_the_same_bits(can):
     points, g = scatter(np.random.default_rng(5), 50), np.empty(3)
     distances, gradients = can.distance_gradient(points)

@@ -241,23 +241,6 @@ def test_exploring_gets_less_as_told(tmp_path):
     )  # of the last round's begin
 
 
-def test_a_grasp_is_a_few_points_of_the_grasp_space():
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode="ee_delta")
-    firsts, _ = env.reset(seed=1)
-    observations = {key: value[None] for key, value in firsts.items()}
-    space = GraspSpace(env.unwrapped.settings.cell.robot, observations)
-    opened, closed = [-1.0, -1.0], [1.0, 1.0]
-    above, at, lifted = ([0.2, -0.56, height, 0.0, 0.5] for height in (0.3, -0.86, 1.0))
-    phases = [(above + opened, 32), (at + opened, 24), (at + closed, 28), (lifted + closed, 90)]
-    for action, steps in phases:
-        for _ in range(steps):
-            observation, *_, info = env.step(space.env_actions(np.array([action]), observations)[0])
-            observations = {key: value[None] for key, value in observation.items()}
-        if action[5:] == opened:
-            np.testing.assert_allclose(space.state(observations)[0], action, atol=0.2)
-    assert info["is_success"]
-
-
 def test_a_correction_begins_at_the_clone(tmp_path, clone):
     settings = settings_of("ppo")
     work = RolloutTraining(PolicyTask(settings, clone), tmp_path)
