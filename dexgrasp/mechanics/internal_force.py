@@ -96,7 +96,7 @@ def _solve(p: Programme, contacts: Contacts, aim: Aim, most: float, tolerance: f
     if aim.press > 0.0:
         add_presses(p, contacts.normals, aim.press)
     add_torques(p, contacts, aim.reserved)
-    return maximise(p, aim.rounds, tolerance)
+    return maximise(p, aim.rounds, tolerance, -np.inf)
 
 
 @njit

@@ -210,14 +210,14 @@ def _torque(p: Programme, J: Array, of: tuple[int, int], scale: float) -> Plane:
 
 
 @njit
-def maximise(p: Programme, rounds: int, tolerance: float, enough: float = -np.inf) -> bool:
+def maximise(p: Programme, rounds: int, tolerance: float, enough: float) -> bool:
     """Write the solution's unknowns and forces; False where there is none.
 
     Args:
         p: with its rows.
         rounds: of cutting planes, at most.
         tolerance: N of friction that forces may be beyond their cones.
-        enough: t below which no more planes are added: it is not above that.
+        enough: t below which no more planes are added: it is not above that; -inf asks for all of them.
     """
     lp, contacts = p.lp, p.cones.shape[0]
     for turn in range(rounds + 1):

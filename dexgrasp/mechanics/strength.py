@@ -162,4 +162,4 @@ def _capacity(contacts: Contacts, shape: Shape, pushes: Array, stop: float) -> f
 def _most(p: Programme, contacts: Contacts) -> float:
     begin(p, _FAR, _FACES)
     add_torques(p, contacts, np.inf)
-    return max(p.lp.z[-1], 0.0) if maximise(p, _ROUNDS, _IN_CONE) else 0.0
+    return max(p.lp.z[-1], 0.0) if maximise(p, _ROUNDS, _IN_CONE, -np.inf) else 0.0
