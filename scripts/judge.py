@@ -128,7 +128,7 @@ def _changes(path: tuple[str | int, ...], field: str, value: Any) -> Iterator[Mu
                 yield Mutation(path, f"{shift:+}", 0.05, value + shift, field)
 
 
-def passes(content: dict[str, Any], mutation: Mutation) -> bool:
+def is_accepted(content: dict[str, Any], mutation: Mutation) -> bool:
     """Return the judge's answer to a file with one change."""
     changed = copy.deepcopy(content)
     target: Any = changed
@@ -174,7 +174,7 @@ class Mutate(Script):
             read_grasp(path)  # says what is wrong with a file that is none
             content = json.loads(path.read_text())
             changes = list(mutations(content, self.rows, rng))
-            through = [m for m in tqdm(changes, unit="change", leave=False) if passes(content, m)]
+            through = [m for m in tqdm(changes, unit="change", leave=False) if is_accepted(content, m)]
             large = [m for m in through if matters(m)]
             bad += len(large)
             print(f"{path}: {len(changes)} changes, {len(through)} pass, missed {len(large)}")

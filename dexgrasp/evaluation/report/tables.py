@@ -212,7 +212,7 @@ def _ratios(groups: Fields) -> Table:
         cells = [
             cell
             for kind in ("force", "torque")
-            for cell in (_quartiles(content.get(f"{kind}_ratio_percent")), _spread(printed.get(kind)))
+            for cell in (_quartiles(content.get(f"{kind}_ratio_percent")), _range_words(printed.get(kind)))
         ]
         rows.append([group, *cells])
     return Table(("set", "force ratio", "paper", "torque ratio", "paper"), rows)
@@ -220,22 +220,22 @@ def _ratios(groups: Fields) -> Table:
 
 def _times(agent: Fields, printed: Mapping[str, Mapping[str, Sequence[float]]]) -> Table:
     ours = _quartiles(agent["planning_seconds"], seconds_words)
-    theirs = _spread(printed.get("overall", {}).get("total"), seconds_words)
+    theirs = _range_words(printed.get("overall", {}).get("total"), seconds_words)
     rows = [["total, overall", ours, "", theirs]]
     for group in paper.SECONDS:
         own = agent["stages"].get(group, {})
         for stage, seconds in own.get("stage_seconds", {}).items():
             ours, repeats = _quartiles(seconds, seconds_words), own.get("stage_repeats", {}).get(stage)
-            theirs = _spread(printed.get(group, {}).get(stage), seconds_words)
+            theirs = _range_words(printed.get(group, {}).get(stage), seconds_words)
             rows.append([f"{stage}, {group}", ours, _quartiles(repeats), theirs])
     return Table(("stage, set", "seconds", "repeats", "paper, seconds"), rows)
 
 
 def _quartiles(values: Mapping[str, float] | None, words: Callable[[float], str] = "{:.2f}".format) -> str:
-    return _spread([values[key] for key in ("median", "p25", "p75")], words) if values else "-"
+    return _range_words([values[key] for key in ("median", "p25", "p75")], words) if values else "-"
 
 
-def _spread(values: Sequence[float] | None, words: Callable[[float], str] = "{:.2f}".format) -> str:
+def _range_words(values: Sequence[float] | None, words: Callable[[float], str] = "{:.2f}".format) -> str:
     """Return median and quartiles as people read them; "" for None."""
     return "{} ({}, {})".format(*map(words, values)) if values else ""
 
