@@ -12,7 +12,7 @@ import pytest
 from refusals import refused
 from robots import ARM_JOINTS, CELL, HAND_JOINTS, HOME, LOWER, ROBOT, UPPER
 
-from dexgrasp.export.check import check_trajectory
+from dexgrasp.export.check import _looks, check_trajectory
 from dexgrasp.export.formats import moveit_grasp, write_csv, write_json, write_ros2
 from dexgrasp.export.grasp_export import export_grasp
 from dexgrasp.export.read import read_trajectory
@@ -180,6 +180,15 @@ def test_segments_that_do_not_follow_each_other_are_found(folder, name):
 def test_a_grasp_that_was_exported_though_it_is_rejected_is_found(trajectory, tmp_path):
     write_csv(tmp_path, trajectory, FACTS | {"rejected": ["load"]})
     assert broken(tmp_path) == "grasp: checks of verify that fail"
+
+
+def test_no_joint_turns_far_between_two_looks_but_in_one_step(trajectory):
+    looks = _looks(trajectory.arm)
+    assert (looks[0], looks[-1]) == (0, len(trajectory.arm) - 1)
+    assert max(np.abs(np.diff(trajectory.arm[looks], axis=0)).max(axis=1)) <= 0.01 + 1e-12
+    assert len(looks) < 0.1 * len(trajectory.arm)
+    leaps = np.array([[0.0], [0.001], [0.5], [0.501], [0.502]])
+    assert _looks(leaps) == [0, 1, 2, 4]
 
 
 def test_damaged_files_are_one_line(folder, tmp_path):

@@ -19,6 +19,7 @@ from dexgrasp_env.rendering import choose_gl
 from dexgrasp_env.tasks import control
 from dexgrasp_env.tasks.control import CONTROL_MODES, max_step
 from dexgrasp_env.tasks.observations import OBS_MODES
+from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.settings import REWARD_MODES
 
 # Cameras know nothing of control and reward: every pair of modes meets once, not every triple.
@@ -175,6 +176,27 @@ def test_reset_restores_everything():
     data.time = 99.0
     mujoco.mj_step(simulation.model, data)
     assert_same(fresh, rollout(env, 7))
+
+
+def test_reset_undoes_randomisation():
+    varied = make(randomisation={"size": (0.8, 1.2), "mass": (0.5, 2.0), "gain": (0.5, 2.0)})
+    for seed in range(3):
+        varied.reset(seed=seed)
+    simulation = varied.unwrapped.simulation
+    simulation.vary(Variation())
+    base = simulation.base
+    for name in (
+        "body_mass",
+        "body_inertia",
+        "geom_size",
+        "geom_friction",
+        "pair_friction",
+        "geom_rbound",
+        "bvh_aabb",
+        "actuator_gainprm",
+        "actuator_biasprm",
+    ):
+        np.testing.assert_array_equal(getattr(simulation.model, name), getattr(base, name), err_msg=name)
 
 
 def test_spec_serialises():

@@ -96,6 +96,8 @@ def test_page_lists_rewards_and_arguments():
         ({"mesh_mass": 0.3}, "mesh_mass=0.3 changes nothing"),
         ({"control_mode": "joint_position", "action_scale": 0.5}, "whose actions are changes"),
         ({"reward_mode": "sparse", "reward_weights": {"reach": 1.0}}, "reward_mode='dense'"),
+        ({"reward_weights": {"fly": 1.0}}, "reach"),
+        ({"frame_skip": 4}, "<= 125"),
         ({"frame_skip": 10, "randomisation": {"latency": (0, 0.03)}}, "0.02"),
         ({"action_scale": 2.0}, "action_scale"),
     ],

@@ -44,7 +44,7 @@ def check_robot(cell: Cell) -> list[Finding]:
     return found + [finding for check in checks for finding in check(cell, home)]
 
 
-def _finding(good: bool, what: str, mend: str, level: str = "error") -> Finding:
+def _told(good: bool, what: str, mend: str, level: str = "error") -> Finding:
     """Report of something that it is good, or how to mend it."""
     return Finding("info", what) if good else Finding(level, what, mend)
 
@@ -93,7 +93,7 @@ def _kinematics(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
                 np.abs(frames.R[b] - body.xmat.reshape(3, 3)).max(),
             )
     mend = "joints have to sit at their bodies' origins, and to turn or slide"
-    yield _finding(worst < _ROUNDING, f"kinematics and simulation differ by {worst:.0e}", mend)
+    yield _told(worst < _ROUNDING, f"kinematics and simulation differ by {worst:.0e}", mend)
 
 
 def _home(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
@@ -170,7 +170,7 @@ def _tips(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
         for what, way in (("end", site.xmat.reshape(3, 3)[:, 2]), ("pad", _pad(home, finger))):
             depth = _surface(home, home.model.geom(finger.tip).id, site.xpos, way)
             far = f"the {what} of {finger.tip} is {1000 * depth:.1f} mm from its centre"
-            yield _finding(abs(depth - radius) <= _OFF, far, mend)
+            yield _told(abs(depth - radius) <= _OFF, far, mend)
 
 
 def _surface(data: mujoco.MjData, geom: int, centre: Array, way: Array) -> float:
@@ -259,7 +259,7 @@ def _strength(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
         lever = np.abs(_pad(home, finger) @ J)[robot.arm_dof :]
         force = (robot.torque[robot.hand_columns] / np.maximum(lever, 1e-9)).min()
         mend = "torque of its joints, Nm: heavy objects will be beyond it"
-        yield _finding(force >= _PINCH, f"{finger.name} can press with {force:.1f} N", mend, "warning")
+        yield _told(force >= _PINCH, f"{finger.name} can press with {force:.1f} N", mend, "warning")
     yield from _bearing(cell, home.model)
 
 
@@ -269,7 +269,7 @@ def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     postures = [cell.robot.home, *_palms_down(cell)]
     share = np.max([np.abs(_at(model, q).qfrc_bias[arm]) for q in postures], axis=0) / cell.robot.torque[arm]
     name = f"{cell.robot.joints[int(share.argmax())]} needs {100 * share.max():.0f} % of its torque to bear its weight"
-    yield _finding(share.max() <= _BORNE, name, "state the maker's torque, or the true masses in the MJCF")
+    yield _told(share.max() <= _BORNE, name, "state the maker's torque, or the true masses in the MJCF")
 
 
 def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
@@ -277,7 +277,7 @@ def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     found, total = len(_palms_down(cell)), len(_PALMS)
     mend = "change the arm's `home` or `starts`, or the mount: palms look along its flange"
     what = f"{found} of {total} palm poses over the table are reached"
-    yield _finding(found >= _REACHED * total, what, mend)
+    yield _told(found >= _REACHED * total, what, mend)
 
 
 @lru_cache(maxsize=1)
