@@ -165,7 +165,7 @@ def run(argv: list[str]) -> tuple[int, str]:
     return code, said.getvalue().strip()
 
 
-def pointing(way: str, thing: Thing, labels: Array, folder: Path) -> list[str]:
+def target_options(way: str, thing: Thing, labels: Array, folder: Path) -> list[str]:
     """Return the options that point at a thing."""
     base, corners = default_cell().base, thing.corners()
     if way == "--mask":
@@ -183,7 +183,7 @@ def tried(name: str, things: list[Thing], way: str, rng: Generator, folder: Path
     points, labels = seen(things, rng)
     np.save(folder / "cloud.npy", points)
     grasp, rows = str(folder / "grasp.json"), folder / "rows"
-    options = pointing(way, things[0], labels, folder)
+    options = target_options(way, things[0], labels, folder)
     code, said = run(["plan", "--cloud", str(folder / "cloud.npy"), *options, "--out", str(folder)])
     row = {"scene": name, "way": way, "plan": code, "doubtful": "warning:" in said}
     if code:

@@ -4,13 +4,14 @@
     python scripts/fit_probability.py DATA --held-out TEST --out assets/weights/probability.json
 
 Judged by cross-validation over shapes: every row is foretold by a model that met no episode of its shape, within each
-cell of friction and mass, beside `load` alone and friction and mass alone. The model that is written is fitted on all
-of DATA, and judged on TEST, of other shapes. DATA/judged.json has the figures, DATA/judged.png the reliability
+cell of friction and mass, beside `load` alone. The model that is written is fitted on all of DATA, and judged on TEST,
+of other shapes. DATA/judged.json has the figures, DATA/judged.png the reliability
 diagrams.
 """
 
 import json
 import sys
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +22,6 @@ from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.evaluation.prediction import auc
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.probability import OUTCOMES, SCHEMA, Model, read_model
@@ -37,7 +37,6 @@ FALLS = ("slips", "slips_pushed", "friction_use")
 """Features that a grasp can only be more, or less, likely to hold with."""
 FRICTIONS, MASSES = (0.3, 0.45, 0.6, 0.75, 0.9), (0.5, 1.0, 1.75, 3.0)
 """Ends of the cells."""
-GIVEN = ("friction", "mass")
 MEMBERS, FOLDS, LEAST = 12, 5, 8  # LEAST: successes and failures that a cell must have for an area
 _TREES: dict[str, Any] = {
     "max_iter": 60,
@@ -50,15 +49,13 @@ _TREES: dict[str, Any] = {
 
 
 class Rows(NamedTuple):
-    """Episodes: features by name (N,), outcomes by name (N,), `load`, shapes, and what a row is of."""
+    """Episodes: `load` (N,), features and outcomes by name (N,), shapes, masses over the objects' own (N,)."""
 
     load: Array
     features: dict[str, Array]
     held: dict[str, NDArray[np.bool_]]
     shapes: NDArray[np.str_]
     factor: Array
-    planner: NDArray[np.str_]
-    seen: NDArray[np.str_]
 
     @property
     def matrix(self) -> Array:
@@ -89,8 +86,6 @@ def read_rows(folder: Path) -> Rows:
         {name: np.array([one["row"][of]["success"] for one in found]) for name, of in LABELS.items()},
         np.array([one["job"]["target"].split("/")[-1] for one in found]),
         np.array([one["row"]["mass_factor"] for one in found]),
-        np.array([one["job"]["planner"] for one in found]),
-        np.array([one["job"]["seen"] for one in found]),
     )
 
 
@@ -154,105 +149,73 @@ def _nodes(nodes: Any, start: int, more: float) -> dict[str, list[Any]]:
     }
 
 
-def foretold(rows: Rows, names: list[str], outcome: str) -> tuple[Array, Array, Array]:
-    """Return what models say that met no episode of a row's shape: probabilities (N,) and their intervals."""
-    kinds = np.unique(rows.shapes)
+def foretold(rows: Rows, outcome: str) -> Array:
+    """Return probabilities (N,) by models that met no episode of a row's shape."""
+    kinds, x = np.unique(rows.shapes), rows.matrix
     fold_of = dict(zip(kinds, np.random.default_rng(1).permutation(len(kinds)) % FOLDS, strict=True))
-    fold = np.array([fold_of[shape] for shape in rows.shapes])
-    x = np.nan_to_num(np.stack([rows.features[name] for name in names], 1))
-    odds = np.zeros((MEMBERS, len(x)))
+    fold, odds = np.array([fold_of[shape] for shape in rows.shapes]), np.zeros((MEMBERS, len(x)))
     for k in range(FOLDS):
         met, own = fold != k, fold == k
-        odds[:, own] = Ensemble(x[met], rows.held[outcome][met], rows.shapes[met], names).odds(x[own])
-    middle, around = odds.mean(0), 1.96 * odds.std(0)
-    low, high = middle - around, middle + around
-    return tuple(1.0 / (1.0 + np.exp(-each)) for each in (middle, low, high))  # type: ignore[return-value]
+        fitted = Ensemble(x[met], rows.held[outcome][met], rows.shapes[met], list(rows.features))
+        odds[:, own] = fitted.odds(x[own])
+    return 1.0 / (1.0 + np.exp(-odds.mean(0)))
 
 
-def cells(rows: Rows) -> list[tuple[str, NDArray[np.bool_]]]:
-    """Return the cells of friction and mass: what each is called, and which rows are in it."""
-    friction, found = rows.features["friction"], []
+def predicted(model: Model, rows: Rows, outcome: str) -> Array:
+    """Return the probabilities (N,) of a model."""
+    each = [dict(zip(rows.features, row, strict=True)) for row in rows.matrix]
+    return np.array([model.chances(one)[outcome].value for one in each])
+
+
+def cells(rows: Rows) -> Iterator[NDArray[np.bool_]]:
+    """Yield which rows are in each cell of friction and mass."""
+    friction = rows.features["friction"]
     for low, high in pairwise(FRICTIONS):
         for least, most in pairwise(MASSES):
             # A factor of 1, the commonest, is in one cell only.
             below = rows.factor <= most if most == MASSES[-1] else rows.factor < most
-            inside = (friction >= low) & (friction <= high) & (rows.factor >= least) & below
-            found.append((f"friction {low} to {high}, mass {least} to {most}", inside))
-    return found
+            yield (friction >= low) & (friction <= high) & (rows.factor >= least) & below
 
 
-def figures(chance: Array, held: NDArray[np.bool_], bins: int = 10) -> dict[str, Any]:
-    """Return how many episodes there are and failed, the area, and what was said and came true in bins of equal width.
-
-    The calibration error is the mean distance of the two.
-    """
+def calibration(chance: Array, held: NDArray[np.bool_], bins: int) -> tuple[float, list[dict[str, Any]]]:
+    """Return the expected calibration error, and what was predicted and came true in bins of equal width."""
     at = np.minimum((chance * bins).astype(int), bins - 1)
     diagram, gaps = [], 0.0
     for inside in (at == k for k in np.unique(at)):
-        count, n, said = int(held[inside].sum()), int(inside.sum()), float(chance[inside].mean())
-        diagram.append({"said": said, "held": count, "of": n, "ci95": wilson_interval(count, n)})
-        gaps += abs(said - count / n) * n
+        count, n, mean = int(held[inside].sum()), int(inside.sum()), float(chance[inside].mean())
+        diagram.append({"predicted": mean, "held": count, "of": n, "ci95": wilson_interval(count, n)})
+        gaps += abs(mean - count / n) * n
+    return gaps / len(held), diagram
+
+
+def judged(rows: Rows, outcome: str, chance: Array) -> dict[str, Any]:
+    """Return how good probabilities are, over all rows and within cells of friction and mass, beside `load` alone."""
+    from sklearn.metrics import brier_score_loss, roc_auc_score
+
+    held = rows.held[outcome]
+    own = [inside for inside in cells(rows) if inside.any()]
+    told = [inside for inside in own if LEAST <= held[inside].sum() <= inside.sum() - LEAST]
+    error, diagram = calibration(chance, held, 10)
     return {
         "episodes": len(held),
         "failed": int((~held).sum()),
-        "area": auc(chance, held),
-        "calibration_error": gaps / len(held) if len(held) else None,
-        "diagram": diagram,
-    }
-
-
-def crossed(rows: Rows, outcome: str) -> dict[str, Any]:
-    """Return how good models are that met none of the shapes."""
-    said = foretold(rows, list(rows.features), outcome)
-    return judged(rows, outcome, said, foretold(rows, list(GIVEN), outcome)[0])
-
-
-def tried(model: Model, met: Rows, rows: Rows, outcome: str) -> dict[str, Any]:
-    """Return how good a model is on rows of other shapes than it was fitted on, `met`."""
-    each = [dict(zip(rows.features, row, strict=True)) for row in rows.matrix]
-    said = np.array(
-        [getattr(model.chances(one)[outcome], end) for one in each for end in ("value", "low", "high")]
-    )
-    x, x0 = (np.stack([r.features[name] for name in GIVEN], 1) for r in (rows, met))
-    given = Ensemble(x0, met.held[outcome], met.shapes, list(GIVEN)).odds(x).mean(0)
-    value, low, high = said.reshape(-1, 3).T
-    return judged(rows, outcome, (value, low, high), given)
-
-
-def judged(rows: Rows, outcome: str, said: tuple[Array, Array, Array], given: Array) -> dict[str, Any]:
-    """Return how good probabilities are, beside load alone, and what friction and mass alone give."""
-    held, (chance, low, high) = rows.held[outcome], said
-    scores = {"area": chance, "area_load": rows.load, "area_given": given}
-    table = []
-    for name, inside in cells(rows):
-        row = {"cell": name, **figures(chance[inside], held[inside], 5)}
-        del row["area"], row["diagram"]
-        if min(row["failed"], row["episodes"] - row["failed"]) >= LEAST:
-            row |= {key: auc(score[inside], held[inside]) for key, score in scores.items()}
-        table.append(row)
-    told = [row for row in table if "area" in row]
-    sets = {
-        "varied": np.char.startswith(rows.shapes, "varied"),
-        "outside": np.char.find(rows.shapes, "outside") >= 0,
-        **{name: rows.planner == name for name in np.unique(rows.planner)},
-        **{name: rows.seen == name for name in np.unique(rows.seen)},
-    }
-    errors = [row["calibration_error"] for row in table if row["episodes"]]
-    return {
-        **figures(chance, held),
-        **{key: auc(score, held) for key, score in scores.items()},
         "shapes": len(np.unique(rows.shapes)),
-        "cells_told": len(told),
-        **{f"{key}_of_cells": float(np.mean([row[key] for row in told])) if told else None for key in scores},
-        "calibration_error_of_cells": float(np.mean(errors)),
-        "brier": float(((chance - held) ** 2).mean()),
-        "interval_width": float((high - low).mean()),
-        "cells": table,
-        "sets": {name: figures(chance[of], held[of]) for name, of in sets.items() if of.any()},
+        "area": roc_auc_score(held, chance),
+        **{
+            f"{name}_of_cells": float(
+                np.mean([roc_auc_score(held[inside], score[inside]) for inside in told])
+            )
+            for name, score in (("area", chance), ("area_load", rows.load))
+            if told
+        },
+        "calibration_error": error,
+        "calibration_error_of_cells": float(np.mean([calibration(chance[i], held[i], 5)[0] for i in own])),
+        "brier": brier_score_loss(held, chance),
         "sure": [
             {"at_least": p, "answered": int((chance >= p).sum()), "held": int(held[chance >= p].sum())}
             for p in (0.8, 0.9, 0.95, 0.98)
         ],
+        "diagram": diagram,
     }
 
 
@@ -277,19 +240,15 @@ def plot(path: Path, found: dict[str, Any]) -> None:
     """Draw the reliability diagrams."""
     from matplotlib.figure import Figure
 
-    names = ["all", "varied", "outside", "one_view", "miscalibrated", "held_out"]
-    names = names if "held_out" in found[OUTCOMES[0]] else names[:-1]
-    figure = Figure(figsize=(3 * len(names), 6.4), layout="constrained")
-    for k, axes in enumerate(figure.subplots(2, len(names), sharex=True, sharey=True).ravel()):
-        outcome, name = OUTCOMES[k // len(names)], names[k % len(names)]
-        one = found[outcome]
-        bins = {"all": one, "held_out": one.get("held_out"), **one["sets"]}[name]["diagram"]
-        said, share = [b["said"] for b in bins], [b["held"] / b["of"] for b in bins]
-        around = [[s - b["ci95"][0], b["ci95"][1] - s] for b, s in zip(bins, share, strict=True)]
+    figure = Figure(figsize=(3 * len(found), 3.2), layout="constrained")
+    for axes, (name, one) in zip(figure.subplots(1, len(found), sharey=True), found.items(), strict=True):
+        bins = one["diagram"]
+        share = np.array([b["held"] / b["of"] for b in bins])
+        around = np.abs(np.transpose([b["ci95"] for b in bins]) - share)
         axes.plot([0, 1], [0, 1], color="0.8")
-        axes.errorbar(said, share, np.abs(np.transpose(around)), fmt="o", markersize=4)
-        axes.set_title(f"{outcome}, {name}", fontsize=9)
-    figure.supxlabel("probability said")
+        axes.errorbar([b["predicted"] for b in bins], share, around, fmt="o", markersize=4)
+        axes.set_title(name, fontsize=9)
+    figure.supxlabel("predicted probability")
     figure.supylabel("share that held")
     figure.savefig(path, dpi=90)
 
@@ -303,20 +262,17 @@ class Fit(Script):
 
     def run(self) -> int:
         rows = read_rows(self.data)
-        found = {outcome: crossed(rows, outcome) for outcome in OUTCOMES}
+        found = {name: judged(rows, name, foretold(rows, name)) for name in OUTCOMES}
         if self.out:
             model = write_model(self.out, rows, self._robot(), _card(found))
             print(f"wrote {self.out}, {self.out.stat().st_size / 1e3:.0f} kB, {model.hash}")
             if self.held_out:
                 others = read_rows(self.held_out)
                 for name in OUTCOMES:
-                    found[name]["held_out"] = tried(model, rows, others, name)
+                    found[f"{name}, held out"] = judged(others, name, predicted(model, others, name))
         write_json(self.data / "judged.json", found)
         plot(self.data / "judged.png", found)
-        for outcome, one in found.items():
-            for kind, of in (("crossed", one), ("held out", one.get("held_out", {}))):
-                figures = {key: value for key, value in of.items() if not isinstance(value, dict | list)}
-                print(outcome, kind, json.dumps(figures))
+        print(json.dumps({name: one | {"diagram": None} for name, one in found.items()}, indent=1))
         return 0
 
     def _robot(self) -> str:

@@ -26,7 +26,7 @@ import hypothesis
 import numpy as np
 import trimesh
 import yaml
-from fuzz_shapes import Rng, cloud_of, mesh_of, pointing
+from fuzz_shapes import Rng, cloud_of, mesh_of, target_options
 from hypothesis import HealthCheck, strategies
 from hypothesis.database import DirectoryBasedExampleDatabase
 
@@ -177,7 +177,14 @@ def _cloud(draw: Draw, good: Path, here: Path) -> list[str]:
     points = cloud_of(draw)
     np.save(here / "cloud.npy", points)
     listed = ["--objects"] if draw.upto(1) else []
-    return ["plan", "--cloud", str(here / "cloud.npy"), *pointing(draw, points, here), *listed, "--json"]
+    return [
+        "plan",
+        "--cloud",
+        str(here / "cloud.npy"),
+        *target_options(draw, points, here),
+        *listed,
+        "--json",
+    ]
 
 
 def _grasp(draw: Draw, good: Path, here: Path) -> list[str]:

@@ -117,7 +117,7 @@ def cloud_of(draw: Any) -> Array:
     return points
 
 
-def pointing(draw: Any, points: Array, here: Path) -> list[str]:
+def target_options(draw: Any, points: Array, here: Path) -> list[str]:
     """Return options that point at something in a cloud, or at nothing."""
     rng, n, way, size = draw.rng(), len(points), draw.upto(4), draw.one((0.005, 0.05, 0.1, 1.0, -0.1))
     at = points[draw.upto(n - 1)] if n and draw.upto(4) else rng.choice([0.0, 0.5, -3.0, np.nan, 1e300], 3)

@@ -3,11 +3,9 @@
     python scripts/soak.py [--steps 12000] [--objects all20 ycb6] [--vector 16]
     python scripts/soak.py --plans 10000 [--robots default FILE]
 
-Prints steps or plans, endings, warnings of the physics engine and the process's memory; exits with 1 if a number was
-not finite, if the same environments or plans held 50 MB more in the last turn through all of them than in the turn in
-which the first thousand episodes or plans were over, or if the last tenth of the plans of a scene took 5 % longer than
-the first. Memory is judged from two turns on: fewer tell caches that fill from leaks no more than environments of one
-size from another's.
+Exits with 1 if a number was not finite, if the same environments or plans held 50 MB more in the last turn through all
+of them than in the turn in which the first thousand episodes or plans were over, or if the last tenth of the plans took
+5 % longer than the first. Memory is judged from two turns on: fewer do not tell caches that fill from leaks.
 """
 
 import ctypes
@@ -29,6 +27,7 @@ import numpy as np
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.command import Script
 from dexgrasp.cli.commands import run_script
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.valid import Count, Natural
@@ -48,12 +47,15 @@ class Soak:
     """Result of a run.
 
     Attributes:
+        again: how many environments or plans there are before the same ones come again.
+        steps: or plans.
         not_finite: how many environments had a number gone wrong, once a step.
         memory_mb: (environments or plans,) resident after each, in their order.
         settled: how many of these there were when the first `SETTLED` episodes or plans were over.
-        again: how many there are before the same ones come again.
+        seconds: (plans,) of processor time, in their order.
     """
 
+    again: int = 1
     steps: int = 0
     episodes: int = 0
     not_finite: int = 0
@@ -61,7 +63,7 @@ class Soak:
     warnings: Counter[str] = field(default_factory=Counter)
     memory_mb: list[float] = field(default_factory=list)
     settled: int = 0
-    again: int = 1
+    seconds: list[float] = field(default_factory=list)
 
     @property
     def growth_mb(self) -> float:
@@ -69,27 +71,6 @@ class Soak:
         turns = self._turns(self.memory_mb)
         first = min(self.settled // self.again, len(turns) - 2)
         return float(np.median(turns[-1] - turns[first])) if len(turns) > 1 else float("nan")
-
-    @property
-    def is_clean(self) -> bool:
-        """No number gone wrong, memory flat."""
-        return self.not_finite == 0 and not self.growth_mb > GROWTH_MB
-
-    def _turns(self, values: list[float]) -> np.ndarray:
-        """(turns, again): the whole ones."""
-        whole = len(values) // self.again * self.again
-        return np.array(values[:whole]).reshape(-1, self.again)
-
-
-@dataclass
-class PlanSoak(Soak):
-    """Results of plans; a plan is a step.
-
-    Attributes:
-        seconds: (plans,) of processor time, in their order.
-    """
-
-    seconds: list[float] = field(default_factory=list)
 
     @property
     def slowdown(self) -> float:
@@ -100,8 +81,20 @@ class PlanSoak(Soak):
 
     @property
     def is_clean(self) -> bool:
-        """Memory flat, and no slower at the end."""
-        return super().is_clean and not self.slowdown > SLOWER
+        """No number gone wrong, memory flat, and no slower at the end."""
+        return self.not_finite == 0 and not self.growth_mb > GROWTH_MB and not self.slowdown > SLOWER
+
+    def note_memory(self, over: int) -> None:
+        """Take down the memory that the process holds, where so many episodes or plans are over."""
+        self.memory_mb.append(memory_mb())
+        if over < SETTLED:
+            self.settled = len(self.memory_mb)
+        print(f"{self.steps} steps, {self.memory_mb[-1]:.0f} MB", file=sys.stderr)
+
+    def _turns(self, values: list[float]) -> Array:
+        """(turns, again): the whole ones."""
+        whole = len(values) // self.again * self.again
+        return np.array(values[:whole]).reshape(-1, self.again)
 
 
 def memory_mb() -> float:
@@ -121,7 +114,7 @@ def run(
     ids = ids or sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
     kinds: list[tuple[str, str, dict[str, Any]]] = [(name, mode, {}) for mode in MODES for name in ids]
     kinds += [("DexGrasp/Lift-v2", MODES[0], {"obs_mode": mode}) for mode in ("depth", "pointcloud")]
-    soak = Soak(again=len(kinds))
+    soak = Soak(len(kinds))
     for name, mode, more in cycle(kinds):
         if more or "View" in name:
             more = more | {"observe": "reset"}
@@ -131,20 +124,20 @@ def run(
         most = 2 * episode + 2  # and a step for each reset
         act(envs, min(most, -(-(steps - soak.steps) // number)), rng, soak)
         envs.close()
-        _note_memory(soak, soak.episodes, f"{name} {mode}")
+        soak.note_memory(soak.episodes)
         if soak.steps >= steps:
             break
     return soak
 
 
-def run_plans(plans: int, objects: list[str], robots: list[str], *, scenes: int = 2) -> PlanSoak:
+def run_plans(plans: int, objects: list[str], robots: list[str], *, scenes: int = 2) -> Soak:
     """Look and plan, with objects and robots in turns; every object in `scenes` scenes, then the same again."""
     from dexgrasp.planning.scene_setup import look_at
     from dexgrasp.registry import make_agent
 
     agents = {robot: make_agent("bilevel") for robot in robots}
     turns = list(product(range(scenes), resolve_targets(objects), robots))
-    soak = PlanSoak(again=len(turns))
+    soak = Soak(len(turns))
     for seed, name, robot in islice(cycle(turns), plans):
         look = look_at(name, agents[robot], seed, robot=None if robot == "default" else robot)
         began = process_time()
@@ -152,16 +145,8 @@ def run_plans(plans: int, objects: list[str], robots: list[str], *, scenes: int 
         soak.seconds.append(process_time() - began)
         soak.steps += 1
         soak.endings["planned" if found.success else str(found.shortfall)] += 1
-        _note_memory(soak, soak.steps, every=20)
+        soak.note_memory(soak.steps)
     return soak
-
-
-def _note_memory(soak: Soak, over: int, after: str = "", every: int = 1) -> None:
-    soak.memory_mb.append(memory_mb())
-    if over < SETTLED:
-        soak.settled = len(soak.memory_mb)
-    if len(soak.memory_mb) % every == 0:
-        print(f"{soak.steps} steps, {soak.memory_mb[-1]:.0f} MB {after}".rstrip(), file=sys.stderr)
 
 
 def act(envs: Any, steps: int, rng: np.random.Generator, soak: Soak) -> None:
@@ -211,17 +196,12 @@ class Soaking(Script):
 
     def run(self) -> int:
         if self.plans:
-            soak: Soak = run_plans(self.plans, list(self.objects), list(self.robots))
+            soak = run_plans(self.plans, list(self.objects), list(self.robots))
         else:
             soak = run(self.steps, list(self.objects), self.vector, seed=self.seed)
         print(f"{soak.steps} steps, {soak.episodes} episodes; endings {dict(soak.endings)}")
         print(f"numbers gone wrong {soak.not_finite}; warnings {dict(soak.warnings) or 'none'}")
-        if isinstance(soak, PlanSoak):
-            print(f"the same plan took {soak.slowdown:.3f} of its first time at the end")
-        memory, grown = soak.memory_mb, soak.growth_mb
-        print(
-            f"memory {memory[0]:.0f} to {memory[-1]:.0f} MB, {grown:+.1f} MB of the same from first to last"
-        )
+        print(f"memory {soak.growth_mb:+.1f} MB, time x {soak.slowdown:.3f}, of the same from first to last")
         print("clean" if soak.is_clean else "NOT CLEAN")
         return int(not soak.is_clean)
 

@@ -34,22 +34,6 @@ def sample_can(n, rng, radius=0.033, half=0.05):
     return points, np.where(wall[:, None], ring, end[:, None] * up)
 
 
-def project_to_cone(forces, normals, mu):
-    """Return the nearest forces (N, 3) in the exact friction cones (Eq. 1)."""
-    press = -(forces * normals).sum(-1, keepdims=True)
-    tangent = forces + press * normals
-    size = np.linalg.norm(tangent, axis=-1, keepdims=True)
-    along = np.maximum(0.0, (press + mu * size) / (1.0 + mu * mu))
-    direction = np.divide(tangent, size, out=np.zeros_like(tangent), where=size > 0)
-    onto = along * (mu * direction - normals)
-    return np.where(size <= mu * press, forces, np.where(mu * size <= -press, 0.0, onto))
-
-
-def cone_distance(forces, normals, mu):
-    """Return the distances [N] (N,) of forces (N, 3) from the exact cones: 0 inside."""
-    return np.linalg.norm(forces - project_to_cone(forces, normals, mu), axis=-1)
-
-
 def pyramid_violation(forces, normals, mu):
     """Return by how much [N] forces (N, 3) break Eq. 2: max(-press, |f.t_j| - mu press); <= 0 inside."""
     press = -(forces * normals).sum(-1)

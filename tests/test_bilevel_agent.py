@@ -17,7 +17,6 @@ from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.agents.stages import LiftAndHold
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.trial import run_trial
-from dexgrasp.geometry.completion import target_of
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.carrying import GuardedCarry
@@ -26,7 +25,6 @@ from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.plan_scene import plan_scene
 from dexgrasp.planning.result import PlansGrasps
 from dexgrasp.planning.scene_setup import look_at
-from dexgrasp_env.perception.scene import Scene
 
 COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
 
@@ -215,14 +213,6 @@ def test_an_object_out_of_reach_is_a_reason_too(attempt, agent):
         agent.act(attempt.observation)
 
 
-def test_points_that_are_not_numbers_are_left_out(attempt):
-    cloud, mask = attempt.observation["cloud"].copy(), attempt.observation["cloud_mask"].copy()
-    whole = target_of(Scene.of_observation(attempt.observation))
-    cloud[np.flatnonzero(mask)[::7]] = np.nan
-    holed = target_of(Scene.of_observation({**attempt.observation, "cloud": cloud}))
-    assert np.abs(holed.hull.bounds - whole.hull.bounds).max() < 0.01
-
-
 def test_recovers_after_a_failure_and_before_any_reset_has_no_plan(attempt):
     fresh = BilevelAgent(proposals="surface")
     with refused("no plan"):
@@ -339,15 +329,6 @@ def test_the_squeeze_presses_from_where_the_joints_stand(attempt):
     for columns in COLUMNS:
         pressed = stand[columns] + np.clip(torque[columns], -0.7, 0.7) / 10.0
         assert_allclose(targets[-1][columns], np.clip(pressed, LOWER[columns], UPPER[columns]), atol=2e-4)
-
-
-def test_the_arm_alone_moves_in_the_lift(attempt):
-    *_, targets, held = closing(attempt, (0.9, 0.9, 0.9))
-    q, execution = targets[-1].copy(), GuardedCarry(held)
-    lifted = np.array([denormalise(execution.action(q), ROBOT) for _ in range(200)])
-    assert_allclose(lifted[:, 7:], np.broadcast_to(lifted[0, 7:], lifted[:, 7:].shape), atol=1e-6)
-    rise = tips(lifted[-1])[:, 2].mean() - tips(targets[0])[:, 2].mean()
-    assert rise > 0.1
 
 
 def test_works_without_torch_and_the_same_in_another_process(attempt):

@@ -1,7 +1,5 @@
 """The turn in the air: what it wins, where the object goes, what the fingers then press with."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal, assert_array_less
@@ -141,9 +139,3 @@ def test_one_free_finger_of_what_hangs_is_no_loss(heavy, free, turned, lost):
             for columns in (slice(19, 23), slice(7, 11), slice(11, 15))[:free]:
                 q[columns] = execution._pressed[columns]
     assert execution.lost == lost
-
-
-def test_without_a_certificate_of_weakness_nothing_is_planned(heavy):
-    plan, target, _ = heavy
-    strong = replace(plan.grasp, certificate=replace(plan.grasp.certificate, capacity=ENOUGH))
-    assert plan_turn(strong, plan.script, GraspProblem(target, CELL, SETTINGS)) is None

@@ -9,8 +9,6 @@ import sys
 import time
 
 import pytest
-import trimesh
-from processes import typed
 from refusals import refused
 from trial_rows import row
 
@@ -158,17 +156,6 @@ def test_several_protocols_are_counted_apart():
     assert {name: part["rate"] for name, part in agent["by_protocol"].items()} == {"lift": 1.0, "heavy": 0.0}
 
 
-def test_identity_changes_with_the_content(tmp_path):
-    mesh = tmp_path / "thing.stl"
-    mesh.write_text("one")
-    settings = EvaluationSettings(("random",), (str(mesh),))
-    before, folder = settings.identity(), settings.default_folder()
-    assert settings.default_folder() == folder
-    mesh.write_text("two")
-    assert settings.identity() != before
-    assert settings.default_folder() != folder
-
-
 def test_identity_knows_every_file(tmp_path, monkeypatch):
     """Meshes of one name, checkpoints and the settings beside them, a path from home."""
     monkeypatch.setenv("HOME", str(tmp_path))
@@ -259,20 +246,6 @@ def test_every_mesh_is_looked_at_before_the_first_trial(tmp_path):
     with refused(r"bad\.obj"):
         evaluate(settings, tmp_path / "out")
     assert not (tmp_path / "out" / "trials.jsonl").exists()
-
-
-def test_a_mesh_by_a_link_of_another_name_loses_no_trial(tmp_path, capsys):
-    trimesh.creation.box((0.05, 0.06, 0.08)).export(tmp_path / "plain.stl")
-    link = tmp_path / "link2.stl"
-    link.symlink_to("plain.stl")
-    out = tmp_path / "run"
-    command = ["evaluate", "--agents", "bilevel", "--objects", str(link), "soda", "--trials", "1"]
-    assert main([*command, "--out", str(out)]) == 0
-    rows = {row["object"]: row for row in read_rows(out)}
-    assert set(rows) == {"link2", "soda"}
-    assert json.loads((out / rows["link2"]["grasp"]).read_text())["object"]["source"] == str(link)
-    capsys.readouterr()
-    assert typed(f"plan {link} --json") == 0
 
 
 def test_fewer_trials_than_asked_for_are_no_success(tmp_path, monkeypatch, capsys):

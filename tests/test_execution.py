@@ -21,7 +21,7 @@ from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
 from dexgrasp.motion.timing import round_corners, time_path, within_limits
-from dexgrasp_env.robot.model import compiled_robot, posed, robot_spec
+from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 
@@ -54,27 +54,6 @@ def test_home_is_free_and_inside_the_table_is_not():
     assert contact.bodies[1] == "table"
 
 
-def test_what_the_checker_calls_free_the_simulation_does_not_touch():
-    spec = robot_spec(CELL)
-    size = np.array([0.04, 0.09, 0.45])
-    spec.worldbody.add_geom(
-        name="tower", type=mujoco.mjtGeom.mjGEOM_BOX, size=size / 2, pos=[0.5, 0, size[2] / 2]
-    )
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    tower = model.geom("tower").id
-    checker = CollisionChecker(CELL, TOWER, margin=0.0)
-    free = 0
-    for share in np.linspace(0, 1, 200):
-        q = LEFT + share * (RIGHT - LEFT)
-        data.qpos[:] = q
-        mujoco.mj_forward(model, data)
-        touches = bool((data.contact.geom == tower).any())
-        free += checker.free(q)
-        assert not (touches and checker.free(q))
-    assert free > 60
-
-
 def test_start_within_the_margin_can_be_left_but_deep_contact_cannot():
     checker = CollisionChecker(CELL, TOWER, margin=0.5)
     assert not checker.free(LEFT)
@@ -98,7 +77,7 @@ def test_bodies_that_spheres_tell_nothing_of_are_kept_apart_by_their_shapes(monk
     monkeypatch.setattr(shapes, "_left_out", shapes._left_out.__wrapped__)
     model = compiled_robot(CELL)
     free = left = 0
-    for q in ROBOT.drawn(100):
+    for q in ROBOT.drawn(50):
         q[: len(ROBOT.arm.bodies) - 1] = HOME[: len(ROBOT.arm.bodies) - 1]
         checker, path = CollisionChecker(CELL, None, shapes.LEAST), np.stack([HOME, q])
         contact = checker.first_contact(path)
@@ -112,7 +91,7 @@ def test_bodies_that_spheres_tell_nothing_of_are_kept_apart_by_their_shapes(monk
         checker.allow(q)
         assert checker.free(q) == (apart > -5e-4)
         left += shapes.LEAST > apart > -5e-4
-    assert 10 < free < 90
+    assert 5 < free < 45
     assert left
 
 
@@ -124,14 +103,6 @@ def test_straight_way_through_the_tower_is_avoided_the_same_way_twice():
     assert checker.first_contact(path) is None
     assert_array_equal(path, plan_arm(checker, LEFT, RIGHT))
     assert_array_equal(path[[0, -1]], [LEFT, RIGHT])
-
-
-def test_script_around_the_tower_is_free_and_reproducible():
-    motion = GraspMotion(RIGHT, RIGHT, RIGHT)
-    script, again = (make_script(LEFT, motion, TOWER, CELL) for _ in range(2))
-    assert_array_equal(script.targets, again.targets)
-    approach = np.concatenate([LEFT[None], script.phases["approach"]])
-    assert CollisionChecker(CELL, TOWER, margin=0.002).first_contact(approach) is None
 
 
 def test_pregrasp_inside_the_object_is_reported_with_the_bodies():

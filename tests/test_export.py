@@ -21,7 +21,7 @@ from dexgrasp.export.read import read_trajectory
 from dexgrasp.export.replay import replay
 from dexgrasp.export.scene_folder import write_scene
 from dexgrasp.export.time_law import Limits, timed
-from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_trajectory
+from dexgrasp.export.trajectory import ARM_TICK, Waypoints, make_trajectory
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp_env.objects.load import load_object
@@ -95,15 +95,6 @@ def test_a_way_along_the_ends_of_joint_ranges_stays_inside():
     for rows, part in ((made.arm, slice(0, 7)), (made.hand, slice(7, 23))):
         assert (rows >= LOWER[part]).all()
         assert (rows <= UPPER[part]).all()
-
-
-def test_arm_and_hand_end_together_and_segments_follow_each_other(trajectory):
-    assert len(trajectory.arm) == 1 + HAND_EVERY * (len(trajectory.hand) - 1)
-    names = [name for name, _, _ in trajectory.segments]
-    assert names == ["approach", "close", "squeeze", "lift"]
-    ends = [end for _, _, end in trajectory.segments]
-    assert [start for _, start, _ in trajectory.segments][1:] == ends[:-1]
-    assert ends[-1] == pytest.approx(ARM_TICK * (len(trajectory.arm) - 1))
 
 
 def test_a_good_trajectory_passes_every_check(folder):

@@ -76,14 +76,6 @@ def test_gradient_and_hessian_agree_with_finite_differences(name, request):
     assert np.mean(agree) > 0.99  # a point within the step of a feature's border has two Hessians
 
 
-def test_gradient_is_continuous_outside(can):
-    points = scatter(np.random.default_rng(3), 2000)
-    points = points[can.distance(points) > 5e-3]
-    near = points + 1e-8 * np.random.default_rng(4).normal(size=points.shape)
-    change = np.abs(can.distance_gradient(points)[1] - can.distance_gradient(near)[1])
-    assert change.max() < 1e-4
-
-
 def test_compiled_function_and_batch_give_the_same_bits(can):
     points, g = scatter(np.random.default_rng(5), 50), np.empty(3)
     distances, gradients = can.distance_gradient(points)
@@ -123,10 +115,6 @@ def test_curvature_of_a_union_is_that_of_its_nearest_part(hammer):
         d = convex_distance_hessian(p, part.obstacle, g, expected)
         assert convex_distance_hessian(p, union.obstacle, g, H) == d
         assert_array_equal(H, expected)
-
-
-def test_a_union_of_one_is_that_one(hammer):
-    assert ConvexDistance.union(hammer[:1]) is hammer[0]
 
 
 def test_simplified_hull_keeps_its_stated_error():

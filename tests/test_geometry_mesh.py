@@ -57,14 +57,6 @@ def test_on_the_surface_the_gradient_is_the_normal(box):
     assert_allclose(closest_on_mesh(box, top).gradients, [[0, 0, 1]], atol=1e-12)
 
 
-def test_exact_agrees_with_trying_every_triangle(torus, points):
-    some = points[:20]
-    queries = np.repeat(some, len(torus.faces), 0)
-    nearest = trimesh.triangles.closest_point(np.tile(torus.triangles, (20, 1, 1)), queries)
-    expected = np.linalg.norm(nearest - queries, axis=1).reshape(20, -1).min(axis=1)
-    assert_allclose(np.abs(closest_on_mesh(torus, some).distances), expected, atol=1e-15)
-
-
 def test_exact_sign_at_a_knife_edge():
     """Where the nearest feature is an edge or vertex, either face's own normal would give a wrong sign."""
     wedge = trimesh.convex.convex_hull([[0, -0.05, 0], [0, 0.05, 0], [0.1, -0.05, 0.002], [0.1, 0.05, 0.002],

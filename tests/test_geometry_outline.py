@@ -38,8 +38,3 @@ def test_ends_where_the_hull_of_fewer_holds_all():
     octahedron = np.concatenate([np.eye(3), -np.eye(3)])
     inside = 0.2 * ball(50) / 0.05
     assert sorted(extreme_points(np.concatenate([octahedron, inside]), 30)) == list(range(6))
-
-
-def test_the_same_points_give_the_same_choice():
-    points = cube(5)
-    np.testing.assert_array_equal(extreme_points(points, 30), extreme_points(points.copy(), 30))

@@ -32,11 +32,6 @@ def test_samples_are_spread_evenly():
     assert gaps.min() > 0.55 * packed  # uniform random points: about 0.03
 
 
-def test_samples_are_shared_by_area(box):
-    counts = np.bincount(triangle_samples(box.triangles, 2048, 2).faces, minlength=12)
-    assert_allclose(counts / 2048, box.area_faces / box.area, atol=0.01)
-
-
 def test_samples_depend_on_the_seed_only(box):
     first, same, other = (triangle_samples(box.triangles, 256, seed).points for seed in (3, 3, 4))
     assert_array_equal(first, same)

@@ -79,15 +79,6 @@ def test_files_of_other_schemas_are_refused_in_a_line(schema, words, contents):
         record_of(contents["pear"] | {"schema": schema})
 
 
-def test_parts_are_read_as_they_were_planned_on(contents, tmp_path):
-    assert len(contents["pear"]["parts"]) == 1
-    write_grasp(tmp_path / "g.json", contents["hammer"])
-    record = read_grasp(tmp_path / "g.json")
-    assert [len(part) for part in record.parts] == [8, 8]
-    assert np.ptp(record.parts[1], axis=0) == pytest.approx([0.035, 0.11, 0.05])
-    assert_array_equal(np.concatenate(record.parts), np.concatenate(contents["hammer"]["parts"]))
-
-
 def drop(key):
     return lambda c: c.pop(key)
 
@@ -106,58 +97,39 @@ def put(key, value, *inner):
     ("change", "words"),
     [
         (put("schema", 4), "schema 3"),
-        (put("schema", 1), "schema 3"),
-        (drop("schema"), "schema 3"),
         (drop("q"), "q"),
-        (drop("thresholds"), "thresholds"),
-        (drop("parts"), "parts"),
         (put("q", [0.0] * 22), "q, pregrasp, grasp and squeeze have 23"),
         (put("q", ["a"] * 23), "q is"),
         (put("q", None), "q is None: valid is finite numbers"),
         (put("contacts", []), "contacts is .*: valid is a list of 2"),
         (put("force", [0.0, 1.0], "contacts", 1), r"contact 1 force is .* \(3\)"),
-        (put("force", [0, 0, 1e9], "contacts", 2), "contact 2 force is"),
         (put("finger", "index", "contacts", 0), "different fingers"),
         (put("finger", "toe", "contacts", 0), "fingers of index, middle, ring, thumb"),
-        (put("finger", [], "contacts", 0), "contact 0 finger is"),
-        (put("squeeze", [1e7] * 23), "squeeze is"),
         (put("parts", []), "parts is .*: valid is 1 to 64"),
         (put("parts", [[[0, 0, 0]] * 3]), "parts is .* 4 or more corners"),
-        (put("parts", [[[0.0, 0.0, 1e9]] * 8]), "parts is"),
         (put("parts", [[[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0], [0.1, 0.1, 0]]]), "parts is .* around a volume"),
         (put("neighbours", None), "neighbours is None"),
         (put("neighbours", [3]), "neighbour 0 is no mapping"),
-        (put("neighbours", [{"name": None, "pose": [1], "parts": []}]), "neighbour 0 pose is"),
         (put("robot", "simulated"), "grasp"),
         (put("hash", None, "robot"), "robot hash"),
         (put("table_height", "low"), "table_height"),
         (put("holds_probability", 1.5), "holds_probability"),
         (put("mount", "sideways"), "palm_normal"),
         (put("mass", "heavy", "certificate"), "mass"),
-        (put("mass", False, "certificate"), "mass"),
-        (put("mass", -1.0, "certificate"), "mass"),
         (put("known_mass", 10**400, "object"), "cut off"),
         (put("scale", True, "object"), "scale"),
-        (put("object", "pear"), "grasp"),
         (put("setpoints", [[0.0] * 23], "script", "phases", 0), "setpoints"),
         (put("setpoints", [[0.0] * 22] * 3, "script", "phases", 1), "setpoints of 23 numbers"),
-        (put("times", "now", "script", "phases", 1), "times"),
         (put("name", "turn", "script", "phases", 1), "phase 1 name is .*: valid is approach, lift"),
         (put("name", "approach", "script", "phases", 1), "phases are approach and lift"),
         (put("lift_height", 3.0, "script"), "lift_height"),
         (put("holds", 1, "certificate"), "holds"),
         (put("hull_offset", None), "go together"),
-        (drop("script"), "script"),
-        (drop("units"), "units"),
         (put("agent", 3), "agent"),
         (put("distance", [0.0, 0.0, 0.0], "thresholds"), "distance"),
-        (put("friction", None, "thresholds"), "friction"),
         (put("friction", -0.5, "thresholds"), "friction"),
         (put("certificate", {}), "distances_cm is missing"),
-        (put("certificate", None), "grasp"),
         (put("distances_cm", [0.1, 0.2], "certificate"), "distances_cm"),
-        (put("distances_cm", ["a", "b", "c"], "certificate"), "grasp"),
-        (put("closure_margin", None, "certificate"), "closure_margin"),
         (put("min_clearance_m", "much", "certificate"), "grasp"),
         (put("T_world_object", [[1.0]]), "T_world_object"),
     ],

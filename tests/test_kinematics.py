@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
-from refusals import refused
 from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
 
 from dexgrasp.geometry.convex import ConvexDistance
@@ -139,13 +138,6 @@ def test_tip_jacobians_are_mujocos(mount):
             assert_allclose(ours[i], J, atol=1e-12)
 
 
-def test_limits_and_unknown_mount():
-    assert_array_equal(robot_tree(CELL).lower, LOWER)
-    assert_array_equal(robot_tree(CELL).upper, UPPER)
-    with refused("valid are palm_normal"):
-        robot_tree(CELL.mounted("sideways"))
-
-
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_palm_ik_reaches_poses_that_can_be_reached(mount):
     """Goals are made from configurations, so every one can be reached; MuJoCo judges."""
@@ -180,37 +172,6 @@ def test_a_sheet_is_covered_by_few_spheres():
     assert len(spheres.radius) <= 20_000
     corner = np.linalg.norm(spheres.centre - [0.02, 1e-9, 5.0], axis=1)
     assert (corner <= spheres.radius + 1e-9).any()
-
-
-def test_spheres_cover_the_true_shapes_and_exceed_them_by_little():
-    model, _ = placed(HOME)
-    rng = np.random.default_rng(3)
-    checked = 0
-    for b, name in enumerate(BODIES):
-        own = slice(robot_tree(CELL).sphere_first[b], robot_tree(CELL).sphere_first[b + 1])
-        centres, radii = robot_tree(CELL).sphere_centre[own], robot_tree(CELL).sphere_radius[own]
-        for geom in range(model.ngeom):
-            if model.geom_bodyid[geom] != model.body(name).id or not model.geom_contype[geom]:
-                continue
-            size, kind = model.geom_size[geom], model.geom_type[geom]
-            if kind == mujoco.mjtGeom.mjGEOM_BOX:
-                local = rng.uniform(-1, 1, (500, 3)) * size
-                face = rng.integers(0, 3, 500)
-                local[np.arange(500), face] = size[face] * rng.choice([-1, 1], 500)
-            else:
-                direction = rng.normal(size=(500, 3))
-                direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-                local = size[0] * direction
-                local[:, 2] += np.sign(local[:, 2]) * size[1] * rng.random(500)
-            R = np.zeros(9)
-            mujoco.mju_quat2Mat(R, model.geom_quat[geom])
-            points = local @ R.reshape(3, 3).T + model.geom_pos[geom]
-            gap = (np.linalg.norm(points[:, None] - centres, axis=2) - radii).min(axis=1)
-            assert gap.max() < 1e-9, name
-            checked += 1
-    assert checked > 35
-    hand = slice(robot_tree(CELL).sphere_first[PALM + 1], None)
-    assert robot_tree(CELL).sphere_radius[hand].max() < 0.02
 
 
 def test_clearances_bound_the_true_distances_and_miss_nothing():
@@ -255,58 +216,6 @@ def test_thumb_beside_the_palm_is_within_half_a_millimetre():
                 assert true - value <= 0.00051
                 near += 1
     assert near > 1000
-
-
-def test_the_pairs_that_are_kept_are_all_that_collide():
-    """Whatever the simulation calls a self-collision is a row below zero, at random configurations."""
-    model, _ = world("palm_normal")
-    index = {model.body(name).id: i for i, name in enumerate(BODIES)}
-    collisions = 0
-    for q in anywhere(np.random.default_rng(7), 500):
-        q[15:19] = HOME[15:19]  # the ring finger takes no part
-        _, data = placed(q)
-        contacts = {
-            tuple(sorted(index.get(int(model.geom_bodyid[g]), -1) for g in pair))
-            for pair, distance in zip(data.contact.geom, data.contact.dist, strict=True)
-            if distance < -1e-4
-        }
-        contacts = {pair for pair in contacts if pair[0] >= 0}
-        if not contacts:
-            continue
-        below = {
-            tuple(sorted(key[1:]))
-            for key, (value, _) in clearances(q).items()
-            if value < 0 and key[0] == SELF
-        }
-        collisions += 1
-        assert contacts <= below, [[BODIES[b] for b in pair] for pair in contacts - below]
-    assert collisions > 100
-
-
-def test_gradients_of_clearances_are_their_differences():
-    """Central differences; a row whose nearest feature switches between the two sides has none and is left out."""
-    rng, h, checked, switched = np.random.default_rng(8), 1e-6, 0, 0
-    for q in around_the_object(rng, 12):
-        here = clearances(q)
-        differences = {key: np.zeros(23) for key in here}
-        kinks = set()
-        for j in range(23):
-            step = h * np.eye(23)[j]
-            up, down = clearances(q + step), clearances(q - step)
-            for key, (value, _) in here.items():
-                if key not in up or key not in down:
-                    kinks.add(key)
-                    continue
-                differences[key][j] = (up[key][0] - down[key][0]) / (2 * h)
-                if abs(up[key][0] + down[key][0] - 2 * value) > 1e-9:
-                    kinks.add(key)
-        switched += len(kinks)
-        for key, (_, row) in here.items():
-            if key not in kinks:
-                assert_allclose(row, differences[key], atol=2e-5, err_msg=str(key))
-                checked += 1
-    assert checked > 150
-    assert switched < 0.1 * checked
 
 
 def test_tips_of_grasping_fingers_may_touch_only_when_told():

@@ -12,7 +12,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from lift_envs import ID, assert_same, few, make, rollout, skip_without_gl
 from refusals import refused
-from robots import HOME, LOWER, ROBOT, UPPER, denormalise
+from robots import HOME, LOWER, ROBOT, UPPER
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.rendering import choose_gl
@@ -233,11 +233,6 @@ def test_set_points_keep_range_and_velocity(control_mode):
         assert np.all(np.abs(after - before) <= max_step(ROBOT) + 1e-12)
         assert np.all((after >= LOWER) & (after <= UPPER))
         before = after
-
-
-def test_positions_and_actions_are_inverse():
-    q = LOWER + np.random.default_rng(0).random((5, 23)) * (UPPER - LOWER)
-    np.testing.assert_allclose(denormalise(control.normalise(q, ROBOT), ROBOT), q, atol=1e-12)
 
 
 def test_ee_delta_moves_the_palm():

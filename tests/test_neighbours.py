@@ -1,7 +1,7 @@
 """Planning among neighbours: they are kept clear of from the approach to the end of the lift, and they are seen."""
 
 from dataclasses import replace
-from itertools import islice, product
+from itertools import product
 
 import gymnasium as gym
 import numpy as np
@@ -29,7 +29,7 @@ from dexgrasp.motion.script import check_way, make_script
 from dexgrasp.planning.certificate_builder import overlap, too_near
 from dexgrasp.planning.certifier import _in_the_way
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.postures import _has_room, atlas_postures
+from dexgrasp.planning.postures import _has_room
 from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.rearrange import plan_rearrangement
 from dexgrasp.planning.result import PlanResult
@@ -148,17 +148,6 @@ def test_a_hand_that_meets_a_neighbour_while_it_closes_is_refused(plans):
     assert any(check.name == "closing: clearance hand_neighbour" for check in found)
 
 
-def test_placements_with_room_come_first():
-    found = SurfaceProposals().propose(ALONE, PlannerSettings(), np.random.default_rng(0))
-    wall = (box(0.5, 0.075, (0.3, 0.04, 0.25)),)
-    alone, beside = (
-        GraspProblem(t, CELL, PlannerSettings()) for t in (ALONE, replace(ALONE, neighbours=(wall,)))
-    )
-    first = [[start.q for start in islice(atlas_postures(found, problem), 10)] for problem in (alone, beside)]
-    deep = [np.mean([max(overlap(q, beside), 0.0) for q in found]) for found in first]
-    assert deep[1] < 0.5 * deep[0]
-
-
 def test_a_field_tells_distances_between_its_nodes_and_nothing_beyond():
     shape, rng = ALONE.distance, np.random.default_rng(0)
     low, high = np.array([0.4, -0.1, 0.0]), np.array([0.6, 0.1, 0.2])
@@ -166,15 +155,6 @@ def test_a_field_tells_distances_between_its_nodes_and_nothing_beyond():
     off = [field_at(field, point) - shape.distance(point[None])[0] for point in points]
     assert np.abs(off).max() < 0.005
     assert field_at(field, low - 0.01) == field_at(field, high + 0.03) == np.inf
-
-
-def test_the_file_says_what_stands_around(plans):
-    found, target = plans[1].found[0], plans[1].target
-    record = planned_record("box", found.grasp, target, PlannerSettings(), script=found.script)
-    assert [np.array_equal(n.parts[0], s[0]) for n, s in zip(record.neighbours, SIDES, strict=True)] == [
-        True,
-        True,
-    ]
 
 
 def shell(x, y, size, seen=((1, 0), (-1, 0), (0, 1), (0, -1))):

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from oracles import cone_distance, project_to_cone, pyramid_violation
 from refusals import refused
 
 from dexgrasp.mechanics.cones import C, cone_edges, tangent_basis
@@ -29,32 +28,12 @@ def test_basis_is_continuous_at_the_normals_of_boxes(n):
         assert_allclose(moved, np.broadcast_to(at, moved.shape), atol=1e-5)
 
 
-def test_projection_is_the_nearest_point():
-    rng = np.random.default_rng(2)
-    n, f = unit(rng, 200), rng.normal(size=(200, 3))
-    nearest = project_to_cone(f, n, 0.6)
-    assert cone_distance(nearest, n, 0.6).max() < 1e-12
-    gap = f - nearest
-    assert_allclose((gap * nearest).sum(-1), 0, atol=1e-12)  # Moreau: the gap lies in the polar cone
-    inside = cone_edges(n, 0.6, 16).reshape(200, 16, 3)
-    assert (gap[:, None] * inside).sum(-1).max() < 1e-12
-
-
 @pytest.mark.parametrize("edges", [3, 4, 8])
 def test_edges_lie_on_the_exact_cone_and_press_one_newton(edges):
     n = unit(np.random.default_rng(3), 20)
     for edge in cone_edges(n, 0.5, edges).swapaxes(0, 1):
         assert_allclose(-(edge * n).sum(-1), 1.0)
         assert_allclose(np.linalg.norm(edge + n, axis=-1), 0.5)
-
-
-def test_the_oracles_tell_inside_from_outside():
-    n = unit(np.random.default_rng(3), 20)
-    t1, t2 = tangent_basis(n)
-    corner = -n + 0.5 * (t1 + t2)  # on the pyramid of Eq. 2, outside the exact cone
-    assert np.abs(pyramid_violation(corner, n, 0.5)).max() < 1e-12
-    assert (cone_distance(corner, n, 0.5) > 0.1).all()
-    assert (pyramid_violation(n, n, 0.5) > 0).all()  # pulling
 
 
 def test_a_pyramid_has_three_edges_at_least():

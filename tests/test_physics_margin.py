@@ -1,41 +1,9 @@
 import numpy as np
 import pytest
-from oracles import closed, directional_error, random_grasps, sample_box
-from refusals import refused
+from oracles import closed, random_grasps, sample_box
 
-from dexgrasp.grasp.verify.cones import conic_margin
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.margin import UNDEFINED, cone_margin, margins, margins_to
-from dexgrasp.mechanics.metrics import ferrari_canny
-
-
-def test_cone_margin_is_the_cone_programme():
-    P, N = random_grasps(150, 1)
-    values = margins(P, N, 0.5)
-    for p, n, known in zip(P, N, values, strict=True):
-        value, _, _, f = cone_margin(p, n, 0.5, shape_of(3))
-        assert value == known
-        assert value == pytest.approx(conic_margin(p, n, 0.5), rel=1e-6, abs=1e-6)
-        np.testing.assert_allclose(f.sum(0), 0, atol=1e-8)
-        np.testing.assert_allclose(np.cross(p, f).sum(0), 0, atol=1e-8)
-        press = -(f * n).sum(-1)
-        assert press.sum() == pytest.approx(1)
-        slack = press - np.linalg.norm(f + press[:, None] * n, axis=-1) / 0.5
-        assert 3 * slack.min() == pytest.approx(value, rel=1e-7, abs=1e-7)
-
-
-def test_gradients_against_finite_differences():
-    rng, errors = np.random.default_rng(3), []
-    for p, n in zip(*random_grasps(200, 2), strict=True):
-        turn = np.cross(rng.normal(size=(3, 3)), n)
-        _, dp, dn, _ = cone_margin(p, n, 0.5, shape_of(3))
-        errors.append(directional_error(_margin, (p, n), (dp, dn), (0.05 * rng.normal(size=(3, 3)), turn)))
-    assert np.percentile(errors, 99) < 1e-3
-    assert np.median(errors) < 1e-5
-
-
-def _margin(points, normals):
-    return cone_margin(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), 0.5, shape_of(3))[0]
 
 
 def test_a_margin_is_closure_and_at_most_one():
@@ -70,21 +38,3 @@ def test_axis_aligned_and_degenerate_grasps_give_finite_answers():
     value, dp, _, _ = cone_margin(line, np.eye(3), 0.5, shape_of(3))
     assert value == UNDEFINED
     assert not dp.any()
-
-
-def test_ferrari_canny():
-    n = np.array([[np.cos(a), np.sin(a), 0.0] for a in 2 * np.pi / 3 * np.arange(3)])
-    p = 0.03 * n
-    epsilon = ferrari_canny(p, n, 0.5)
-    assert 0 < epsilon < ferrari_canny(p, n, 0.8) < 1
-    assert ferrari_canny(p, np.tile(n[:1], (3, 1)), 0.5) == 0.0  # all push one way
-    assert ferrari_canny(p[:2], n[:2], 0.5) == 0.0  # two points resist no torque about their line
-    assert ferrari_canny(p, n, 0.5, torque_scale=0.3) < epsilon
-    with refused("at least 2"):
-        ferrari_canny(p[:1], n[:1], 0.5)
-
-
-def test_more_contacts_do_not_lose_closure():
-    n = np.concatenate([np.eye(3), -np.eye(3)])
-    assert conic_margin(0.05 * n, n, 0.5) == pytest.approx(1.0)
-    assert conic_margin(np.eye(3), np.tile([0, 0, 1.0], (3, 1)), 0.5) is None  # all on one face

@@ -14,7 +14,7 @@ def add(lp, A, b):
 @pytest.mark.parametrize("unknowns", [3, 4, 7])
 def test_answers_are_those_of_highs_and_their_multipliers_prove_them(unknowns):
     rng, feasible = np.random.default_rng(unknowns), 0
-    lp, last = empty_simplex((0,) * unknowns, 50), np.eye(unknowns)[-1]
+    lp, last = empty_simplex(unknowns, 50), np.eye(unknowns)[-1]
     for _ in range(100):
         A = rng.normal(size=(50, unknowns))
         b = 0.3 * rng.normal(size=50) - rng.choice([0.0, 0.5, 1.0])
@@ -36,7 +36,7 @@ def test_answers_are_those_of_highs_and_their_multipliers_prove_them(unknowns):
 
 
 def test_nothing_but_the_bound_is_the_bound():
-    lp = empty_simplex((0, 0, 0, 0), 1)
+    lp = empty_simplex(4, 1)
     restart(lp, 2.5)
     assert solve(lp, 1e-9)
     assert lp.z[3] == 2.5

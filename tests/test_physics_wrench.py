@@ -6,17 +6,14 @@ from refusals import refused
 from dexgrasp.mechanics.wrench import solve_wrench_qp
 
 
-def test_solvers_agree_and_forces_are_feasible():
+def test_forces_are_feasible_and_their_residual_decides_as_the_sweep():
     P, N = random_grasps(60, 1)
     decided = closed(P, N, 0.5)
     for p, n, feasible in zip(P, N, decided, strict=True):
-        daqp, osqp = solve_wrench_qp(p, n, 0.5), solve_wrench_qp(p, n, 0.5, solver="osqp")
-        assert daqp.status == "solved"
-        assert pyramid_violation(daqp.forces, n, 0.5).max() < 1e-9
-        assert (-(daqp.forces * n).sum(-1)).min() > 1 - 1e-9
-        assert (daqp.residual < 1e-6) == feasible
-        if osqp.status == "solved":
-            assert osqp.residual == pytest.approx(daqp.residual, rel=1e-2, abs=1e-4)
+        answer = solve_wrench_qp(p, n, 0.5)
+        assert pyramid_violation(answer.forces, n, 0.5).max() < 1e-9
+        assert (-(answer.forces * n).sum(-1)).min() > 1 - 1e-9
+        assert (answer.residual < 1e-6) == feasible
 
 
 @pytest.mark.parametrize("n", [1, 2, 4, 6])
@@ -31,9 +28,7 @@ def test_any_number_of_contacts(n):
         assert answer.residual >= 4 - 1e-6
 
 
-def test_unknown_solver_and_bad_contacts():
-    with refused("daqp"):
-        solve_wrench_qp(np.eye(3), np.eye(3), 0.5, solver="nope")
+def test_bad_contacts():
     with refused("at least one"):
         solve_wrench_qp(np.zeros((0, 3)), np.zeros((0, 3)), 0.5)
     with refused("normals"):

@@ -112,13 +112,6 @@ def test_a_grasp_is_as_sure_as_asked_or_there_is_none(found):
     assert with_success_probability(nothing, planner, HOME).reason == "no_grasp:no_closure_triple"
 
 
-def test_others_are_looked_at_where_the_first_is_not_sure(found):
-    """One that the model says less of than of others gives way to the surest."""
-    chance = chances_of(found.found[0], found).lifted.value
-    _, sure = asked(min(chance + 1e-4, 0.9999))
-    assert not sure.success or chances_of(sure.found[0], sure).lifted.value > chance
-
-
 def test_of_a_set_those_remain_that_are_sure(found, monkeypatch):
     planner = Planner(PlannerSettings(min_success_probability=0.9), cell=CELL)
     result = PlanResult(small_box(), planner.settings, asked=3, found=[*found.found] * 3)

@@ -26,7 +26,6 @@ from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, qu
 from dexgrasp_env.valid import NATURAL, number
 
 COORDINATES = st.floats(-1.0, 1.0, width=32)
-FRICTION = st.floats(0.05, 1.5)
 
 
 def vectors(*shape):

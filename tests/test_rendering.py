@@ -102,14 +102,6 @@ def test_collision_shapes_are_hidden():
 
 
 @NEEDS_GL
-def test_pictures_larger_than_the_models_buffer():
-    model, data = scene()
-    renderer = make_renderer(model, 500, 700)
-    assert render(renderer, data, show_camera()).shape == (500, 700, 3)
-    renderer.close()
-
-
-@NEEDS_GL
 def test_works_in_a_process_that_has_set_nothing():
     """MuJoCo reads MUJOCO_GL at its import; here it is chosen after that."""
     code = textwrap.dedent("""
@@ -156,16 +148,6 @@ def test_cameras_for_people_and_their_size():
     for size in ((0, 80), "640x480", (64,), (60.0, 80.0)):
         with refused("rows and columns"):
             gym.make("DexGrasp/Lift-v2", render_size=size)
-
-
-@NEEDS_GL
-def test_quick_pictures_leave_the_model_as_it_is():
-    model, data = scene()
-    before = model.vis.quality.offsamples, model.vis.quality.shadowsize
-    renderer = make_renderer(model, 48, 64, quick=True)
-    assert render(renderer, data, show_camera()).std() > 1
-    assert (model.vis.quality.offsamples, model.vis.quality.shadowsize) == before
-    renderer.close()
 
 
 @NEEDS_GL

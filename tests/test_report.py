@@ -93,11 +93,7 @@ def test_one_page_that_needs_no_other_file(folder):
     ]  # fmt: skip
 
 
-def test_curves_predictions_and_clips(folder):
-    lines = [json.loads(line) for line in (folder / "trials.jsonl").read_text().splitlines()]
-    for k, line in enumerate(lines):
-        line["details"]["certificate"] = {"load": 1.0 + line["success"] + 0.01 * k}
-    write_run(folder, lines)
+def test_curves_and_clips(folder):
     (folder / "videos").mkdir()
     (folder / "videos" / f"heavy-hardcoded-{OBJECT_SETS['seen'][0]}-0.mp4").write_bytes(CLIP)
     markdown = write_report([folder], folder / "out")
@@ -105,8 +101,7 @@ def test_curves_predictions_and_clips(folder):
     clips = [address for address in page.fetched if address.startswith("data:video/mp4;base64,")]
     assert [base64.b64decode(clip.partition(",")[2]) for clip in clips] == [CLIP]
     assert "1 of 8 failures" in page.text
-    for words in ("Success against mass", "What the certificate predicts", "load, in weights"):
-        assert words in markdown, words
+    assert "Success against mass" in markdown
     assert (folder / "out" / "success_by_mass.png").stat().st_size > 5_000
     assert not (folder / "out" / "success_by_friction.png").exists()  # one friction alone
 

@@ -74,11 +74,6 @@ def test_a_hemisphere_rests_on_its_flat_and_on_its_dome():
     assert dome.probability > flat.probability
 
 
-def test_the_poses_are_the_same_every_time():
-    model = model_of(box((0.05, 0.06, 0.12)))
-    assert find_rest_poses(model, drops=40) == find_rest_poses(model, drops=40)
-
-
 def test_directions_merge_through_those_between():
     turn = np.deg2rad([0, 10, 20, 30, 90])
     groups = clusters(np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=-1), np.deg2rad(16))

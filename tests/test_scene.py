@@ -10,7 +10,6 @@ from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.scene.arena import read_arena
 from dexgrasp_env.scene.build import build_scene
-from dexgrasp_env.scene.constants import CONTROL_PERIOD, TABLE_CENTRE_X, TABLE_HEIGHT, TABLE_SIZE, TIMESTEP
 
 GRAVITY = 9.81
 
@@ -111,19 +110,6 @@ def test_torque_limits_hold(scene):
             largest = np.maximum(largest, np.abs(data.actuator_force))
     assert np.all(largest <= TORQUE + 1e-9)
     assert np.any(largest > 0.99 * TORQUE)
-
-
-def test_the_arena_is_what_the_constants_say(scene):
-    assert_allclose(2.0 * scene.geom("table").size, TABLE_SIZE)
-    assert scene.body("table").pos.tolist() == [TABLE_CENTRE_X, 0.0, 0.0]
-    assert scene.geom("table").pos[2] == -0.5 * TABLE_SIZE[2]
-    assert scene.geom("floor").pos[2] == -TABLE_HEIGHT
-
-
-def test_timing(scene):
-    assert scene.opt.timestep == TIMESTEP
-    assert pytest.approx(0.05) == CONTROL_PERIOD
-    assert scene.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
 
 
 @pytest.mark.parametrize("name", ["sugar_box", "tomato_soup_can", "tetrahedron"])

@@ -59,11 +59,6 @@ def test_the_object_is_found_and_the_table_is_not_part_of_it(rng):
     assert 0.0 < low[2] < 0.012
 
 
-def test_the_same_cloud_and_seed_give_the_same_points(rng):
-    points = scene_points(rng, (0.5, 0.1))
-    assert np.array_equal(find(points).target.points, find(points).target.points)
-
-
 def test_what_is_wrong_is_named(rng):
     good = scene_points(rng, (0.5, 0.1))
     cases = {

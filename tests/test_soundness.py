@@ -26,10 +26,6 @@ def still():
     return script(np.repeat(HOME[None], 40, axis=0))
 
 
-def test_a_sound_way_passes(still):
-    check_way(still, CELL, TARGET)
-
-
 def test_a_set_point_that_stands_out_is_refused(still):
     targets = still.targets.copy()
     targets[9, 3] += 0.01

@@ -1,16 +1,13 @@
 """Statistics, summaries, tables and reports."""
 
-import math
-
 import numpy as np
 import pytest
 from trial_rows import row
 
-from dexgrasp.evaluation.report import paper
 from dexgrasp.evaluation.report.build import write_report
 from dexgrasp.evaluation.report.tables import render_summary
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.statistics import mcnemar, quantiles, wilson_interval
+from dexgrasp.evaluation.statistics import mcnemar, wilson_interval
 from dexgrasp.evaluation.store import TrialStore
 from dexgrasp.evaluation.summary import present_sets, summarise, summarise_agent
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
@@ -36,11 +33,6 @@ def test_mcnemar_is_exact():
     assert [result[k] for k in ("both", "only_a", "only_b", "neither")] == [1, 8, 1, 10]
     assert result["p_value"] == pytest.approx(2 * (1 + 9) / 2**9)
     assert mcnemar([(True, True), (False, False)])["p_value"] == 1.0
-
-
-def test_quantiles():
-    assert quantiles([1.0, 2.0, 3.0], median=0.5, p75=0.75) == {"median": 2.0, "p75": 2.5}
-    assert quantiles([], median=0.5) == {}
 
 
 def some_rows(agent, seed):
@@ -128,26 +120,3 @@ def test_report_has_the_papers_tables_beside_ours(tmp_path):
     assert (tmp_path / "report" / "report.md").read_text() == text
     for plot in ("success_by_set.png", "success_by_object.png"):
         assert (tmp_path / "report" / plot).stat().st_size > 10_000
-
-
-def test_papers_rows_add_up_to_its_sums():
-    printed = {
-        "bilevel": {"seen": (17, 18), "familiar": (23, 24), "novel": (64, 78)},
-        "cvae": {"seen": (7, 18)},
-        "cvae_kinematics": {"seen": (16, 18)},
-        "hardcoded": {"seen": (8, 9), "familiar": (9, 12), "novel": (15, 39)},
-    }
-    for agent, sets in printed.items():
-        found = {
-            name: tuple(cell.values())
-            for name, cell in paper.successes(agent).items()
-            if name in paper.TABLES
-        }
-        assert found == sets
-    assert paper.successes("random") == {}
-
-
-def test_rates_are_finite_numbers():
-    agent = summarise_agent([])
-    assert agent["rate"] == 0.0
-    assert all(math.isfinite(end) for end in agent["ci95"])

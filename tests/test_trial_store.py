@@ -23,12 +23,6 @@ def test_partial_last_line_is_dropped(tmp_path):
     assert [r["trial"] for r in read_rows(tmp_path)] == [0, 1]
 
 
-def test_another_evaluation_in_the_same_folder_is_refused(tmp_path):
-    TrialStore(tmp_path, {"seed": 1, "agents": ["a"]}).close()
-    with refused(r"seed: 1 there, 2 now.*--out"):
-        TrialStore(tmp_path, {"seed": 2, "agents": ["a"]})
-
-
 def test_two_writers_are_refused(tmp_path):
     store = TrialStore(tmp_path, {})
     with refused("another process is writing"):

@@ -76,9 +76,8 @@ def played(robot: str | None, folder: Path) -> dict[str, object]:
 def test_two_cells_in_one_process_are_as_each_alone(tmp_path):
     other = str(without_ring_finger(tmp_path))
     alone = [json.loads(_run(robot, tmp_path / name)) for robot, name in ((None, "a"), (other, "b"))]
-    both = [played(robot, tmp_path / name) for robot, name in ((None, "c"), (other, "d"))]
-    again = [played(robot, tmp_path / name) for robot, name in ((None, "e"), (other, "f"))]
-    assert alone == json.loads(json.dumps(both)) == json.loads(json.dumps(again))
+    both = [played(robot, tmp_path / name) for robot, name in ((other, "d"), (None, "c"))][::-1]
+    assert alone == json.loads(json.dumps(both))
     assert [len(one["q"]) for one in both] == [23, 19]
     assert [(one["robot"], one["table"]) for one in both] == [("panda_allegro", 0.0), ("panda_three", 0.05)]
     assert all(one["failed"] == [] and one["trial"]["success"] for one in both)

@@ -14,7 +14,6 @@ from dexgrasp_env.objects import decompose
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 from dexgrasp_env.objects.repair import repair
-from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.objects.shapes import union
 from dexgrasp_env.objects.surface import is_solid, is_sound, simplified
 from dexgrasp_env.objects.user_mesh import describe_mesh, load_mesh
@@ -206,19 +205,6 @@ def test_a_concave_mesh_is_split_the_same_way_every_time_and_cached(tmp_path, mo
     assert len(convex_parts(torus)[0]) == len(parts)
 
 
-def test_cutting_ends_at_many_pieces(monkeypatch):
-    """Merging takes time with the square of their number: a mesh in crumbs took two minutes."""
-    torus, pieces = trimesh.creation.torus(0.04, 0.012, 24, 12), []
-    merged = decompose._merged
-    monkeypatch.setattr(
-        decompose, "_merged", lambda found, volume: pieces.append(len(found)) or merged(found, volume)
-    )
-    decompose.decompose(torus)
-    monkeypatch.setattr(decompose, "_PIECES", 3)
-    assert decompose.decompose(torus)
-    assert pieces[-1] < pieces[0]
-
-
 def test_a_solid_that_cannot_be_cut_is_its_hull(monkeypatch):
     monkeypatch.setattr(decompose, "decompose", lambda mesh: [])
     parts, (note,) = convex_parts(trimesh.creation.torus(0.04, 0.012, 24, 12))
@@ -313,13 +299,6 @@ def test_scans_become_sound_solids_of_their_size(name, defect):
     assert solid.volume == pytest.approx(load_object(name).mesh.volume, rel=0.06), notes
 
 
-def test_a_scan_is_fit_to_use(tmp_path):
-    model = load_object(saved(tmp_path, scan_of("mustard_bottle", "holes"), "scan.obj"), mass=0.603)
-    assert len(model.parts) <= decompose.MOST_PARTS
-    assert 1 <= len(rest_poses(model)) <= 12
-    assert max(rest_poses(model), key=lambda pose: pose.height).height > 0.06
-
-
 def test_a_union_of_shells_that_nearly_touch_stays_watertight():
     """Vertices that nearly meet must not be merged into a pinched surface."""
     ball = trimesh.creation.icosphere(2, 0.02)
@@ -338,16 +317,6 @@ def test_a_surface_that_crosses_itself_gets_a_possible_inertia():
     solid, notes = repair(twisted)
     assert is_sound(solid)
     assert any(note.startswith(("rebuilt", "replaced")) for note in notes)
-
-
-def test_a_badly_holed_box_does_not_shrink_to_a_needle():
-    box = trimesh.creation.box((0.06, 0.05, 0.1)).subdivide().subdivide().subdivide()
-    solid, notes = repair(
-        bare(box.vertices, box.faces[np.random.default_rng(0).random(len(box.faces)) > 0.6])
-    )
-    assert is_sound(solid)
-    assert notes
-    assert_allclose(solid.extents, box.extents, rtol=0.06)
 
 
 LINE = np.linspace([0, 0, 0], [0.1, 0.1, 0.1], 9) + [[0.0, 0.02 * (k > 3), 0.0] for k in range(9)]
@@ -391,10 +360,3 @@ def test_masses_no_object_has_are_refused(tmp_path, mass):
     path = saved(tmp_path, CAPSULE, "x.stl")
     with refused(r">= 0\.0001 and <= 100"):
         load_object(path, mass=mass)
-
-
-def test_a_cache_that_cannot_be_written_stops_no_mesh(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "file"))
-    model = load_object(saved(tmp_path, trimesh.creation.torus(0.04, 0.012, 24, 12), "ring.stl"))
-    assert len(model.parts) > 2

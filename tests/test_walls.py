@@ -41,12 +41,6 @@ def test_fingers_may_go_inside_a_bowl_but_not_into_its_wall():
     assert np.linalg.norm(walls.centre[:2] - [0.5, 0.0]) < 0.005
 
 
-def test_every_point_that_was_seen_is_in_a_part():
-    points = bowl()
-    union = ConvexDistance.union([ConvexDistance.from_points(part) for part in walls_of(points)])
-    assert union.distance(points).max() < 1e-6
-
-
 def test_no_fingertip_gets_through_what_is_closed_above():
     rng = np.random.default_rng(0)
     turn, up, far = rng.uniform(0.0, 2.0 * np.pi, 600), rng.uniform(0.0, 0.1, 600), np.full(600, 0.04)

@@ -113,7 +113,7 @@ class _Run:
     def play(self) -> None:
         """Run the trials that are not there."""
         left = [spec for spec in self.planned if spec.key not in self.store.finished]
-        told: set[tuple[str, str]] = set()
+        reported: set[tuple[str, str]] = set()
         with progress_bar("trial", "evaluate", shown=self.progress) as show:
             for row, grasp in run_pool(self.runner.run, left, self.backend):
                 with held():
@@ -122,8 +122,10 @@ class _Run:
                 won = {agent: "{successes}/{trials}".format(**bare_count(rows)) for agent, rows in own}
                 show(len(self.store.rows), len(self.planned), **won)
                 kind = row["agent"], row["reason"]
-                if row["error"] and kind not in told:  # each the first time; all of them are in trials.jsonl
-                    told.add(kind)
+                if (
+                    row["error"] and kind not in reported
+                ):  # each the first time; all of them are in trials.jsonl
+                    reported.add(kind)
                     warn(
                         f"{row['agent']} on {row['object']}, trial {row['trial']}: {row['reason']}\n"
                         f"{row['error'].rstrip()}"

@@ -149,5 +149,5 @@ def convex_distances(points: Array, obstacle: Obstacle, gradients_out: Array) ->
     """Return the signed distances (N,) [m] of points (N, 3) and write their gradients (N, 3)."""
     distances = np.empty(points.shape[0])
     for i in range(points.shape[0]):
-        distances[i] = convex_distance(points[i], obstacle, gradients_out[i])
+        distances[i] = convex_distance(points[i], obstacle, gradients_out[i], math.inf)
     return distances

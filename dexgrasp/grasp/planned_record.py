@@ -81,7 +81,7 @@ def planned_record(
         **conventions(grasp.cell),
         here=grasp.cell,
         mount=grasp.cell.robot.mount.name,
-        object=_told(ObjectIdentity(name) if isinstance(name, str) else name, target),
+        object=_with_known(ObjectIdentity(name) if isinstance(name, str) else name, target),
         T_world_object=None if pose is None else pose.T_world_object,
         hull_offset=None if pose is None else pose.hull_offset(target),
         parts=target.corners,
@@ -108,7 +108,7 @@ def grasp_json(record: GraspRecord) -> Fields:
     return as_json(record) | {"version": __version__, "created": created}
 
 
-def _told(identity: ObjectIdentity, target: GraspTarget) -> ObjectIdentity:
+def _with_known(identity: ObjectIdentity, target: GraspTarget) -> ObjectIdentity:
     """Add what the planner was told of the object, rather than assumed from its shape."""
     told = abs(target.mass - assumed_mass(hull_volume(target.distance)[0])) > 1e-9
     moved = np.abs(target.centre - volume_centre(target.distance)).max() > 1e-9

@@ -36,7 +36,7 @@ FLAT = 0.15
 """Triangles whose height is below this part of their longest side get the wider band."""
 LINE = 4e-3
 """Below this part they count as lying on a line and always go to the programme."""
-_UNKNOWNS = (0,) * 10  # three forces in world axes, and the least value's negative root
+_UNKNOWNS = 10  # three forces in world axes, and the least value's negative root
 _FACES, _ROUNDS = 4, 60
 _ROUNDING = 1e-9
 

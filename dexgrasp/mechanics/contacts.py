@@ -1,13 +1,12 @@
 """Contacts and what bounds their forces, as a value that plain and compiled code take alike."""
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from dexgrasp.mechanics.checks import Numbers, check_array, check_contacts
 from dexgrasp.mechanics.contact_models import ContactModel, HardFinger
-from dexgrasp_env.arrays import Array, Index
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
 
@@ -32,26 +31,17 @@ class Contacts(NamedTuple):
         return float(np.sqrt((self.gravity**2).sum()))
 
 
-Unknowns = tuple[int, ...] | Index
-"""Zeros, one an unknown: compiled code knows the length of a tuple, and unrolls its loops."""
-
-
 class Shape(NamedTuple):
-    """Number and model of the contacts of a grasp."""
+    """Number and model of the contacts of a grasp, and how many independent forces leave the object in balance."""
 
     contacts: int
     model: ContactModel
-    internal: Unknowns  # zeros: of the forces that leave the object in balance
-    pushed: Unknowns  # one more
+    internal: int
 
 
-@lru_cache
 def shape_of(count: int, model: ContactModel = HardFinger()) -> Shape:  # noqa: B008  (it is frozen)
-    """Return the shape of `count` contacts; three hard fingers have tuples, all others share arrays."""
-    if count == 3 and isinstance(model, HardFinger):
-        return Shape(3, model, (0,) * 3, (0,) * 4)
-    free = max(len(model.parts) * count - 6, 1)
-    return Shape(count, model, np.zeros(free, np.int64), np.zeros(free + 1, np.int64))
+    """Return the shape of `count` contacts."""
+    return Shape(count, model, max(len(model.parts) * count - 6, 1))
 
 
 def checked(contacts: Contacts) -> Contacts:

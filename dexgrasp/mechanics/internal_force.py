@@ -66,7 +66,7 @@ class Aim(NamedTuple):
 def empty_room(shape: Shape, joints: int) -> Programme:
     """Return room for squeezes of contacts that `joints` joints press; estimates are made by the thousand."""
     rows = shape.contacts * (_FACES + 1 + _ROUNDS) + 4 * shape.contacts * joints
-    return empty_programme(shape, shape.pushed, rows)
+    return empty_programme(shape, shape.internal + 1, rows)
 
 
 @njit
@@ -96,7 +96,7 @@ def _solve(p: Programme, contacts: Contacts, aim: Aim, most: float, tolerance: f
     if aim.press > 0.0:
         add_presses(p, contacts.normals, aim.press)
     add_torques(p, contacts, aim.reserved)
-    return maximise(p, aim.rounds, tolerance)
+    return maximise(p, aim.rounds, tolerance, -np.inf)
 
 
 @njit

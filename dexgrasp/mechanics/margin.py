@@ -53,7 +53,7 @@ class _Room(NamedTuple):
 
 @njit
 def _empty_room(mu: float, shape: Shape) -> _Room:
-    n, c, k = shape.contacts, len(shape.model.parts), len(shape.internal)
+    n, c, k = shape.contacts, len(shape.model.parts), shape.internal
     p = empty_programme(shape, shape.internal, n * (_FACES + _ROUNDS))
     return _Room(
         p, shape.model.torsion, np.full(n, mu), np.empty((n, c, k)), np.empty(k), np.empty((n, c)), np.empty((n, 3)),
@@ -121,7 +121,7 @@ def _gradients(points: Array, normals: Array, room: _Room) -> None:
     p, pull, lp, n = room.programme, room.pull, room.programme.lp, len(points)
     pull[:] = 0.0
     pull[:, :3] = lp.z[-1] * normals
-    for row in range(len(lp.unknowns)):
+    for row in range(len(lp.z)):
         pull[p.owner[lp.basis[row]]] += lp.multipliers[row] * p.planes[lp.basis[row]]
     turn = _turn(points, normals, room)
     for i in range(n):

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.mechanics.cones import basis_of
-from dexgrasp.mechanics.contacts import Contacts, Shape, Unknowns
+from dexgrasp.mechanics.contacts import Contacts, Shape
 from dexgrasp.mechanics.robust_push import Friction, borne_push
 from dexgrasp.mechanics.simplex import Simplex, empty_simplex, restart, solve
 from dexgrasp_env.arrays import Array, Index
@@ -44,14 +44,14 @@ class Programme(NamedTuple):
 
 
 @njit
-def empty_programme(shape: Shape, unknowns: Unknowns, rows: int) -> Programme:
-    """Return room for a programme of at most so many rows, `fixed` and `answers` 0; `unknowns` as in `Simplex`."""
-    N, n, c = shape.contacts, len(unknowns), len(shape.model.parts)
+def empty_programme(shape: Shape, n: int, rows: int) -> Programme:
+    """Return room for a programme of n unknowns and at most so many rows, `fixed` and `answers` 0."""
+    N, c = shape.contacts, len(shape.model.parts)
     if c == 4:
         rows = 4 * rows  # see `begin`
     return Programme(
         np.empty((N, 3, 3)), np.zeros((N, c)), np.empty((N, c, n)), np.zeros((N, c, 3)), np.empty((N, c)),
-        np.empty(rows, np.int64), np.empty((rows, c)), empty_simplex(unknowns, rows), shape.model.parts,
+        np.empty(rows, np.int64), np.empty((rows, c)), empty_simplex(n, rows), shape.model.parts,
     )  # fmt: skip
 
 
@@ -129,7 +129,7 @@ def _asked(p: Programme, i: int, plane: Plane) -> float:
 @partial(njit, inline="always")
 def _add_row(p: Programme, i: int, plane: Plane, asked: float, bound: float) -> None:
     """Ask that plane . f_i - asked t >= bound."""
-    A, r, n = p.lp.A, p.lp.size[0], len(p.lp.unknowns)
+    A, r, n = p.lp.A, p.lp.size[0], len(p.lp.z)
     for k in range(n):
         A[r, k] = _each_along(p, plane, p.span, i, k)
     A[r, n - 1] -= asked
@@ -197,7 +197,7 @@ def _add_torque(
         if not _moves(jacobians, k, j):
             continue
         plane = _torque(p, jacobians, (k, j), scale)
-        for q in range(len(lp.unknowns)):
+        for q in range(len(lp.z)):
             lp.A[r, q] += _each_along(p, plane, p.span, k, q)
         lp.b[r] -= _along(p, plane, p.fixed, k)
 
@@ -210,14 +210,14 @@ def _torque(p: Programme, J: Array, of: tuple[int, int], scale: float) -> Plane:
 
 
 @njit
-def maximise(p: Programme, rounds: int, tolerance: float, enough: float = -np.inf) -> bool:
+def maximise(p: Programme, rounds: int, tolerance: float, enough: float) -> bool:
     """Write the solution's unknowns and forces; False where there is none.
 
     Args:
         p: with its rows.
         rounds: of cutting planes, at most.
         tolerance: N of friction that forces may be beyond their cones.
-        enough: t below which no more planes are added: it is not above that.
+        enough: t below which no more planes are added: it is not above that; -inf asks for all of them.
     """
     lp, contacts = p.lp, p.cones.shape[0]
     for turn in range(rounds + 1):
@@ -226,7 +226,7 @@ def maximise(p: Programme, rounds: int, tolerance: float, enough: float = -np.in
         for i in range(contacts):
             for k in range(len(p.parts)):
                 p.forces[i, k] = p.fixed[i, k]
-                for q in range(len(lp.unknowns)):
+                for q in range(len(lp.z)):
                     p.forces[i, k] += p.span[i, k, q] * lp.z[q]
         if turn == rounds or lp.z[-1] <= enough:
             break
@@ -255,7 +255,7 @@ def _cut(p: Programme, i: int, tolerance: float) -> None:
     _add_plane(p, i, (u, v, turn))
     r = p.lp.size[0] - 1
     slack = -p.lp.b[r]
-    for k in range(len(p.lp.unknowns)):
+    for k in range(len(p.lp.z)):
         slack += p.lp.A[r, k] * p.lp.z[k]
     if slack >= -tolerance:
         p.lp.size[0] = r

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.mechanics.contacts import Unknowns
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
@@ -32,23 +31,21 @@ class Simplex(NamedTuple):
     inverse: Array  # (n, n) of the matrix that has them as rows
     right: Array  # (n,) their right-hand sides
     entering: Array  # (n,) the row that enters, in the basis
-    unknowns: Unknowns  # n of them
 
 
 @njit
-def empty_simplex(unknowns: Unknowns, rows: int) -> Simplex:
-    """Return room for a programme of `len(unknowns)` unknowns and at most so many rows."""
-    n = len(unknowns)
+def empty_simplex(n: int, rows: int) -> Simplex:
+    """Return room for a programme of n unknowns and at most so many rows."""
     return Simplex(
         np.zeros(n), np.empty((rows, n)), np.empty(rows), np.zeros(1, np.int64), np.empty(n, np.int64), np.empty(n),
-        np.empty((n, n)), np.empty(n), np.empty(n), unknowns,
+        np.empty((n, n)), np.empty(n), np.empty(n),
     )  # fmt: skip
 
 
 @njit
 def restart(lp: Simplex, most: float) -> None:
     """Forget all rows; the last unknown is at most `most`."""
-    n = len(lp.unknowns)
+    n = len(lp.z)
     for i in range(n):
         for k in range(n):
             lp.inverse[i, k] = 0.0
@@ -59,7 +56,7 @@ def restart(lp: Simplex, most: float) -> None:
 @njit
 def solve(lp: Simplex, tolerance: float) -> bool:
     """Write unknowns and multipliers; False where nothing satisfies all rows to `tolerance`, or no end is found."""
-    n, z, A, b, worst = len(lp.unknowns), lp.z, lp.A, lp.b, 0.0
+    n, z, A, b, worst = len(lp.z), lp.z, lp.A, lp.b, 0.0
     for _ in range(_PIVOTS):
         for i in range(n):
             z[i] = 0.0
@@ -86,7 +83,7 @@ def solve(lp: Simplex, tolerance: float) -> bool:
 @njit
 def _leaving(lp: Simplex, enter: int) -> int:
     """Write the row that enters in the basis; return which place it takes, -1 where no multiplier would fall."""
-    n, w, leave, least = len(lp.unknowns), lp.entering, -1, np.inf
+    n, w, leave, least = len(lp.z), lp.entering, -1, np.inf
     for k in range(n):
         w[k] = 0.0
         for i in range(n):
@@ -100,7 +97,7 @@ def _leaving(lp: Simplex, enter: int) -> int:
 
 @njit
 def _exchange(lp: Simplex, leave: int, enter: int) -> None:
-    n, w, inverse = len(lp.unknowns), lp.entering, lp.inverse
+    n, w, inverse = len(lp.z), lp.entering, lp.inverse
     step = max(lp.multipliers[leave], 0.0) / w[leave]
     for k in range(n):
         lp.multipliers[k] -= step * w[k]

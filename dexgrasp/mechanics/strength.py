@@ -133,7 +133,7 @@ def capacity_of(contacts: Contacts, stop: float = 0.0, pushes: Array | None = No
 @njit
 def _capacity(contacts: Contacts, shape: Shape, pushes: Array, stop: float) -> float:
     n, parts, joints = shape.contacts, len(shape.model.parts), contacts.torque_limits.shape[0]
-    p = empty_programme(shape, shape.pushed, n * (_FACES + _ROUNDS + 2 * joints))
+    p = empty_programme(shape, shape.internal + 1, n * (_FACES + _ROUNDS + 2 * joints))
     answers, hold = np.empty((n, parts, 3)), np.empty((n, parts))
     if not internal_forces(contacts.points, contacts.normals, contacts.model.torsion, p.span) > FLAT:
         return 0.0
@@ -162,4 +162,4 @@ def _capacity(contacts: Contacts, shape: Shape, pushes: Array, stop: float) -> f
 def _most(p: Programme, contacts: Contacts) -> float:
     begin(p, _FAR, _FACES)
     add_torques(p, contacts, np.inf)
-    return max(p.lp.z[-1], 0.0) if maximise(p, _ROUNDS, _IN_CONE) else 0.0
+    return max(p.lp.z[-1], 0.0) if maximise(p, _ROUNDS, _IN_CONE, -np.inf) else 0.0

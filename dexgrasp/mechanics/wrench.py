@@ -1,13 +1,11 @@
 """Eq. 4: the wrench that contact forces cannot balance, as a QP, for any number of contacts.
 
-    minimise |sum f_i|^2 + |sum (p_i - c) x f_i / L|^2   subject to   -f_i.n_i >= f_min, |f_i.t_ij| <= -mu
-    f_i.n_i
+    minimise |sum f_i|^2 + |sum (p_i - c) x f_i / L|^2   subject to   -f_i.n_i >= f_min, |f_i.t_ij| <= -mu f_i.n_i
 
 The paper adds N^2 and (Nm)^2; here torques are divided by a length L, stated by the caller or the contacts'
 rms radius, and taken about c, the contacts' centroid unless given. A zero residual depends on neither.
 """
 
-import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -15,16 +13,15 @@ import numpy as np
 from dexgrasp.mechanics.checks import Numbers, check_array, check_contacts, check_positive
 from dexgrasp.mechanics.cones import tangent_basis
 from dexgrasp.mechanics.equilibrium import grasp_map, rms_radius
-from dexgrasp_env.arrays import Array, Fields
-from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
     import daqp
 
 REGULARISER = 1e-9
-"""Added to the Hessian for the QP solvers, which want one; the residual returned is computed without it."""
-_OPTIONS: dict[str, Fields] = {"osqp": {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 40000}}
+"""Added to the Hessian for the QP solver, which wants one; the residual returned is computed without it."""
 
 
 class WrenchSolution(NamedTuple):
@@ -34,8 +31,6 @@ class WrenchSolution(NamedTuple):
     """The least |F|^2 + |tau / L|^2 [N^2]; of `forces`, which satisfy the constraints exactly."""
     forces: Array
     """(N, 3) contact forces on the object [N]."""
-    status: str
-    """"solved", or what the solver reported instead."""
 
 
 def pyramid_rows(normals: Array, mu: float, f_min: float) -> tuple[Array, Array]:
@@ -63,20 +58,18 @@ def solve_wrench_qp(
     mu: float,
     f_min: float = 1.0,
     length_scale: float | None = None,
-    solver: str = "daqp",
     center: Numbers = None,
 ) -> WrenchSolution:
-    """Solve Eq. 4 by daqp, or through qpsolvers by another solver.
+    """Solve Eq. 4 by daqp.
 
     Args:
         points: (N, 3) metres. normals: (N, 3) unit, out of the object. mu: friction coefficient.
         f_min: least pressing force [N] of each contact.
         length_scale: divides torques [m]; None is the contacts' rms radius.
-        solver: daqp, or any that qpsolvers finds installed.
         center: (3,) torque reference; None is the contacts' centroid.
 
     Raises:
-        InputError: bad contacts or an unknown solver.
+        InputError: bad contacts.
     """
     points, normals = check_contacts(points, normals)
     if len(points) == 0:
@@ -87,31 +80,8 @@ def solve_wrench_qp(
     G = grasp_map(points, about, scale)
     A, b = pyramid_rows(normals, mu, f_min)
     H = G.T @ G + REGULARISER * np.eye(G.shape[1])
-    x = _by_daqp(H, A, b) if solver == "daqp" else _by_qpsolvers(H, A, b, solver)
-    forces = restore_feasible(-f_min * normals if x is None else x.reshape(-1, 3), normals, mu, f_min)
+    below, sense = np.full(len(b), -1e30), np.zeros(len(b), np.int32)
+    x, _, flag, _ = daqp.solve(H, np.zeros(len(H)), -A, -b, below, sense)
+    forces = restore_feasible(x.reshape(-1, 3) if flag > 0 else -f_min * normals, normals, mu, f_min)
     wrench = G @ forces.ravel()
-    status = f"{solver} found no solution" if x is None else "solved"
-    return WrenchSolution(float(wrench @ wrench), forces, status)
-
-
-def _by_daqp(H: Array, A: Array, b: Array) -> Array | None:
-    """Return the minimiser of x H x / 2 subject to A x >= b, None where none is found."""
-    x, _, flag, _ = daqp.solve(
-        H, np.zeros(len(H)), -A, -b, np.full(len(b), -1e30), np.zeros(len(b), np.int32)
-    )
-    return x if flag > 0 else None
-
-
-def _by_qpsolvers(H: Array, A: Array, b: Array, solver: str) -> Array | None:
-    """Like `_by_daqp`; qpsolvers takes long to import."""
-    import qpsolvers
-    from scipy.sparse import csc_matrix
-
-    if solver not in qpsolvers.available_solvers:
-        raise unknown_name("QP solver", solver, sorted(qpsolvers.available_solvers))
-    form = np.asarray if solver in qpsolvers.dense_solvers else csc_matrix
-    problem = qpsolvers.Problem(form(H), np.zeros(len(H)), form(-A), -b)
-    with warnings.catch_warnings():  # the status returned says the same
-        warnings.simplefilter("ignore")
-        answer = qpsolvers.solve_problem(problem, solver, **_OPTIONS.get(solver, {}))
-    return answer.x if answer.found else None
+    return WrenchSolution(float(wrench @ wrench), forces)

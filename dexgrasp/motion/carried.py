@@ -67,7 +67,7 @@ def turn_arm(
     centre: Array,
     corners: Array,
     cell: Cell,
-    around: ConvexDistance | None = None,
+    neighbours: ConvexDistance | None = None,
 ) -> Array | None:
     """Return set-points (m, a) rad that turn hand and object, None where the arm or the table is in the way.
 
@@ -79,7 +79,7 @@ def turn_arm(
         centre: (3,) m, of the object.
         corners: (K, 3) m, of the object, from its centre.
         cell: of the robot.
-        around: what stands on the table, in the way of hand and object; None where there is nothing.
+        neighbours: what stands on the table, in the way of hand and object; None where there is nothing.
     """
     tree = robot_tree(cell)
     count = round(max(_SECONDS * float(np.linalg.norm(vector)), _LEAST_SECONDS) / CONTROL_PERIOD)
@@ -92,12 +92,12 @@ def turn_arm(
     if (
         strayed > _STRAY
         or not within_limits(start, path, tree)
-        or CollisionChecker(cell, around, 0.0).first_contact(np.vstack([start, path])) is not None
+        or CollisionChecker(cell, neighbours, 0.0).first_contact(np.vstack([start, path])) is not None
     ):
         return None
-    if around is not None:
+    if neighbours is not None:
         moved = turned + (centre + shifts + arm - turns @ arm)[:, None]
-        if around.distance(moved).min() < 0.0:
+        if neighbours.distance(moved).min() < 0.0:
             return None
     return path[:, : tree.arm]
 

@@ -63,7 +63,7 @@ class GuardedGrasp(Motion):
         if self._step < len(self._approach):
             self._step += 1
             return self._approach[self._step - 1]
-        return self._close(q) if self._settled <= _SETTLE_STEPS else self._squeeze(q)
+        return self._close(q) if self._settled <= _SETTLE_STEPS else self._press(q)
 
     def _close(self, q: Array) -> Array:
         self._close_count += 1
@@ -81,7 +81,7 @@ class GuardedGrasp(Motion):
             self._settled += 1
         return self.targets
 
-    def _squeeze(self, q: Array) -> Array:
+    def _press(self, q: Array) -> Array:
         self._squeeze_count += 1
         torques = pressing_torques(q, self.grasp.normals, self.grasp.forces, self.tree)
         lag = lag_of(min(1.0, self._squeeze_count / _RAMP_STEPS) * torques, self.tree)

@@ -19,18 +19,18 @@ _SPEED = 0.9  # of the limits: the hand is empty, and an episode has time for a 
 class Retreat(Played):
     """Goes home and stays there; where the object lies now nobody knows, so only its neighbours are kept clear of."""
 
-    def __init__(self, start: Array, cell: Cell, around: ConvexDistance | None) -> None:
+    def __init__(self, start: Array, cell: Cell, neighbours: ConvexDistance | None) -> None:
         """Plan the way.
 
         Args:
             start: (n,) rad, the set-points now.
             cell: of the robot.
-            around: what stood around the object; None where there is nothing.
+            neighbours: of the object; None where there is nothing.
 
         Raises:
             NoPath: where that, the table or the robot itself is in the way.
         """
-        checker, home = CollisionChecker(cell, around, _MARGIN), cell.robot.home
+        checker, home = CollisionChecker(cell, neighbours, _MARGIN), cell.robot.home
         tree = robot_tree(cell)
         start = np.clip(start, tree.lower, tree.upper)
         opened = arm_and_hand(start, home, tree)

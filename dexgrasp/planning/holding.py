@@ -104,7 +104,7 @@ def _squeezes(
     if firm.share >= 1.0:
         return firm, firm
     judged = np.full_like(distance, problem.settings.friction_hold)
-    return firm, _squeeze(contacts, judged, problem.settings, down)
+    return firm, _firmest_at(contacts, judged, problem.settings, down)
 
 
 def robust_squeeze(contacts: Contacts, distance: Array, problem: GraspProblem, down: Array) -> Squeeze:
@@ -118,10 +118,10 @@ def robust_squeeze(contacts: Contacts, distance: Array, problem: GraspProblem, d
     """
     tips = contacts.points + distance[:, None] * contacts.normals
     friction = narrowed_friction(tips, contacts.normals, problem.target, problem.settings)
-    return _squeeze(contacts, friction, problem.settings, down)
+    return _firmest_at(contacts, friction, problem.settings, down)
 
 
-def _squeeze(contacts: Contacts, friction: Array, settings: PlannerSettings, down: Array) -> Squeeze:
+def _firmest_at(contacts: Contacts, friction: Array, settings: PlannerSettings, down: Array) -> Squeeze:
     limits = settings.torque_share * contacts.torque_limits
     counted = contacts._replace(friction=friction, torque_limits=limits, gravity=contacts.weight * down)
     return firmest_squeeze(counted, settings.least_press, ENOUGH)

@@ -152,7 +152,7 @@ def _score(
     miss = 0.0
     for i in range(len(inward), len(posture.centres)):
         to_world(R, p, posture.centres[i], palm)
-        miss += abs(convex_distance(palm, obstacle, gradient) - height)
+        miss += abs(convex_distance(palm, obstacle, gradient, np.inf) - height)
     return min(facing, 0.8) + 0.5 * down + 2.0 * min(top, 0.15) - _REACH * miss
 
 

@@ -8,10 +8,8 @@ from dexgrasp_env.files import jsonable
 
 BENCHMARKS = {
     "stepping": "environment steps a second against a raw mj_step loop with the same controls and contacts",
-    "wrench": "the wrench programme against general QP solvers",
     "perception": "depth to segmented cloud, time and accuracy",
     "planning": "seconds to a certified grasp",
-    "proposals": "learned, exhaustive and uniform proposals: tries and seconds to a verified grasp",
 }
 """Name, which is that of its module -> what it measures."""
 

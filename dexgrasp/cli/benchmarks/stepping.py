@@ -65,7 +65,7 @@ def run(quick: bool = False) -> Fields:
         quick: fewer objects, steps and alternations.
     """
     objects = (
-        ("sugar_box", "massage_ball")
+        ("sugar_box",)
         if quick
         else ("sugar_box", "tomato_soup_can", "mustard_bottle", "massage_ball", "castle")
     )

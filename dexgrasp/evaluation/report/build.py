@@ -7,7 +7,6 @@ from itertools import chain
 from pathlib import Path
 
 from dexgrasp.evaluation.pooling import rows_by_agent
-from dexgrasp.evaluation.prediction import predictions
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL
 from dexgrasp.evaluation.report import figures, tables
 from dexgrasp.evaluation.report.clips import clips
@@ -68,7 +67,6 @@ def contents(folders: Sequence[Path]) -> Fields:
     lifts = {name: [row for row in own if only in (None, row["protocol"])] for name, own in rows.items()}
     plain = {name: summarise_agent(own) for name, own in lifts.items() if own}
     counted = list(dict.fromkeys(p for agent in agents.values() for p in agent["by_protocol"]))
-    predicted = {name: found for name, own in rows.items() if (found := predictions(own))}
     return {
         "title": "Evaluation of grasping agents",
         "runs": [describe_run(folder) for folder in folders],
@@ -83,7 +81,6 @@ def contents(folders: Sequence[Path]) -> Fields:
         "paired": tables.paired_table(rows),
         "failures": tables.failure_table(agents),
         "clips": clips(folders),
-        "predictions": tables.prediction_table(predicted),
         "constraints": [
             table for name, agent in agents.items() for table in tables.constraint_tables(name, agent)
         ],
@@ -94,7 +91,6 @@ def contents(folders: Sequence[Path]) -> Fields:
             else [],
             "hardness": figures.success_by_hardness(agents),
             "object": [figures.success("by_object", "object", plain, tables.ordered_objects(plain))],
-            "prediction": figures.reliability(predicted),
             "times": figures.planning_times(agents),
         },
         "commands": [line for folder in folders for line in commands(folder)],

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from dexgrasp.evaluation.prediction import PREDICTORS, Prediction
 from dexgrasp.evaluation.report import paper
 from dexgrasp.evaluation.report.plots import SUCCESS, Figure, Points
 from dexgrasp.evaluation.report.tables import PLANNER, Agents
@@ -49,23 +48,6 @@ def success_by_hardness(agents: Agents) -> list[Figure]:
                 found = _rates(content["by_protocol"], parts.values())
                 rates[agent] = {value: found[part] for value, part in parts.items() if part in found}
             figures.append(Figure(f"success_by_{name}", f"Success against {label}", label, rates))
-    return figures
-
-
-def reliability(found: Mapping[str, Mapping[str, Prediction]]) -> list[Figure]:
-    """Return success against what certificates claim: agent -> predictor -> what it says of trials."""
-    figures = []
-    for name in ("load", "closure_margin", "lifted", "pushed"):
-        words = PREDICTORS[name]
-        bins = {
-            agent: {b.median: b._asdict() for b in own[name].bins}
-            for agent, own in found.items()
-            if name in own
-        }
-        if bins:
-            rates = {agent: _rates(own, own) for agent, own in bins.items()}
-            caption = f"Success against {words}, in equal parts"
-            figures.append(Figure(f"reliability_{name}", caption, f"{words} (median of each part)", rates))
     return figures
 
 

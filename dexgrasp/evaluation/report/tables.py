@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from dexgrasp.evaluation.comparison import compare_rows, difference_words, test_words
 from dexgrasp.evaluation.pooling import Rows
-from dexgrasp.evaluation.prediction import PREDICTORS, Prediction
 from dexgrasp.evaluation.reasons import sentence
 from dexgrasp.evaluation.report import paper
 from dexgrasp.evaluation.summary import bare_count, grouped
@@ -181,16 +180,6 @@ def failure_table(agents: Agents, *, codes: bool = False) -> Table:
     return Table(("agent", "trials", "why"), rows)
 
 
-def prediction_table(found: Mapping[str, Mapping[str, Prediction]]) -> Table:
-    """Return how well fields of the certificate told successes from failures: agent -> field -> areas."""
-    rows = [
-        [agent, PREDICTORS[name], str(p.trials), f"{p.auc:.2f} [{p.interval[0]:.2f}, {p.interval[1]:.2f}]"]
-        for agent, own in found.items()
-        for name, p in own.items()
-    ]
-    return Table(("agent", "value", "trials", "area, 95 %"), rows)
-
-
 def constraint_tables(name: str, agent: Fields) -> list[tuple[str, Table]]:
     """Return titles and tables of one agent's constraints and times; none where the data are not there."""
     constraints = agent["constraints"]
@@ -223,7 +212,7 @@ def _ratios(groups: Fields) -> Table:
         cells = [
             cell
             for kind in ("force", "torque")
-            for cell in (_quartiles(content.get(f"{kind}_ratio_percent")), _spread(printed.get(kind)))
+            for cell in (_quartiles(content.get(f"{kind}_ratio_percent")), _range_words(printed.get(kind)))
         ]
         rows.append([group, *cells])
     return Table(("set", "force ratio", "paper", "torque ratio", "paper"), rows)
@@ -231,22 +220,22 @@ def _ratios(groups: Fields) -> Table:
 
 def _times(agent: Fields, printed: Mapping[str, Mapping[str, Sequence[float]]]) -> Table:
     ours = _quartiles(agent["planning_seconds"], seconds_words)
-    theirs = _spread(printed.get("overall", {}).get("total"), seconds_words)
+    theirs = _range_words(printed.get("overall", {}).get("total"), seconds_words)
     rows = [["total, overall", ours, "", theirs]]
     for group in paper.SECONDS:
         own = agent["stages"].get(group, {})
         for stage, seconds in own.get("stage_seconds", {}).items():
             ours, repeats = _quartiles(seconds, seconds_words), own.get("stage_repeats", {}).get(stage)
-            theirs = _spread(printed.get(group, {}).get(stage), seconds_words)
+            theirs = _range_words(printed.get(group, {}).get(stage), seconds_words)
             rows.append([f"{stage}, {group}", ours, _quartiles(repeats), theirs])
     return Table(("stage, set", "seconds", "repeats", "paper, seconds"), rows)
 
 
 def _quartiles(values: Mapping[str, float] | None, words: Callable[[float], str] = "{:.2f}".format) -> str:
-    return _spread([values[key] for key in ("median", "p25", "p75")], words) if values else "-"
+    return _range_words([values[key] for key in ("median", "p25", "p75")], words) if values else "-"
 
 
-def _spread(values: Sequence[float] | None, words: Callable[[float], str] = "{:.2f}".format) -> str:
+def _range_words(values: Sequence[float] | None, words: Callable[[float], str] = "{:.2f}".format) -> str:
     """Return median and quartiles as people read them; "" for None."""
     return "{} ({}, {})".format(*map(words, values)) if values else ""
 

@@ -113,9 +113,9 @@ class FloatingScene:
         """Set the set-points of base and joints."""
         seven = _seven(T_world_hand)
         self.data.mocap_pos[0], self.data.mocap_quat[0] = seven[:3], seven[3:]
-        self.data.ctrl[:] = self._told(joints)
+        self.data.ctrl[:] = self._servo_inputs(joints)
 
-    def _told(self, joints: Array) -> Array:
+    def _servo_inputs(self, joints: Array) -> Array:
         """Return the set-points that hold joints (n,): a tendon's is the sum of its joints."""
         hand = self.candidate.hand
         if hand.part:
