@@ -10,9 +10,12 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.perception.levels import CELL, Level, cells_at, over
+from dexgrasp_env.perception.neighbourhoods import linked
 
 _LARGE = 0.35  # m, the longer side of a level that is no object's
 _HIGH = 0.25  # m above the table, higher than hands reach past: from there on things may hang
+_LINKED, _TOUCHES = 0.03, 0.02  # m between points of one thing that hangs, and of it and the robot
+_ON_ROBOT = "what hangs where the robot stands is taken for a part of the robot, and is no obstacle"
 _AIR = 0.08  # m between what hangs and what is below it
 _SIDE, _THICK = (
     0.04,
@@ -31,19 +34,22 @@ class Obstacles(NamedTuple):
     Attributes:
         boxes: their corners (8, 3) m each.
         points: which points of a cloud they stand for (M,).
+        note: in words, what is left out; empty where nothing is.
     """
 
     boxes: tuple[Array, ...]
     points: Mask
+    note: str
 
 
-def find_obstacles(points: Array, levels: Sequence[Level], within: float) -> Obstacles:
+def find_obstacles(points: Array, levels: Sequence[Level], within: float, robot: Array) -> Obstacles:
     """Return wide levels and what hangs in a cloud on a table.
 
     Args:
         points: (M, 3) m, world frame, what is not the table's.
         levels: the table first, then the others, world frame.
         within: m from it, points are a level's.
+        robot: (K, 3) m, what was taken out as the robot's: what hangs on it, hoses for one, is no obstacle.
     """
     table, boxes, held = levels[0], list[Array](), np.zeros(len(points), bool)
     for one in levels[1:]:
@@ -52,7 +58,21 @@ def find_obstacles(points: Array, levels: Sequence[Level], within: float) -> Obs
             boxes += _level_boxes(whole)
             held |= over(whole.cells, points) & (whole.plane.heights(points) < within)
     hangs = _hanging(points, table) & ~held
-    return Obstacles((*boxes, *_hanging_boxes(points[hangs])), held | hangs)
+    if not hangs.any():
+        return Obstacles(tuple(boxes), held, "")
+    pieces = linked(points[hangs], _LINKED)
+    on_robot = np.isin(pieces, pieces[_near(points[hangs], robot)])
+    note = _ON_ROBOT if on_robot.any() else ""
+    return Obstacles((*boxes, *_hanging_boxes(points[hangs][~on_robot])), held | hangs, note)
+
+
+def _near(points: Array, robot: Array) -> Mask:
+    """Return which points (M, 3) m touch the robot's (K, 3)."""
+    from scipy.spatial import cKDTree
+
+    if not len(robot) or not len(points):
+        return np.zeros(len(points), bool)
+    return np.isfinite(cKDTree(robot).query(points, distance_upper_bound=_TOUCHES)[0])
 
 
 def _reaching(level: Level, points: Array, within: float) -> Level:

@@ -150,7 +150,7 @@ def find_object(
         clearance = max(_LEAST_CLEARANCE, SIGMAS * plane.rms)
         above = isolate(support.cloud, plane, clearance, support.own(own))
         above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND_AND_OVER)
-        obstacles = find_obstacles(above.points, support.levels, clearance)
+        obstacles = find_obstacles(above.points, support.levels, clearance, support.robot(own))
         above = above.select(~obstacles.points)
         instances = segment_instances(above, plane)
         numbers = instances.objects(above)
@@ -169,7 +169,7 @@ def find_object(
         )
         return Scene(reason=refused.reason, sentence=refused.sentence, neighbours=seen, table=cell.table)
     scene = scene_around(above, instances, number, plane, rng, cameras_known=False)
-    return _settled(replace(scene, tilt=support.tilt, boxes=obstacles.boxes), support)
+    return _settled(replace(scene, tilt=support.tilt, boxes=obstacles.boxes, note=obstacles.note), support)
 
 
 def _settled(scene: Scene, support: Support) -> Scene:

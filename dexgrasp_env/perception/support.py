@@ -85,6 +85,11 @@ class Support(NamedTuple):
         back = inverse(self.T)
         return own and (lambda points: own(placed(back, points)))
 
+    def robot(self, own: Own | None) -> Array:
+        """Return the robot's points (K, 3) m of `cloud`."""
+        known, points = self.own(own), self.cloud.points
+        return points[known(points)] if known else points[:0]
+
 
 def near_base(cloud: Cloud) -> Cloud:
     """Return what is around the base, thinned to one point a voxel, the first of each.
