@@ -133,9 +133,9 @@ def list_lines(seen: "list[DetectedObject]") -> list[str]:
 
 
 def table_line(scene: "Scene", cell: "Cell") -> str:
-    """Return a warning where the table is seen elsewhere than the cell has it, or leaning; else nothing."""
+    """Return warnings where the table is seen elsewhere than the cell has it, and those of the scene."""
     off = "" if scene.table is None else scene.table.differs(cell.table_height)
-    return off and f"warning: {off}"
+    return "\n".join(f"warning: {said}" for said in (off, scene.note) if said)
 
 
 def chosen_line(seen: "list[DetectedObject]") -> str:

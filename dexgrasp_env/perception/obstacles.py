@@ -10,16 +10,22 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.perception.levels import CELL, Level, cells_at, over
+from dexgrasp_env.perception.neighbourhoods import linked
 
 _LARGE = 0.35  # m, the longer side of a level that is no object's
 _HIGH = 0.25  # m above the table, higher than hands reach past: from there on things may hang
+_LINKED, _TOUCHES = 0.03, 0.02  # m between points of one thing that hangs, and of it and the robot
+_ON_ROBOT = "what hangs where the robot stands is taken for a part of the robot, and is no obstacle"
 _AIR = 0.08  # m between what hangs and what is below it
-_SIDE = 0.04  # m of a cube of what hangs
+_SIDE, _THICK = (
+    0.04,
+    0.02,
+)  # m of a square of what hangs, and by which squares that are alike differ in height
 _SEEN_BELOW = 0.15  # share of squares below which the table is seen
 _ALIKE, _MORE = (
     0.004,
     0.003,
-)  # m by which rows of a level may differ in height, and boxes are higher than seen
+)  # m by which rows of a level may differ in height, and boxes reach beyond what is seen
 
 
 class Obstacles(NamedTuple):
@@ -28,19 +34,22 @@ class Obstacles(NamedTuple):
     Attributes:
         boxes: their corners (8, 3) m each.
         points: which points of a cloud they stand for (M,).
+        note: in words, what is left out; empty where nothing is.
     """
 
     boxes: tuple[Array, ...]
     points: Mask
+    note: str
 
 
-def find_obstacles(points: Array, levels: Sequence[Level], within: float) -> Obstacles:
+def find_obstacles(points: Array, levels: Sequence[Level], within: float, robot: Array) -> Obstacles:
     """Return wide levels and what hangs in a cloud on a table.
 
     Args:
         points: (M, 3) m, world frame, what is not the table's.
         levels: the table first, then the others, world frame.
         within: m from it, points are a level's.
+        robot: (K, 3) m, what was taken out as the robot's: what hangs on it, hoses for one, is no obstacle.
     """
     table, boxes, held = levels[0], list[Array](), np.zeros(len(points), bool)
     for one in levels[1:]:
@@ -49,7 +58,21 @@ def find_obstacles(points: Array, levels: Sequence[Level], within: float) -> Obs
             boxes += _level_boxes(whole)
             held |= over(whole.cells, points) & (whole.plane.heights(points) < within)
     hangs = _hanging(points, table) & ~held
-    return Obstacles((*boxes, *_cubes(points[hangs])), held | hangs)
+    if not hangs.any():
+        return Obstacles(tuple(boxes), held, "")
+    pieces = linked(points[hangs], _LINKED)
+    on_robot = np.isin(pieces, pieces[_near(points[hangs], robot)])
+    note = _ON_ROBOT if on_robot.any() else ""
+    return Obstacles((*boxes, *_hanging_boxes(points[hangs][~on_robot])), held | hangs, note)
+
+
+def _near(points: Array, robot: Array) -> Mask:
+    """Return which points (M, 3) m touch the robot's (K, 3)."""
+    from scipy.spatial import cKDTree
+
+    if not len(robot) or not len(points):
+        return np.zeros(len(points), bool)
+    return np.isfinite(cKDTree(robot).query(points, distance_upper_bound=_TOUCHES)[0])
 
 
 def _reaching(level: Level, points: Array, within: float) -> Level:
@@ -69,14 +92,14 @@ def _reaching(level: Level, points: Array, within: float) -> Level:
 def _level_boxes(level: Level) -> Iterator[Array]:
     """Yield boxes from the table up to a level, row by row of its cells, rows that are alike together."""
     tops = level.top(level.cells) + _MORE
-    for low, high in _rectangles(level.cells, tops):
+    for low, high in _rectangles(level.cells, tops, _ALIKE):
         within = ((level.cells >= low) & (level.cells < high)).all(1)
         yield _box(np.append(low * CELL, 0.0), np.append(high * CELL, tops[within].max()))
 
 
 def _hanging(points: Array, table: Level) -> Mask:
     """Return which points (M, 3) hang: there is air below them in their square, and around there the table is seen."""
-    from scipy.ndimage import label
+    from scipy.ndimage import binary_erosion, label
 
     high = points[:, 2] > _HIGH
     if not high.any():
@@ -90,34 +113,38 @@ def _hanging(points: Array, table: Level) -> Mask:
     grid = np.zeros(np.ptp(squares, axis=0) + 1, bool)
     grid[places] = free
     piece = label(grid, np.ones((3, 3)))[0][places]
-    seen = over(table.cells, (squares + 0.5) * CELL)
-    share = np.bincount(piece, seen) / np.maximum(np.bincount(piece), 1)
+    inner = binary_erosion(grid, np.ones((3, 3)))[places]  # beside what is solid the table is seen as well
+    seen = over(table.cells, (squares + 0.5) * CELL) & inner
+    share = np.bincount(piece, seen) / np.maximum(np.bincount(piece, inner), 1)
     return np.asarray(high & (free & (share > _SEEN_BELOW)[piece])[row])
 
 
-def _cubes(points: Array) -> Iterator[Array]:
-    """Yield boxes around points (M, 3) m, of cubes that hold some."""
-    cubes = np.unique(np.floor(points / _SIDE).astype(np.int64), axis=0)
-    for layer in np.unique(cubes[:, 2]):
-        flat = cubes[cubes[:, 2] == layer, :2]
-        for low, high in _rectangles(flat, np.zeros(len(flat))):
-            yield _box(np.append(low, layer) * _SIDE, np.append(high, layer + 1) * _SIDE)
+def _hanging_boxes(points: Array) -> Iterator[Array]:
+    """Yield boxes around points (M, 3) m, from the lowest to the highest in squares that are alike."""
+    squares, row = np.unique(np.floor(points[:, :2] / _SIDE).astype(np.int64), axis=0, return_inverse=True)
+    tops, lows = np.full(len(squares), -np.inf), np.full(len(squares), np.inf)
+    np.maximum.at(tops, row, points[:, 2])
+    np.minimum.at(lows, row, points[:, 2])
+    lows, tops = lows - _MORE, tops + _MORE
+    for low, high in _rectangles(squares, tops, _THICK):
+        within = ((squares >= low) & (squares < high)).all(1)
+        yield _box(np.append(low * _SIDE, lows[within].min()), np.append(high * _SIDE, tops[within].max()))
 
 
-def _rectangles(cells: Index, tops: Array) -> Iterator[tuple[Index, Index]]:
+def _rectangles(cells: Index, tops: Array, alike: float) -> Iterator[tuple[Index, Index]]:
     """Yield rectangles, from (2,) up to (2,), that cover cells (K, 2): runs of rows, joined where they are alike."""
     order = np.lexsort((cells[:, 1], cells[:, 0]))
     cells, tops = cells[order], tops[order]
     new = np.ones(len(cells), bool)
-    new[1:] = (np.diff(cells[:, 0]) != 0) | (np.diff(cells[:, 1]) != 1) | (np.abs(np.diff(tops)) > _ALIKE)
+    new[1:] = (np.diff(cells[:, 0]) != 0) | (np.diff(cells[:, 1]) != 1) | (np.abs(np.diff(tops)) > alike)
     starts = np.flatnonzero(new)
-    ends = np.append(starts[1:], len(cells)) - 1
+    ends = np.append(starts, len(cells))[1:] - 1
     opened = dict[tuple[int, int], tuple[int, int, float]]()  # columns -> first row, last row, height
     for start, end in zip(starts, ends, strict=True):
         (x, y), last, top = cells[start], int(cells[end, 1]), float(tops[start])
         columns = int(y), last
         known = opened.get(columns)
-        if known is not None and known[1] == x - 1 and abs(known[2] - top) <= _ALIKE:
+        if known is not None and known[1] == x - 1 and abs(known[2] - top) <= alike:
             opened[columns] = known[0], x, known[2]
             continue
         if known is not None:

@@ -28,7 +28,7 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.instances import Instances, segment_instances
 from dexgrasp_env.perception.neighbourhoods import linked
-from dexgrasp_env.perception.obstacles import find_obstacles
+from dexgrasp_env.perception.obstacles import Obstacles, find_obstacles
 from dexgrasp_env.perception.parting import foot_of, part_instances, without_skirt
 from dexgrasp_env.perception.plane import (
     Plane,
@@ -145,7 +145,7 @@ def find_object(
     plane: Plane | None = None
     selector.marks(cloud)  # a mask of something else is a mistake whatever the cloud shows
     try:
-        cloud, support, above, boxes = stand_on(cloud, rng, cell, own, selector)
+        cloud, support, above, obstacles = stand_on(cloud, rng, cell, own, selector)
         selector, cell, plane = selector.placed(cloud, support.T), support.cell, support.plane
         instances = part_instances(above, support.cloud, plane)
         numbers = instances.objects(above)
@@ -164,7 +164,7 @@ def find_object(
             plane=plane, reason=refused.reason, sentence=refused.sentence, neighbours=seen, table=cell.table
         )
     scene = scene_around(above, instances, number, plane, rng, cameras_known=False)
-    return _settled(replace(scene, tilt=support.tilt, boxes=boxes), support)
+    return _settled(replace(scene, tilt=support.tilt, boxes=obstacles.boxes, note=obstacles.note), support)
 
 
 def _settled(scene: Scene, support: Support) -> Scene:
@@ -177,8 +177,8 @@ def _settled(scene: Scene, support: Support) -> Scene:
 
 def stand_on(
     cloud: Cloud, rng: Generator, cell: Cell, own: Own | None = None, selector: TargetSelector | None = None
-) -> tuple[Cloud, Support, Cloud, tuple[Array, ...]]:
-    """Return a recorded cloud in the world, its table, and what stands there: points, and corners of obstacles.
+) -> tuple[Cloud, Support, Cloud, Obstacles]:
+    """Return a recorded cloud in the world, its table, and what stands there: points, and obstacles.
 
     Raises:
         NoTargetError: where there is no table.
@@ -189,8 +189,8 @@ def stand_on(
     clearance = max(_LEAST_CLEARANCE, SIGMAS * support.plane.rms)
     above = isolate(support.cloud, support.plane, clearance, support.own(own))
     above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND_AND_OVER)
-    obstacles = find_obstacles(above.points, support.levels, clearance)
-    return cloud, support, above.select(~obstacles.points), obstacles.boxes
+    obstacles = find_obstacles(above.points, support.levels, clearance, support.robot(own))
+    return cloud, support, above.select(~obstacles.points), obstacles
 
 
 def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None) -> Cloud:

@@ -83,6 +83,7 @@ class Scene:
         boxes: corners (8, 3) m of boxes that are kept clear of as well: wide levels, what hangs over the table.
         cameras: (K, 4, 4) T_world_camera as they are believed to be; none where they are unknown.
         tilt: rad by which the table leaned in what came in, and was levelled.
+        note: in words, what people should know of how it was read.
         table: where it was seen, which is where the world is then (`Cell.seeing`); None: where the cell has it.
     """
 
@@ -95,6 +96,7 @@ class Scene:
     boxes: tuple[Array, ...] = ()
     cameras: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
     tilt: float = 0.0
+    note: str = ""
     table: SeenTable | None = None
 
     def __post_init__(self) -> None:

@@ -85,6 +85,11 @@ class Support(NamedTuple):
         back = inverse(self.T)
         return own and (lambda points: own(placed(back, points)))
 
+    def robot(self, own: Own | None) -> Array:
+        """Return the robot's points (K, 3) m of `cloud`."""
+        known, points = self.own(own), self.cloud.points
+        return points[known(points)] if known else points[:0]
+
 
 def near_base(cloud: Cloud) -> Cloud:
     """Return what is around the base, thinned to one point a voxel, the first of each.
@@ -143,11 +148,11 @@ def table_around(support: Support, target: Array) -> SeenTable:
 
     points, heights = support.cloud.points, support.cloud.points[:, 2]
     flat, standing = points[np.abs(heights) < TOLERANCE], points[(heights > TOLERANCE) & (heights < _FOOT)]
-    if len(standing):
-        flat = flat[
-            cKDTree(standing[:, :2]).query(flat[:, :2], distance_upper_bound=_BESIDE_FOOT)[0] == np.inf
-        ]
     squares = _averaged(flat)
+    if len(standing):
+        feet = cKDTree(standing[:, :2]).query(flat[:, :2], distance_upper_bound=_BESIDE_FOOT)[0]
+        free = _averaged(flat[feet == np.inf])
+        squares = free if len(free) > _FEW_SQUARES else squares
     away = np.linalg.norm(squares[:, :2] - middle(target)[:2], axis=1)
     squares = squares[np.argsort(away, kind="stable")[:_MOST_SQUARES]]
     held = squares
@@ -160,13 +165,9 @@ def table_around(support: Support, target: Array) -> SeenTable:
 
 
 def _averaged(points: Array) -> Array:
-    """Return the middle of the points (M, 3) in each square, at their median height (K, 3) m."""
-    number = np.unique(cells_of(points[:, :2], _SQUARE), return_inverse=True)[1]
-    order = np.lexsort((points[:, 2], number))
-    first = np.flatnonzero(np.diff(number[order], prepend=-1))
-    count = np.diff(first, append=len(points))
-    sums = np.add.reduceat(points[order], first)
-    means = np.c_[sums[:, :2] / count[:, None], points[order][first + count // 2, 2]]
+    """Return the means (K, 3) m of the points (M, 3) in each square, of those with enough points if there are such."""
+    number, count = np.unique(cells_of(points[:, :2], _SQUARE), return_inverse=True, return_counts=True)[1:]
+    means = np.stack([np.bincount(number, column) / count for column in points.T], axis=1)
     return means[count >= _FEW] if (count >= _FEW).sum() > _FEW_SQUARES else means
 
 

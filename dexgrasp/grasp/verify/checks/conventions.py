@@ -8,12 +8,11 @@ from dexgrasp.grasp.probability import probability_of
 from dexgrasp.grasp.record import conventions
 from dexgrasp.grasp.thresholds import FRICTION_SHARE, HOLD_SHARE, Thresholds, frozen_for
 from dexgrasp.grasp.verify.case import Case
-from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, flag, same
+from dexgrasp.grasp.verify.check import ROUNDING, Check, flag, same
 from dexgrasp_env.robot.table import SeenTable
 
 _AGENT = re.compile(r"[A-Za-z]\w*|[\w.]+:\w+|.+\.zip")
 """A registered name, `package.module:Class`, or a checkpoint's path."""
-NORMAL = 1e-6  # what two ways to compute a unit vector may differ by
 _OF_FRICTION = ("friction", "friction_hold")
 
 
@@ -37,8 +36,8 @@ def _table_checks(table: SeenTable | None) -> list[Check]:
     normal = np.linalg.svd(table.points - table.points.mean(0))[2][2]
     normal = normal * np.sign(normal @ table.normal)
     return [
-        same("normal of the table as seen", np.abs(normal - table.normal).max(), NORMAL),
-        same("offset of the table as seen", abs((table.points @ normal).max() - table.offset), LENGTH, "m"),
+        same("normal of the table as seen", np.abs(normal - table.normal).max(), ROUNDING),
+        same("offset of the table as seen", abs((table.points @ normal).max() - table.offset), ROUNDING, "m"),
     ]
 
 
