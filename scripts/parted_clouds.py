@@ -4,9 +4,9 @@
 
 Scenes of one or two objects of the catalogue are drawn and seen by one camera, as captures are, whose noise has holes,
 flying pixels and steps of depth (`SensorModel.captured`): `single`, `touching` (gaps of 0 to 3 mm), `near` (3 to 20 mm)
-and `stacked`; every other pair stands flush, side to side. An object is good where one of the things found holds 0.9 of its points, and 0.9 of the points of that
-are its own. Rows go to OUT/rows.jsonl; printed is for each kind how many objects are good, how many that are not are
-said doubtful, and how many that are good are said doubtful nevertheless.
+and `stacked`; every other pair stands flush, side to side. An object is good where one of the things found holds 0.9
+of its points, and 0.9 of the points of that are its own. Rows go to OUT/rows.jsonl; printed is for each kind how many
+objects are good, how many that are not are said doubtful, and how many that are good are said doubtful nevertheless.
 """
 
 import json
@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 from numpy.random import Generator
+from scipy.spatial import ConvexHull
 from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, Folder, Script
@@ -28,6 +29,7 @@ from dexgrasp_env.perception.cloud import Cloud, gather, remove_flying
 from dexgrasp_env.perception.parting import part_instances
 from dexgrasp_env.perception.pipeline import stand_on
 from dexgrasp_env.perception.reasons import NoTargetError
+from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.poses import about_z, quat_to_matrix
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.robot.cell import default_cell
@@ -57,7 +59,9 @@ class Body(NamedTuple):
         """Return it turned so that the smallest rectangle around it lies along x and y."""
         edges = np.diff(self.outline, axis=0, append=self.outline[:1])
         turned = [about_z(-angle)[:3, :3] for angle in np.arctan2(*edges.T[::-1])]
-        return self._replace(corners=min((self.corners @ R.T for R in turned), key=lambda c: np.ptp(c[:, :2], axis=0).prod()))
+        return self._replace(
+            corners=min((self.corners @ R.T for R in turned), key=lambda c: np.ptp(c[:, :2], axis=0).prod())
+        )
 
     @property
     def outline(self) -> Array:
@@ -72,8 +76,6 @@ class Body(NamedTuple):
 
 def ring(flat: Array) -> Array:
     """Return the convex outline of points (N, 2)."""
-    from scipy.spatial import ConvexHull
-
     return flat[ConvexHull(flat).vertices]
 
 
@@ -81,7 +83,9 @@ def body(name: str, rng: Generator) -> Body:
     """Return an object at rest at the origin, one of its rest poses, turned about the vertical."""
     shape = load_target(name)
     poses = rest_poses(shape)
-    chosen = poses[rng.choice(len(poses), p=np.array([p.probability for p in poses]) / sum(p.probability for p in poses))]
+    chosen = poses[
+        rng.choice(len(poses), p=np.array([p.probability for p in poses]) / sum(p.probability for p in poses))
+    ]
     R = about_z(rng.uniform(0.0, 2.0 * np.pi))[:3, :3] @ quat_to_matrix(np.array(chosen.quat_wxyz))
     corners = shape.solid.vertices @ R.T
     return Body(corners - [0.0, 0.0, corners[:, 2].min()], shape.solid.faces)
@@ -93,14 +97,22 @@ def drawn(kind: str, names: list[str], rng: Generator) -> list[Body]:
     if kind == "single":
         return [first.moved([0.5, 0.0, 0.0])]
     if kind == "stacked":
-        while len(first.top) < 3 or np.linalg.matrix_rank(first.top - first.top[0], 1e-4) < 2 or _area(first.top) < _TOP:
+        while (
+            len(first.top) < 3
+            or np.linalg.matrix_rank(first.top - first.top[0], 1e-4) < 2
+            or _area(first.top) < _TOP
+        ):
             first = body(rng.choice(names), rng)
         other = body(rng.choice(names), rng)
         middle = 0.5 * (other.corners.max(0) + other.corners.min(0))
         place = first.top.mean(0) + rng.uniform(-0.01, 0.01, 2) - middle[:2]
         other = other.moved([*place, first.corners[:, 2].max()])
     else:
-        other, gap, angle = body(rng.choice(names), rng), rng.uniform(*KINDS[kind]), rng.uniform(0.0, 2.0 * np.pi)
+        other, gap, angle = (
+            body(rng.choice(names), rng),
+            rng.uniform(*KINDS[kind]),
+            rng.uniform(0.0, 2.0 * np.pi),
+        )
         if flush:
             first, other, angle = first.squared(), other.squared(), 0.5 * np.pi * rng.integers(4)
         way, step = np.array([np.cos(angle), np.sin(angle)]), 0.0
@@ -114,8 +126,6 @@ def drawn(kind: str, names: list[str], rng: Generator) -> list[Body]:
 
 
 def _area(flat: Array) -> float:
-    from scipy.spatial import ConvexHull
-
     return float(ConvexHull(flat).volume)
 
 
@@ -129,7 +139,11 @@ def seen(bodies: list[Body], rng: Generator, sensor: SensorModel) -> tuple[Cloud
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    angle, rise, far = rng.uniform(0.0, 2.0 * np.pi), np.radians(rng.uniform(25.0, 60.0)), rng.uniform(0.6, 0.9)
+    angle, rise, far = (
+        rng.uniform(0.0, 2.0 * np.pi),
+        np.radians(rng.uniform(25.0, 60.0)),
+        rng.uniform(0.6, 0.9),
+    )
     way = np.array([np.cos(rise) * np.cos(angle), np.cos(rise) * np.sin(angle), np.sin(rise)])
     eye = (Camera.look_at("eye", np.array([0.5, 0.0, 0.05]) + far * way, [0.5, 0.0, 0.05], _LENS),)
     rays, believed = RayCameras(model, eye), sensor.calibrate(eye, rng)
@@ -139,8 +153,6 @@ def seen(bodies: list[Body], rng: Generator, sensor: SensorModel) -> tuple[Cloud
 
 def judged(cloud: Cloud, truth: Index, seed: int) -> list[dict[str, Any]]:
     """Return for each object that is seen its share and purity, and whether the thing that holds it is doubtful."""
-    from dexgrasp_env.perception.scan import cloud_of
-
     try:
         _, support, above = stand_on(cloud_of(cloud.points), np.random.default_rng(seed), default_cell())
     except NoTargetError as none:
@@ -155,10 +167,14 @@ def judged(cloud: Cloud, truth: Index, seed: int) -> list[dict[str, Any]]:
         best = np.bincount(instances.labels[mine]).argmax()
         both = (mine & (instances.labels == best)).sum()
         share, purity = both / mine.sum(), both / (instances.labels == best).sum()
-        doubts = [instances.doubts[j] for j in np.unique(instances.labels[mine]) if j in objects and instances.doubts[j]]
+        doubts = [
+            instances.doubts[j]
+            for j in np.unique(instances.labels[mine])
+            if j in objects and instances.doubts[j]
+        ]
         rows.append(
             {"object": int(k), "share": share, "purity": purity, "things": len(objects),
-             "good": bool(min(share, purity) >= GOOD), "doubt": doubts[0] if doubts else ""}
+             "good": bool(min(share, purity) >= GOOD), "doubt": "; ".join(doubts)}
         )  # fmt: skip
     return rows
 

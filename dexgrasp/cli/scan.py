@@ -79,9 +79,7 @@ def list_lines(seen: "list[DetectedObject]") -> list[str]:
     lines = []
     for one in seen:
         gap = "none" if one.next > 1e3 else f"{100 * one.next:.1f} cm"
-        lines.append(
-            f"  {one.number}: {one}, the next {gap} away{'; ' * bool(one.doubt)}{one.doubt}"
-        )
+        lines.append(f"  {one.number}: {one}, the next {gap} away{'; ' * bool(one.doubt)}{one.doubt}")
     return lines
 
 
@@ -101,4 +99,7 @@ def chosen_line(seen: "list[DetectedObject]") -> str:
         f"{one}, {100 * one.apart:.1f} cm away" for one in sorted(beside, key=lambda one: one.apart)
     )
     line = f"object: {first}; within {100 * _BESIDE:.0f} cm: {said or 'nothing'}"
-    return f"doubt: the object {first.doubt}; a --mask tells for certain\n" * bool(first.doubt) + line
+    return (
+        f"doubt: the object {first.doubt} (a --mask tells one object from another)\n" * bool(first.doubt)
+        + line
+    )

@@ -153,7 +153,9 @@ def scene_of(
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
     cell = cell or default_cell()
     data = posed(compiled_robot(cell), cell.robot.home if start is None else start)
-    scene = find_object(cloud, np.random.default_rng(seed), cell, selector=selector, own=_shape(cell).at(data))
+    scene = find_object(
+        cloud, np.random.default_rng(seed), cell, selector=selector, own=_shape(cell).at(data)
+    )
     target, *others = (with_guess(one, scene.plane) for one in (scene.target, *scene.neighbours))
     return replace(scene, target=target, neighbours=tuple(others))
 

@@ -51,7 +51,13 @@ def detected_objects(scene: Scene, base: Array) -> list[DetectedObject]:
     )
     return [
         DetectedObject(
-            k, middle(points) - base, np.ptp(points, axis=0), float(own.min()), float(own[0]), bool(one.doubt), one.doubt
+            k,
+            middle(points) - base,
+            np.ptp(points, axis=0),
+            float(own.min()),
+            float(own[0]),
+            bool(one.doubt),
+            one.doubt,
         )
         for k, (one, points, own) in enumerate(zip(shown, clouds, gaps, strict=True), start=1)
     ]

@@ -31,13 +31,24 @@ _ON_IT, _CLOSED = 0.85, 0.65  # share of a rim that lies on its outline; of that
 _WIDEST, _NARROWEST = 0.26, 0.04  # m, of a rim
 _SPREAD = 0.6  # of a hollow thing's outline that its rim encloses
 _CELL = 0.004  # m, to which points are thinned
-_HIGH, _LARGEST, _NEAR = 0.02, 0.10, 0.025  # m over the table of what hangs, its size, and how near what it is of
+_HIGH, _LARGEST, _NEAR = (
+    0.02,
+    0.10,
+    0.025,
+)  # m over the table of what hangs, its size, and how near what it is of
 _CLOSE, _CLOSEST = 0.005, 5  # m within which so many points of things that touch lie
-_DEEP, _MOST_DEEP, _LEFT_DEEP = 0.010, 0.07, 0.05  # m inside a hull; share that may be so deep, whole and in levels
+_DEEP, _MOST_DEEP, _LEFT_DEEP = (
+    0.010,
+    0.07,
+    0.05,
+)  # m inside a hull; share that may be so deep, whole and in levels
 _LEVEL, _PEAK = 0.004, 2.5  # m, height of a level; how much fuller than others one with a top is
 _LOW, _GAP = 0.02, 0.012  # quantile of the lowest of a thing; m within which what carries it lies below
 _UNSEEN = 0.5  # of a thing's height, so much of whose sides was not seen
-_SKIRT, _MOST_SKIRT = 0.010, 0.15  # m over the table that a skirt reaches; share of points from which on it is none
+_SKIRT, _MOST_SKIRT = (
+    0.010,
+    0.15,
+)  # m over the table that a skirt reaches; share of points from which on it is none
 TOP_ONLY = "was seen from above alone: its walls are taken to go straight down"
 HIDDEN = "is hidden in part by another"
 TOUCHES = "touches the next, or is one with it"
@@ -60,7 +71,11 @@ def part_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances:
     parted = Instances(labels, ("",) * (labels.max(initial=-1) + 1))
     numbers = parted.objects(cloud)
     things = {k: (cloud.points[labels == k], heights[labels == k]) for k in numbers}
-    hidden = _hidden(cloud, everything, plane, np.where(np.isin(labels, numbers), labels, -1)) if len(things) > 1 else ()
+    hidden = (
+        _hidden(cloud, everything, plane, np.where(np.isin(labels, numbers), labels, -1))
+        if len(things) > 1
+        else ()
+    )
     doubts = list(parted.doubts)
     for k, (points, high) in things.items():
         others = [other for j, (other, _) in things.items() if j != k]
@@ -105,7 +120,7 @@ def foot_of(points: Array, mine: Mask, heights: Array) -> float:
 
 
 def without_skirt(points: Array, heights: Array) -> Mask:
-    """Return which of a thing's points (N, 3) m are not the table's, which bends up at the foot of what stands there."""
+    """Return which of a thing's points (N, 3) m are not the table's, which bends up at the foot of things."""
     from scipy.spatial import ConvexHull, QhullError
 
     low = heights < _SKIRT

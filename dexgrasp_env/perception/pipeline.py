@@ -159,9 +159,7 @@ def find_object(
         else:
             number = numbers[selector.choose([one for one, _ in objects], len(above), cell.base)]
     except NoTargetError as refused:
-        seen = tuple(
-            object_cloud(one, None, COUNT, doubt, cameras_known=False) for one, doubt in objects
-        )
+        seen = tuple(object_cloud(one, None, COUNT, doubt, cameras_known=False) for one, doubt in objects)
         return Scene(plane=plane, reason=refused.reason, sentence=refused.sentence, neighbours=seen)
     return replace(scene_around(above, instances, number, plane, rng, cameras_known=False), tilt=support.tilt)
 

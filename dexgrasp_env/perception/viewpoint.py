@@ -1,4 +1,4 @@
-"""Viewpoint of a cloud that one camera saw, found by the shadows on its table, and what is hidden in part from there."""
+"""Viewpoint of a cloud that one camera saw, found by the shadows on its table, and what is hidden from there."""
 
 import numpy as np
 
@@ -6,10 +6,18 @@ from dexgrasp_env.arrays import Array, Index, Mask, unit
 
 _SQUARE, _AROUND = 0.008, 0.25  # m, side of squares of the table that are seen or in shadow; m around things
 _MOST = 3000  # points that throw shadows
-_TRIED = np.radians(np.arange(0.0, 360.0, 15.0)), np.radians(np.arange(18.0, 84.0, 8.0)), np.array([0.5, 0.8, 1.3])
+_TRIED = (
+    np.radians(np.arange(0.0, 360.0, 15.0)),
+    np.radians(np.arange(18.0, 84.0, 8.0)),
+    np.array([0.5, 0.8, 1.3]),
+)
 """Azimuths and elevations, rad, and distances, m, from the things to the camera."""
 _EXPLAINED = 0.55  # share of shadow and of what was not seen that is both
-_PIXEL, _HALF, _STEPS = 0.005, 120, 8  # m at the things, of an image of them; half its side; pixels without a ray
+_PIXEL, _HALF, _STEPS = (
+    0.005,
+    120,
+    8,
+)  # m at the things, of an image of them; half its side; pixels without a ray
 _NOTHING = -2  # in such a pixel
 _NEARER, _LEAST = 0.01, 8  # m by which what hides is nearer; pixels along which it does
 
@@ -57,7 +65,9 @@ def find_viewpoint(above: Array, table: Array) -> Array | None:
     unseen = of_table & ~drawn(table[:, :2])
     best = [0.0, np.radians(42.0), 0.8]
     for axis in (0, 1, 2, 0, 1):
-        best = max(([*best[:axis], value, *best[axis + 1 :]] for value in _TRIED[axis]), key=lambda b: explained(*b))
+        best = max(
+            ([*best[:axis], value, *best[axis + 1 :]] for value in _TRIED[axis]), key=lambda b: explained(*b)
+        )
     return place(*best) if explained(*best) > _EXPLAINED else None
 
 

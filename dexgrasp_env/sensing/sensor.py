@@ -106,7 +106,9 @@ class SensorModel:
         if self.focal_px == 0 or self.baseline == 0:
             raise InputError("sensor settings focal_px and baseline must be positive")
         if self.window % 2 != 1:
-            raise InputError(f"sensor setting window = {self.window} is out of range: valid are odd numbers from 1 on")
+            raise InputError(
+                f"sensor setting window = {self.window} is out of range: valid are odd numbers from 1 on"
+            )
 
     @classmethod
     def none(cls) -> "SensorModel":
