@@ -36,7 +36,8 @@ _HIGH, _LARGEST, _NEAR = (
     0.10,
     0.025,
 )  # m over the table of what hangs, its size, and how near what it is of
-_CLOSE, _CLOSEST = 0.005, 5  # m within which so many points of things that touch lie
+_CLOSE, _MEETING = 0.005, 12  # m within which so many points of things that touch lie
+_CLOSEST = 5  # points of what carries a thing
 _DEEP, _MOST_DEEP, _LEFT_DEEP = (
     0.010,
     0.07,
@@ -115,7 +116,7 @@ def foot_of(points: Array, mine: Mask, heights: Array) -> float:
     with suppress(QhullError):
         under[under] = Delaunay(points[mine, :2]).find_simplex(points[under, :2]) >= 0
         if under.sum() >= _CLOSEST:
-            return float(min(np.quantile(heights[under], 1.0 - _LOW), low))
+            return float(min(np.median(heights[under]), low))
     return 0.0
 
 
@@ -138,7 +139,7 @@ def _touch(one: Array, other: Array) -> bool:
     from scipy.spatial import cKDTree
 
     near = cKDTree(_thinned(one)).query(_thinned(other), distance_upper_bound=_CLOSE)[0] < _CLOSE
-    return bool(near.sum() >= _CLOSEST)
+    return bool(near.sum() >= _MEETING)
 
 
 def _thinned(points: Array) -> Array:

@@ -12,7 +12,7 @@ _TRIED = (
     np.array([0.5, 0.8, 1.3]),
 )
 """Azimuths and elevations, rad, and distances, m, from the things to the camera."""
-_EXPLAINED = 0.55  # share of shadow and of what was not seen that is both
+_EXPLAINED = 0.45  # share of shadow and of what was not seen that is both
 _PIXEL, _HALF, _STEPS = (
     0.005,
     120,
