@@ -77,9 +77,9 @@ def test_splinters_along_a_thing_are_of_it_and_a_thing_beside_it_is_not(rng):
     assert found[0][:, 0].max() > 0.536
     assert found[0][:, 1].max() > 0.063
     found, doubts = things(
-        np.concatenate([table(rng), body, box(rng, (0.5, 0.0775), np.array([0.05, 0.05, 0.06]))])
+        np.concatenate([table(rng), body, box(rng, (0.5, 0.09), np.array([0.05, 0.05, 0.06]))])
     )
-    assert len(found) == 2  # 7.5 mm apart
+    assert len(found) == 2  # 2 cm apart
     assert doubts == ["", ""]
 
 
