@@ -185,7 +185,7 @@ def tried(name: str, things: list[Thing], way: str, rng: Generator, folder: Path
     grasp, rows = str(folder / "grasp.json"), folder / "rows"
     options = target_options(way, things[0], labels, folder)
     code, said = run(["plan", "--cloud", str(folder / "cloud.npy"), *options, "--out", str(folder)])
-    row = {"scene": name, "way": way, "plan": code, "doubtful": "warning:" in said}
+    row = {"scene": name, "way": way, "plan": code, "doubtful": "doubt:" in said}
     if code:
         return row | {"came": "refused by plan", "said": said.splitlines()[-1] if said else ""}
     code, said = run(["export", grasp, "--out", str(rows)])

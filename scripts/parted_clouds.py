@@ -4,9 +4,9 @@
 
 Scenes of one or two objects of the catalogue are drawn and seen by one camera, as captures are, whose noise has holes,
 flying pixels and steps of depth (`SensorModel.captured`): `single`, `touching` (gaps of 0 to 3 mm), `near` (3 to 20 mm)
-and `stacked`; every other pair stands flush, side to side. An object is good where one of the things found holds 0.9 of its points, and 0.9 of the points of that
-are its own. Rows go to OUT/rows.jsonl; printed is for each kind how many objects are good, how many that are not are
-said doubtful, and how many that are good are said doubtful nevertheless.
+and `stacked`; every other pair stands flush, side to side. An object is good where one of the things found holds 0.9
+of its points, and 0.9 of the points of that are its own. Rows go to OUT/rows.jsonl; printed is for each kind how many
+objects are good, how many that are not are said doubtful, and how many that are good are said doubtful nevertheless.
 """
 
 import json
@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 from numpy.random import Generator
+from scipy.spatial import ConvexHull
 from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, Folder, Script
@@ -28,6 +29,7 @@ from dexgrasp_env.perception.cloud import Cloud, gather, remove_flying
 from dexgrasp_env.perception.parting import part_instances
 from dexgrasp_env.perception.pipeline import stand_on
 from dexgrasp_env.perception.reasons import NoTargetError
+from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.poses import about_z, quat_to_matrix
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.robot.cell import default_cell
@@ -74,8 +76,6 @@ class Body(NamedTuple):
 
 def ring(flat: Array) -> Array:
     """Return the convex outline of points (N, 2)."""
-    from scipy.spatial import ConvexHull
-
     return flat[ConvexHull(flat).vertices]
 
 
@@ -126,8 +126,6 @@ def drawn(kind: str, names: list[str], rng: Generator) -> list[Body]:
 
 
 def _area(flat: Array) -> float:
-    from scipy.spatial import ConvexHull
-
     return float(ConvexHull(flat).volume)
 
 
@@ -155,8 +153,6 @@ def seen(bodies: list[Body], rng: Generator, sensor: SensorModel) -> tuple[Cloud
 
 def judged(cloud: Cloud, truth: Index, seed: int) -> list[dict[str, Any]]:
     """Return for each object that is seen its share and purity, and whether the thing that holds it is doubtful."""
-    from dexgrasp_env.perception.scan import cloud_of
-
     try:
         _, support, above, _ = stand_on(cloud_of(cloud.points), np.random.default_rng(seed), default_cell())
     except NoTargetError as none:
@@ -178,7 +174,7 @@ def judged(cloud: Cloud, truth: Index, seed: int) -> list[dict[str, Any]]:
         ]
         rows.append(
             {"object": int(k), "share": share, "purity": purity, "things": len(objects),
-             "good": bool(min(share, purity) >= GOOD), "doubt": doubts[0] if doubts else ""}
+             "good": bool(min(share, purity) >= GOOD), "doubt": "; ".join(doubts)}
         )  # fmt: skip
     return rows
 

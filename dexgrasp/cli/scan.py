@@ -146,4 +146,7 @@ def chosen_line(seen: "list[DetectedObject]") -> str:
         f"{one}, {100 * one.apart:.1f} cm away" for one in sorted(beside, key=lambda one: one.apart)
     )
     line = f"object: {first}; within {100 * _BESIDE:.0f} cm: {said or 'nothing'}"
-    return f"doubt: the object {first.doubt}; a --mask tells for certain\n" * bool(first.doubt) + line
+    return (
+        f"doubt: the object {first.doubt} (a --mask tells one object from another)\n" * bool(first.doubt)
+        + line
+    )

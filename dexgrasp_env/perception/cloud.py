@@ -54,6 +54,11 @@ class Cloud:
         """Return the cloud with other positions."""
         return replace(self, points=points)
 
+    def eye(self) -> Array:
+        """Return where the only camera was (3,) m: nearest to all its rays."""
+        across = np.eye(3) - self.views[:, :, None] * self.views[:, None]
+        return np.linalg.lstsq(across.sum(0), (across @ self.points[:, :, None]).sum(0)[:, 0], rcond=None)[0]
+
     @classmethod
     def join(cls, clouds: list["Cloud"]) -> "Cloud":
         """Return all rows of several clouds of the same images."""

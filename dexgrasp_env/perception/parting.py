@@ -20,6 +20,7 @@ from dexgrasp_env.perception.instances import (
     segment_instances,
 )
 from dexgrasp_env.perception.plane import Plane
+from dexgrasp_env.perception.viewpoint import find_viewpoint, hidden_in_part
 
 _TOUCH = 0.004  # m between points of things that touch
 _ALONG, _BESIDE = 0.010, 0.5  # m from a larger thing within which so much of a splinter lies
@@ -35,7 +36,8 @@ _HIGH, _LARGEST, _NEAR = (
     0.10,
     0.025,
 )  # m over the table of what hangs, its size, and how near what it is of
-_CLOSE, _CLOSEST = 0.005, 5  # m within which so many points of things that touch lie
+_CLOSE, _MEETING = 0.005, 12  # m within which so many points of things that touch lie
+_CLOSEST = 5  # points of what carries a thing
 _DEEP, _MOST_DEEP, _LEFT_DEEP = (
     0.010,
     0.07,
@@ -49,6 +51,7 @@ _SKIRT, _MOST_SKIRT = (
     0.15,
 )  # m over the table that a skirt reaches; share of points from which on it is none
 TOP_ONLY = "was seen from above alone: its walls are taken to go straight down"
+HIDDEN = "is hidden in part by another"
 TOUCHES = "touches the next, or is one with it"
 
 
@@ -67,16 +70,39 @@ def part_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances:
     for k in whole.objects(cloud):
         labels = _by_level(cloud.points, labels, labels == k, heights)
     parted = Instances(labels, ("",) * (labels.max(initial=-1) + 1))
-    numbers, doubts = parted.objects(cloud), list(parted.doubts)
-    thin = {k: _thinned(cloud.points[labels == k]) for k in numbers}
-    for k in numbers:
-        if may_be_two(cloud.points[labels == k], heights[labels == k]):
-            doubts[k] = MAY_BE_TWO
-        elif any(_touch(thin[k], thin[j]) for j in numbers if j != k):
-            doubts[k] = TOUCHES
-        elif np.quantile(heights[labels == k], _LOW) > max(_HIGH, _UNSEEN * heights[labels == k].max()):
-            doubts[k] = TOP_ONLY
+    numbers = parted.objects(cloud)
+    things = {k: (cloud.points[labels == k], heights[labels == k]) for k in numbers}
+    hidden = (
+        _hidden(cloud, everything, plane, np.where(np.isin(labels, numbers), labels, -1))
+        if len(things) > 1
+        else ()
+    )
+    doubts = list(parted.doubts)
+    for k, (points, high) in things.items():
+        others = [other for j, (other, _) in things.items() if j != k]
+        said = {
+            MAY_BE_TWO: may_be_two(points, high),
+            TOUCHES: any(_touch(points, other) for other in others),
+            HIDDEN: k in hidden,
+            TOP_ONLY: np.quantile(high, _LOW) > max(_HIGH, _UNSEEN * high.max()),
+        }
+        doubts[k] = "; ".join(words for words, true in said.items() if true)
     return Instances(labels, tuple(doubts))
+
+
+def _hidden(cloud: Cloud, everything: Cloud, plane: Plane, labels: Index) -> set[int]:
+    """Return the things that others hide in part from the only camera; none where there are several."""
+    over = plane.heights(everything.points)
+    upright, raised = (np.c_[c.points[:, :2], plane.heights(c.points)] for c in (everything, cloud))
+    if not np.ptp(everything.views, axis=0).any():
+        eye = find_viewpoint(raised, upright[np.abs(over) < _HIGH])
+    else:
+        eye = None if np.ptp(everything.camera) else everything.eye()
+    if eye is None:
+        return set()
+    of = np.full(max(everything.pixel.max(), cloud.pixel.max()) + 1, -1)
+    of[cloud.pixel] = labels
+    return hidden_in_part(upright, of[everything.pixel], eye)
 
 
 def foot_of(points: Array, mine: Mask, heights: Array) -> float:
@@ -90,12 +116,12 @@ def foot_of(points: Array, mine: Mask, heights: Array) -> float:
     with suppress(QhullError):
         under[under] = Delaunay(points[mine, :2]).find_simplex(points[under, :2]) >= 0
         if under.sum() >= _CLOSEST:
-            return float(min(np.quantile(heights[under], 1.0 - _LOW), low))
+            return float(min(np.median(heights[under]), low))
     return 0.0
 
 
 def without_skirt(points: Array, heights: Array) -> Mask:
-    """Return which of a thing's points (N, 3) m are not the table's, which bends up at the foot of what stands there."""
+    """Return which of a thing's points (N, 3) m are not the table's, which bends up at the foot of things."""
     from scipy.spatial import ConvexHull, QhullError
 
     low = heights < _SKIRT
@@ -112,7 +138,8 @@ def _touch(one: Array, other: Array) -> bool:
     """Return true for points (N, 3) m and (M, 3) that lie against each other."""
     from scipy.spatial import cKDTree
 
-    return bool((cKDTree(one).query(other, distance_upper_bound=_CLOSE)[0] < _CLOSE).sum() >= _CLOSEST)
+    near = cKDTree(_thinned(one)).query(_thinned(other), distance_upper_bound=_CLOSE)[0] < _CLOSE
+    return bool(near.sum() >= _MEETING)
 
 
 def _thinned(points: Array) -> Array:

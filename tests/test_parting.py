@@ -1,0 +1,178 @@
+"""Recorded clouds: one object is one however it is torn, stacks part by level, and what is not sure is said."""
+
+import mujoco
+import numpy as np
+import pytest
+from robots import CELL
+from test_scene_cloud import box, table
+
+from dexgrasp.geometry.completion import completed_corners, with_guess
+from dexgrasp_env.perception import parting
+from dexgrasp_env.perception.cloud import Cloud, gather
+from dexgrasp_env.perception.parting import part_instances
+from dexgrasp_env.perception.pipeline import find_object, stand_on
+from dexgrasp_env.perception.scan import cloud_of
+from dexgrasp_env.perception.selection import TargetSelector
+from dexgrasp_env.perception.viewpoint import find_viewpoint
+from dexgrasp_env.poses import about_z
+from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
+from dexgrasp_env.sensing.raycast import RayCameras
+from dexgrasp_env.sensing.sensor import SensorModel
+
+LENS = CameraIntrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
+EYE = Camera.look_at("eye", (1.0, 0.1, 0.5), (0.5, 0.0, 0.05), LENS)
+
+
+def things(points: np.ndarray | Cloud, seed: int = 0) -> tuple[list[np.ndarray], list[str]]:
+    """Return the points of the objects in a cloud, the largest first, and their doubts."""
+    cloud = points if isinstance(points, Cloud) else cloud_of(points)
+    _, support, above = stand_on(cloud, np.random.default_rng(seed), CELL)
+    found = part_instances(above, support.cloud, support.plane)
+    numbers = found.objects(above)
+    return [above.points[found.labels == k] for k in numbers], [found.doubts[k] for k in numbers]
+
+
+def views(*boxes: tuple[tuple[float, ...], tuple[float, ...]], eye: Camera = EYE) -> Cloud:
+    """Return what a perfect camera sees of boxes on a table: sides and middles (3,) m of each."""
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.6, 0.8, 0.02], pos=[0.55, 0.0, -0.02])
+    for sides, middle in boxes:
+        half = [0.5 * side for side in sides]
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=middle)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return gather(RayCameras(model, (eye,)).render(data), (eye,))
+
+
+def cup(rng: np.random.Generator, radius: float = 0.055, height: float = 0.08) -> np.ndarray:
+    """Return the near outer and the far inner side of a cup, without its thin rim, as a camera at +x sees them."""
+    angle, up = rng.uniform(-np.pi, np.pi, 5000), rng.uniform(0.0, 1.0, 5000)
+    far = np.abs(angle) > 0.55 * np.pi
+    seen = far | (np.abs(angle) < 0.48 * np.pi)
+    up = np.where(far, 0.35 + 0.65 * up, up)
+    points = np.column_stack([0.5 + radius * np.cos(angle), radius * np.sin(angle), height * up])[seen]
+    return points + rng.normal(0.0, 0.0012, points.shape)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_cup_is_one_thinned_turned_and_reseeded(seed):
+    rng = np.random.default_rng(seed)
+    points = np.concatenate([table(rng, 12000), cup(rng)])
+    if seed % 2:
+        points = points[rng.random(len(points)) < 0.5]
+    turn = about_z(rng.uniform(0.0, 2.0 * np.pi))[:3, :3]
+    found, doubts = things((points - [0.5, 0.0, 0.0]) @ turn.T + [0.5, 0.0, 0.0], seed)
+    assert len(found) == 1
+    assert doubts == [""]
+    assert np.ptp(found[0], axis=0)[:2] == pytest.approx([0.11, 0.11], abs=0.012)
+
+
+def test_splinters_along_a_thing_are_of_it_and_a_thing_beside_it_is_not(rng):
+    body = box(rng, (0.5, 0.0), np.array([0.06, 0.09, 0.15]), 5000)
+    strip = rng.uniform([0.534, -0.01, 0.06], [0.538, 0.005, 0.11], (130, 3))
+    hanging = rng.uniform([0.49, 0.06, 0.10], [0.51, 0.065, 0.13], (120, 3))
+    found, _ = things(np.concatenate([table(rng), body, strip, hanging]))
+    assert len(found) == 1
+    assert found[0][:, 0].max() > 0.536
+    assert found[0][:, 1].max() > 0.063
+    found, doubts = things(
+        np.concatenate([table(rng), body, box(rng, (0.5, 0.09), np.array([0.05, 0.05, 0.06]))])
+    )
+    assert len(found) == 2  # 2 cm apart
+    assert doubts == ["", ""]
+
+
+def test_what_stands_on_another_is_another_and_its_hull_ends_there():
+    scene = views(((0.16, 0.2, 0.06), (0.5, 0.0, 0.03)), ((0.06, 0.07, 0.10), (0.52, 0.0, 0.11)))
+    found, doubts = things(scene)
+    assert len(found) == 2
+    assert all(parting.TOUCHES in doubt for doubt in doubts)
+    meant = TargetSelector(near=np.array([0.52, 0.0, 0.13]))
+    upper = find_object(scene, np.random.default_rng(0), CELL, selector=meant)
+    assert upper.target.foot == pytest.approx(0.06, abs=0.004)
+    corners, _ = completed_corners(upper.target, upper.plane)
+    assert corners is not None
+    assert corners[:, 2].min() == pytest.approx(0.06, abs=0.006)
+    mask = np.zeros(np.prod(scene.shape), bool)
+    mask[scene.pixel[scene.points[:, 2] > 0.065]] = True
+    masked = find_object(scene, np.random.default_rng(0), CELL, selector=TargetSelector(mask=mask))
+    assert masked.target.foot == pytest.approx(0.06, abs=0.004)
+
+
+def test_what_is_neither_convex_nor_hollow_may_be_two(rng):
+    tall, low = np.array([0.05, 0.08, 0.16]), np.array([0.10, 0.08, 0.05])
+    points = np.concatenate([box(rng, (0.5, 0.0), tall, 4000), box(rng, (0.575, 0.0), low, 4000)])
+    assert parting.may_be_two(points, points[:, 2])
+    one = box(rng, (0.5, 0.0), tall, 4000)
+    assert not parting.may_be_two(one, one[:, 2])
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_what_another_hides_in_part_is_doubtful(known):
+    cloud = views(((0.05, 0.07, 0.18), (0.55, 0.0, 0.09)), ((0.06, 0.26, 0.06), (0.40, 0.02, 0.03)))
+    found, doubts = things(cloud if known else cloud_of(cloud.points))
+    hidden = [parting.HIDDEN in doubt for doubt in doubts]
+    behind = [bool(points[:, 0].mean() < 0.47) for points in found]
+    assert len(found) >= 2
+    assert hidden == behind
+
+
+def test_a_viewpoint_is_found_by_shadows_and_none_where_several_cameras_looked():
+    boxes = (((0.05, 0.07, 0.15), (0.55, 0.05, 0.075)), ((0.06, 0.08, 0.10), (0.45, -0.1, 0.05)))
+    points = views(*boxes).points
+    high = points[:, 2] > 0.005
+    eye = find_viewpoint(points[high], points[~high])
+    assert eye is not None
+    way, true = (place - points[high].mean(0) for place in (eye, EYE.position))
+    assert way @ true > np.cos(np.radians(15.0)) * np.linalg.norm(way) * np.linalg.norm(true)
+    other = Camera.look_at("other", (0.0, -0.1, 0.5), (0.5, 0.0, 0.05), LENS)
+    points = np.concatenate([points, views(*boxes, eye=other).points])
+    high = points[:, 2] > 0.005
+    assert find_viewpoint(points[high], points[~high]) is None
+    assert views(*boxes).eye() == pytest.approx(EYE.position, abs=1e-6)
+
+
+def test_walls_go_straight_down_under_what_was_seen_from_above_alone():
+    above = Camera.look_at("above", (0.5, 0.0, 0.7), (0.5001, 0.0, 0.0), LENS)
+    scene = find_object(
+        views(((0.06, 0.08, 0.1), (0.5, 0.0, 0.05)), eye=above), np.random.default_rng(0), CELL
+    )
+    assert scene.target.doubt == parting.TOP_ONLY
+    corners, _ = completed_corners(scene.target, scene.plane)
+    assert corners is not None
+    foot = corners[corners[:, 2] < 0.02]
+    assert np.ptp(foot, axis=0)[:2] == pytest.approx([0.06, 0.08], abs=0.012)
+
+
+def test_a_side_that_is_guessed_is_said():
+    front = Camera.look_at("front", (1.1, 0.25, 0.12), (0.5, 0.0, 0.07), LENS)
+    scene = find_object(
+        views(((0.07, 0.09, 0.15), (0.5, 0.0, 0.075)), eye=front), np.random.default_rng(0), CELL
+    )
+    assert "side that no camera saw" in with_guess(scene.target, scene.plane).doubt
+
+
+def test_a_captured_image_has_holes_shadows_and_steps():
+    camera = Camera.look_at("c", (0.5, 0.0, 0.8), (0.5001, 0.0, 0.0), LENS)
+    step = np.full((1, 240, 320), 0.8, np.float32)
+    step[:, :, 160:] = 0.5
+    hidden = SensorModel(focal_px=580.0, baseline=0.075, hidden_dropout=1.0)
+    lost = ~np.isfinite(hidden.measure(step, (camera,), np.random.default_rng(0))[0])
+    wide = 290.0 * 0.075 * (1.0 / 0.5 - 1.0 / 0.8)  # pixels, of which the other imager sees the nearer side
+    assert lost[100].sum() == pytest.approx(wide, abs=1.5)
+    assert lost[100, 150]
+    flat = np.full((1, 240, 320), 0.8, np.float32)
+    holes = SensorModel(hole_share=0.05).measure(flat, (camera,), np.random.default_rng(0))
+    assert (~np.isfinite(holes)).mean() == pytest.approx(0.05, abs=0.005)
+    smeared = SensorModel(smear=7, edge_jump=0.02).measure(
+        np.where(step < 0.6, 0.79, step), (camera,), np.random.default_rng(0)
+    )
+    assert 0.791 < smeared[0, 100, 159] < 0.799
+    with pytest.raises(ValueError, match="window"):
+        SensorModel(window=4)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
