@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check_mesh_options
 from dexgrasp.cli.output import note
-from dexgrasp.cli.scan import Scan, chosen_line, list_lines, tilt_line
+from dexgrasp.cli.scan import Scan, blocking_lines, chosen_line, draw_scan, list_lines, tilt_line
 from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -49,7 +49,7 @@ class Plan(Command, Scan, Scene):
         agent: which planner.
         count: K grasps that differ, firmest first; with --out, grasp_000.json and so on (exit code 1 for fewer).
         at_least: a grasp that is lifted and held with at least this probability, or none (exit code 1).
-        out: folder for grasp.json and grasp.png.
+        out: folder for grasp.json and grasp.png, of a cloud also seen.png.
         floating: in mid-air, its shape known, no approach: for dexgrasp score.
     """
 
@@ -147,6 +147,7 @@ class Plan(Command, Scan, Scene):
         planner = default_planner(self.cell, PlannerSettings.of(self.friction, self.at_least))
         scene, seen = self._look(scan)
         if scene.reason == SEVERAL:
+            self._draw(scan, scene, seen)
             stand = "; ".join(line.strip() for line in list_lines(seen))
             raise InputError(
                 f"several objects stand in reach: {stand}: point at one by --object-near, --box, --mask or --pixel"
@@ -164,7 +165,20 @@ class Plan(Command, Scan, Scene):
             count=self.count,
             progress=progress,
         )
-        return found, found.as_json(scan_name(Path(str(self.cloud)))) | {"seen": seen}
+        self._draw(scan, scene, seen, found)
+        beside = {"seen": seen, "in_the_way": blocking_lines(scene, seen, found)}
+        return found, found.as_json(scan_name(Path(str(self.cloud)))) | beside
+
+    def _draw(
+        self,
+        scan: "Cloud",
+        scene: "PerceivedScene",
+        seen: "list[DetectedObject]",
+        found: "PlanResult | None" = None,
+    ) -> None:
+        """Draw what is seen, where there is a folder for it."""
+        if self.out is not None:
+            note(draw_scan(self.out / "seen.png", scan, scene, seen, found, self.cell))
 
     def _look(self, scan: "Cloud") -> "tuple[PerceivedScene, list[DetectedObject]]":
         """Return the scene of a cloud, and the objects that are seen there."""
@@ -180,16 +194,14 @@ class Plan(Command, Scan, Scene):
 
     def _list(self, scan: "Cloud") -> Answer:
         """List the objects seen, with a picture where there is a folder for it."""
-        from dexgrasp_env.perception.picture import objects_picture
-
         scene, seen = self._look(scan)
         lines = [f"{len(seen)} objects (middles in the frame of the robot's base, m):", *list_lines(seen)]
         if not seen:
             lines = [f"no object: {scene.sentence or scene.reason}"]
         if scene.tilt:
             lines.append(tilt_line(scene.tilt))
-        if seen and self.out is not None:
-            lines.append(f"wrote {objects_picture(self.out / 'objects.png', scene, seen)}")
+        if self.out is not None:
+            lines.append(draw_scan(self.out / "objects.png", scan, scene, seen, None, self.cell))
         return Answer({"objects": seen}, lines, not seen)
 
 

@@ -88,4 +88,7 @@ def _chance(chance: dict[str, float]) -> str:
 
 
 def _why(result: Fields) -> str:
-    return explain(result["reason"], result["blocked"], result["violations"])
+    why = explain(
+        result["reason"], result["blocked"], result["violations"], "cloud" if "seen" in result else "target"
+    )
+    return "\n  ".join([why, *result.get("in_the_way", ())])

@@ -1,23 +1,29 @@
 """Options of `dexgrasp plan --cloud`: a scene of one's own, and what of it is meant."""
 
+from dataclasses import replace
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from dexgrasp.cli.command import File, Options
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.valid import Positive
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from dexgrasp.planning.result import PlanResult
     from dexgrasp_env.arrays import Array
     from dexgrasp_env.perception.cloud import Cloud
     from dexgrasp_env.perception.detected import DetectedObject
     from dexgrasp_env.perception.scene import Scene
     from dexgrasp_env.perception.selection import TargetSelector
+    from dexgrasp_env.robot.cell import Cell
 
 _DOUBT = "may be two objects, or a part of the next"
+_DRAWN = 20_000  # points of a cloud in which nothing was found
+_HAND = 0.04  # m beside the object that fingers need
 _LEVEL = 0.99  # cosine of the angle between tables that both pass for level
 _BESIDE = 0.15  # m from the object within which it is said what stands there
 
@@ -151,3 +157,64 @@ def chosen_line(seen: "list[DetectedObject]") -> str:
     )
     line = f"object: {first}; within {100 * _BESIDE:.0f} cm: {said or 'nothing'}"
     return line + f"\nwarning: object 1 {_DOUBT}: a --mask tells for certain" * first.doubtful
+
+
+def blocking_lines(scene: "Scene", seen: "list[DetectedObject]", found: "PlanResult") -> list[str]:
+    """Return what stands in the way of every grasp, a line for each, and what may where there is none."""
+    from dexgrasp.geometry.neighbours import neighbours_of
+    from dexgrasp.grasp.grasp import RAISED
+    from dexgrasp.motion.collision import raised_into
+    from dexgrasp_env.perception.scene import ObjectCloud
+
+    if found.target is None or found.found:
+        return []
+    around = [
+        (f"object {own.number} ({own})", replace(scene, neighbours=(cloud,), rest=ObjectCloud()), own.apart)
+        for own, cloud in zip(seen[1:], scene.neighbours, strict=True)
+    ]
+    over, beside = list[str](), list[str]()
+    for words, alone, apart in (*around, ("what is no object", replace(scene, neighbours=()), inf)):
+        if raised_into(replace(found.target, neighbours=neighbours_of(alone)), RAISED) > 0.0:
+            over.append(f"in the way of lifting it straight up: {words}: take that away first")
+        elif apart < _HAND:
+            beside.append(f"perhaps too near for the hand: {words}, {100 * apart:.1f} cm away")
+    return over or beside
+
+
+def draw_scan(
+    path: Path,
+    scan: "Cloud",
+    scene: "Scene",
+    seen: "list[DetectedObject]",
+    found: "PlanResult | None",
+    cell: "Cell",
+) -> str:
+    """Draw what was seen of a cloud and what was planned on it; return a line that says so, or why not.
+
+    A picture stops no plan.
+    """
+    try:
+        from dexgrasp.grasp.picture import hand_triangles
+        from dexgrasp_env.perception.picture import Drawing, scene_picture
+
+        target = None if found is None else found.target
+        grasp = None if found is None else found.grasp
+        clouds = [one.points for one in (scene.target, *scene.neighbours) if len(one)]
+        rest = scene.rest.points
+        if not clouds:  # all that there is
+            rest = scan.points[:: max(1, len(scan) // _DRAWN)] + cell.base
+        scene_picture(
+            path,
+            Drawing(
+                dict(zip(list_lines(seen), clouds, strict=True)),
+                rest,
+                scene.plane,
+                None if target is None else target.distance.triangles,
+                () if target is None else [corners for parts in target.neighbours for corners in parts],
+                None if grasp is None else hand_triangles(cell, grasp.q),
+                scene.sentence or (found and found.reason) or ("a grasp" if grasp else ""),
+            ),
+        )
+    except Exception as error:
+        return f"note: no picture {path} ({first_line(error)})"
+    return f"wrote {path}"

@@ -1,5 +1,7 @@
-"""A picture for people: the cloud, its hull and the true mesh overlaid."""
+"""Pictures for people: the cloud with its hull and the true mesh, a scene with all that is seen in it."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +13,11 @@ from dexgrasp_env.arrays import Array, middle
 if TYPE_CHECKING:
     import trimesh
 
-    from dexgrasp_env.perception.detected import DetectedObject
-    from dexgrasp_env.perception.scene import Scene
+    from dexgrasp_env.perception.plane import Plane
 
+_SIDES = {"from above": (0, 1), "from the right": (0, 2), "from the front": (1, 2)}
+_MARGIN = 0.03  # m around what is drawn
+_TABLE = "#e8dcc8"
 _VIEWS = (("from the front right", 25, -40), ("from the back left", 25, 140), ("from above", 90, -90))
 
 
@@ -60,18 +64,100 @@ def save(figure: Any, path: Path) -> Path:
     return path
 
 
-def objects_picture(path: Path, scene: "Scene", seen: "list[DetectedObject]") -> Path:
-    """Draw the objects of a scene from above with their numbers, the robot to the left, and write them as PNG."""
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Things of a scene for a picture; whatever is not there is left out. All in the frame of the scene, m.
+
+    Attributes:
+        objects: points (N, 3) of each object by its line of the legend, the one that is meant first.
+        rest: (N, 3) points of what is no object.
+        plane: the table.
+        hull: (F, 3, 3) triangles that the object is taken for.
+        around: (N, 3) corners of each convex part of what is kept clear of.
+        hand: (F, 3, 3) triangles of the hand where it grasps.
+        title: above the picture.
+    """
+
+    objects: dict[str, Array]
+    rest: Array
+    plane: "Plane | None" = None
+    hull: Array | None = None
+    around: Sequence[Array] = ()
+    hand: Array | None = None
+    title: str = ""
+
+
+def scene_picture(path: Path, drawing: Drawing) -> Path:
+    """Draw a scene from above, from the front and from the side, and write it as PNG; the robot is to the left.
+
+    Flat projections: they need neither OpenGL nor the time of drawings in space.
+    """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8.0, 8.0))
-    axes = figure.add_subplot(xlabel="x, m", ylabel="y, m", aspect="equal")
-    axes.plot(*scene.rest.points[:, :2].T, ".", markersize=2, color="0.7")
-    for one, cloud in zip(seen, [c for c in (scene.target, *scene.neighbours) if len(c)], strict=True):
-        axes.plot(*cloud.points[:, :2].T, ".", markersize=2)
-        x, y, _ = cloud.points.mean(0)
-        axes.text(x, y, str(one.number), fontsize=16, ha="center", va="center")
+    figure = Figure(figsize=(15.0, 6.0))
+    seen = [points for points in drawing.objects.values() if len(points)]
+    about = np.concatenate(seen or [drawing.rest, np.zeros((1, 3))])
+    solids = [solid.reshape(-1, 3) for solid in (drawing.hand, drawing.hull) if solid is not None]
+    about = np.concatenate([about, *solids])
+    low, high = about.min(0) - _MARGIN, about.max(0) + _MARGIN
+    for k, (name, axes) in enumerate(_SIDES.items()):
+        panel = figure.add_subplot(1, len(_SIDES), k + 1, aspect="equal", title=name)
+        _draw_side(panel, drawing, list(axes), low, high)
+    figure.legend(
+        *panel.get_legend_handles_labels(),
+        loc="lower left",
+        ncols=2,
+        frameon=False,
+        fontsize=8,
+        markerscale=8,
+    )
+    figure.suptitle(drawing.title)
+    figure.subplots_adjust(left=0.05, right=0.98, top=0.9, bottom=0.3)
     return save(figure, path)
+
+
+def _draw_side(panel: Any, drawing: Drawing, axes: list[int], low: Array, high: Array) -> None:
+    """Draw the projection of everything onto two axes."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    if drawing.plane is not None:
+        x, y = (np.array([low[k], high[k]]) for k in (0, 1))
+        square = np.array([(a, b, 0.0) for a, b in ((0, 0), (0, 1), (1, 1), (1, 0))])
+        square[:, 0], square[:, 1] = x[square[:, 0].astype(int)], y[square[:, 1].astype(int)]
+        square[:, 2] -= drawing.plane.heights(square) / drawing.plane.normal[2]
+        panel.add_collection(
+            PolyCollection([square[:, axes]], facecolor=_TABLE, edgecolor=_TABLE, label="table")
+        )
+    if drawing.hand is not None:
+        panel.add_collection(
+            PolyCollection(
+                drawing.hand[..., axes], facecolor="0.2", alpha=0.12, label="hand, where it grasps"
+            )
+        )
+    panel.plot(*drawing.rest[:, axes].T, ".", markersize=1, color="0.6", label="no object")
+    for number, (words, points) in enumerate(drawing.objects.items(), start=1):
+        panel.plot(*points[:, axes].T, ".", markersize=1.5, label=words)
+        panel.annotate(str(number), middle(points)[axes], fontsize=14, ha="center", va="center")
+    outlines = [_outline(corners[:, axes]) for corners in drawing.around]
+    panel.add_collection(LineCollection(outlines, colors="0.4", linewidths=0.6, label="kept clear of"))
+    if drawing.hull is not None:
+        triangles = drawing.hull[:, [0, 1, 2, 0]][..., axes]
+        panel.add_collection(
+            LineCollection(triangles, colors="k", linewidths=0.3, label="what is planned on")
+        )
+    for which, axis in zip("xy", axes, strict=True):
+        panel.set(**{f"{which}lim": (low[axis], high[axis]), f"{which}label": f"{'xyz'[axis]}, m"})
+
+
+def _outline(points: Array) -> Array:
+    """Return the convex outline (N, 2) of points, closed; of points in a line what they span."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        around = ConvexHull(points).vertices
+    except QhullError:
+        return points[[0, -1]]
+    return points[[*around, around[0]]]
 
 
 def _draw(
