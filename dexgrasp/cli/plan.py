@@ -140,11 +140,13 @@ class Plan(Command, Scan, Scene):
 
     def _plan_scan(self, scan: "Cloud", progress: "Progress") -> "tuple[PlanResult, Fields]":
         """Plan on a cloud; return what came of it, and the same as JSON."""
+        _import_mujoco()
         from dexgrasp.planning.plan_scene import default_planner, plan_scene
+        from dexgrasp.planning.planner import Planner
         from dexgrasp.planning.settings import PlannerSettings
         from dexgrasp_env.perception.reasons import SEVERAL
 
-        planner = default_planner(self.cell, PlannerSettings.of(self.friction, self.at_least))
+        settings = PlannerSettings.of(self.friction, self.at_least)
         scene, seen = self._look(scan)
         if scene.reason == SEVERAL:
             self._draw(scan, scene, seen)
@@ -156,6 +158,9 @@ class Plan(Command, Scan, Scene):
             note(tilt_line(scene.tilt))
         if scene.reason is None:
             note(chosen_line(seen))
+            planner = default_planner(self.cell, settings)
+        else:  # nothing to plan on, and nothing to compile for it
+            planner = Planner(settings, cell=self.cell)
         found = plan_scene(
             planner,
             scene,
@@ -237,12 +242,7 @@ def plan_target(
     Raises:
         InputError: for an unknown agent, or one that plans no grasps.
     """
-    if "mujoco" not in sys.modules:
-        # Without the window library that it would bring: what draws chooses its own, MUJOCO_GL was put aside.
-        os.environ["MUJOCO_GL"] = "disable"
-        import mujoco  # noqa: F401
-
-        del os.environ["MUJOCO_GL"]
+    _import_mujoco()
     from dexgrasp.planning.result import PlansGrasps
     from dexgrasp.planning.scene_setup import look_at
     from dexgrasp.registry import agent_for
@@ -257,6 +257,15 @@ def plan_target(
         )
     look = look_at(target, agent, scene.seed, **scene.env_settings)
     return look, agent.plan(look.observation, look.info, count, progress)
+
+
+def _import_mujoco() -> None:
+    """Import it without the window library that it would bring: what draws chooses its own, MUJOCO_GL is put aside."""
+    if "mujoco" not in sys.modules:
+        os.environ["MUJOCO_GL"] = "disable"
+        import mujoco  # noqa: F401
+
+        del os.environ["MUJOCO_GL"]
 
 
 def scan_name(path: Path) -> str:
