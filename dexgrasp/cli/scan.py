@@ -211,7 +211,7 @@ def draw_scan(
                 scene.plane,
                 None if target is None else target.distance.triangles,
                 () if target is None else [corners for parts in target.neighbours for corners in parts],
-                None if grasp is None else hand_triangles(cell, grasp.q),
+                {} if grasp is None else {"hand, where it grasps": hand_triangles(cell, grasp.q)},
                 scene.sentence or (found and found.reason) or ("a grasp" if grasp else ""),
             ),
         )

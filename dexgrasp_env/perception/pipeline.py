@@ -172,9 +172,9 @@ def find_object(
         return Scene(reason=refused.reason, sentence=refused.sentence, neighbours=seen)
     if own is not None:  # at its sides a robot is seen less sharply; what touches it there is it
         overhead = overhead.select(~own(overhead.points, _BESIDE_ROBOT))
-    seen = object_cloud(overhead, None, _REST, cameras_known=False)
-    found = scene_around(above, instances, number, plane, rng, cameras_known=False)
-    return replace(found, rest=found.rest.joined(seen), tilt=support.tilt)
+    scene = scene_around(above, instances, number, plane, rng, cameras_known=False)
+    rest = scene.rest.joined(object_cloud(overhead, None, _REST, cameras_known=False))
+    return replace(scene, rest=rest, tilt=support.tilt)
 
 
 def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None) -> Cloud:

@@ -4,13 +4,13 @@ Simulated cameras, recorded clouds and observations of the environment all end i
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Arrays, Mask
+from dexgrasp_env.arrays import Array, Arrays, Fields, Mask
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import pad
 from dexgrasp_env.perception.plane import Plane
@@ -57,11 +57,9 @@ class ObjectCloud:
 
     def joined(self, other: "ObjectCloud") -> "ObjectCloud":
         """Return the points of both."""
-        both = (
-            np.concatenate([getattr(self, name), getattr(other, name)])
-            for name in ("points", "normals", "pixels")
-        )
-        return ObjectCloud(*both, self.doubtful)
+        names = ("points", "normals", "pixels")
+        both: Fields = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
+        return replace(self, **both)
 
 
 @dataclass(frozen=True, eq=False)
