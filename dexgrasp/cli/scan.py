@@ -94,16 +94,24 @@ class Scan(Options):
         """Yield what may be wrong with the frame of a cloud whose table `look` does not find in its place."""
         import numpy as np
 
+        from dexgrasp_env.perception.camera_files import CAMERAS_FILE, read_cameras
         from dexgrasp_env.perception.camera_pose import misread_poses
         from dexgrasp_env.perception.reasons import OF_FRAME
 
-        if self.pose is None or self.camera_pose is None:
+        name, file = "--camera-pose", Path(str(self.cloud)) / CAMERAS_FILE
+        poses = [] if self.pose is None else [self.pose]
+        if not poses and file.is_file():
+            name, poses = "T_base_camera", [image.T_base_camera for image in read_cameras(file)]
+        if not poses:
             yield "of a cloud in a camera's frame --camera-pose says where the camera is"
             return
-        for words, T in misread_poses(self.pose, self.camera_pose):
-            R = T @ np.linalg.inv(self.pose)
-            if look(scan.moved(scan.points @ R[:3, :3].T + R[:3, 3])).reason not in OF_FRAME:
-                yield f"it would be right if --camera-pose {words}"
+        for readings in zip(*(misread_poses(T, self.camera_pose or "") for T in poses), strict=True):
+            points = scan.points.copy()
+            for k, (T, (_, other)) in enumerate(zip(poses, readings, strict=True)):
+                R, own = other @ np.linalg.inv(T), scan.camera == k
+                points[own] = points[own] @ R[:3, :3].T + R[:3, 3]
+            if look(scan.moved(points)).reason not in OF_FRAME:
+                yield f"it would be right if {name} {readings[0][0]}"
 
     def selector(self) -> "TargetSelector":
         """Return what is pointed at.
