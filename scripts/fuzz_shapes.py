@@ -65,7 +65,7 @@ def mesh_of(draw: Any, path: Path) -> tuple[Path, float]:
             )
     if draw.upto(9) == 0:  # triangles that share no vertex
         vertices, faces = vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
-    scale, kind = draw.one((1.0, 1.0, 1.0, 0.001)), draw.one(("obj", "stl", "ply", "glb"))
+    scale, kind = draw.one((1.0, 1.0, 1.0, 0.001)), draw.one(("obj", "stl", "ply", "glb", "off", "3mf"))
     try:
         data = trimesh.Trimesh(vertices / scale, faces, process=False).export(file_type=kind)
     except Exception:  # what cannot be written is a fault of the input, not of the reader

@@ -29,8 +29,8 @@ UNIMPORTED = {
     "networkx",
     "pycollada",
 }
-"""Used through another, or by name: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, learners, torch's log; packed las,
-and what trimesh reads 3mf and dae with."""
+"""Used through another, or by name: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, learners,
+torch's log; packed las, and what trimesh reads 3mf and dae with."""
 
 
 OWNERS = {

@@ -26,7 +26,6 @@ from dexgrasp_env.perception.cloud import (
     smooth,
 )
 from dexgrasp_env.perception.neighbourhoods import linked
-from dexgrasp_env.perception.picture import cloud_picture
 from dexgrasp_env.perception.plane import Plane, fit_plane, level_views, remove_plane, view_corrections
 from dexgrasp_env.perception.robot import RobotShape, robot_geoms
 from dexgrasp_env.robot.model import compiled_robot, posed
@@ -266,11 +265,3 @@ def test_distance_to_a_mesh_and_coverage():
     points = np.array([[1, 0, 0.13], [1.14, 0.13, 0.0], [1, 0, 0.02], [1.1, 0.1, 0.1]])
     assert surface_distance(points, box, T) == pytest.approx([0.03, 0.05, 0.08, 0.0], abs=1e-12)
     assert covered_share(np.zeros((1, 3)), np.array([[0, 0, 0.005], [0, 0, 0.5]])) == 0.5
-
-
-def test_picture_is_written_even_of_nothing(tmp_path):
-    box = trimesh.creation.box([0.05] * 3)
-    full = cloud_picture(tmp_path / "a.png", box.sample(50), box, box)
-    empty = cloud_picture(tmp_path / "b.png", np.zeros((0, 3)), None)
-    assert full.stat().st_size > 10_000
-    assert empty.stat().st_size > 1_000

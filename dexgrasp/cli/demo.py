@@ -130,16 +130,20 @@ def _contact_sheet(path: Path, frames: list[Any]) -> None:
 
 
 def _cloud_picture(path: Path, seen: "Look", found: "PlanResult") -> None:
-    """Return the share of the object's surface that was seen; only for agents that see points."""
-    from dexgrasp_env.perception.picture import cloud_picture
+    """Draw the points that were seen over the object; only for agents that see points."""
+    import numpy as np
+
+    from dexgrasp_env.perception.picture import Drawing, scene_picture
     from dexgrasp_env.perception.scene import Scene
 
     if "cloud" in seen.observation and len(points := Scene.of_observation(seen.observation).target.points):
         true: Any = seen.env.unwrapped
-        planned = None if found.target is None else found.target.surface
+        planned = None if found.target is None else found.target.distance.triangles
         title = f"{seen.subject.identity.name}: {len(points)} points from four cameras"
         mesh = true.simulation.object.mesh.copy().apply_transform(seen.subject.pose.T_world_object)
-        cloud_picture(path, points, planned, mesh, title)
+        shown = {"segmented points": points}, np.zeros((0, 3))
+        solids = {"true mesh": np.asarray(mesh.triangles)}
+        scene_picture(path, Drawing(*shown, hull=planned, solids=solids, title=title))
 
 
 def _sentence(outcome: Fields) -> str:

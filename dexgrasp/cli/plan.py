@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check_mesh_options
 from dexgrasp.cli.output import note
 from dexgrasp.cli.request import Request
-from dexgrasp.cli.scan import Scan, chosen_line, list_lines, table_line
+from dexgrasp.cli.scan import Scan, blocking_lines, chosen_line, draw_scan, list_lines, table_line
 from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -53,7 +53,7 @@ class Plan(Command, Request, Scan, Scene):
         agent: which planner.
         count: K grasps that differ, firmest first; with --out, grasp_000.json and so on (exit code 1 for fewer).
         at_least: a grasp that is lifted and held with at least this probability, or none (exit code 1).
-        out: folder for grasp.json and grasp.png.
+        out: folder for grasp.json and grasp.png, of a cloud also seen.png.
         floating: in mid-air, its shape known, no approach: for dexgrasp score.
     """
 
@@ -152,14 +152,16 @@ class Plan(Command, Request, Scan, Scene):
 
     def _plan_scan(self, scan: "Cloud", progress: "Progress") -> "tuple[PlanResult, Fields]":
         """Plan on a cloud; return what came of it, and the same as JSON."""
+        _import_mujoco()
         from dexgrasp.planning.plan_scene import default_planner, plan_scene
+        from dexgrasp.planning.planner import Planner
         from dexgrasp.planning.settings import PlannerSettings
         from dexgrasp_env.perception.reasons import SEVERAL
 
-        request = self.grasp_request(scan)
-        planner = default_planner(self.cell, PlannerSettings.of(self.friction, self.at_least)).asking(request)
+        settings, request = PlannerSettings.of(self.friction, self.at_least), self.grasp_request(scan)
         scene, seen = self._look(scan)
         if scene.reason == SEVERAL:
+            self._draw(scan, scene, seen)
             stand = "; ".join(line.strip() for line in list_lines(seen))
             raise InputError(
                 f"several objects stand in reach: {stand}: point at one by --object-near, --box, --mask or --pixel"
@@ -168,8 +170,11 @@ class Plan(Command, Request, Scan, Scene):
             note(off)
         if scene.reason is None:
             note(chosen_line(seen))
+            planner = default_planner(self.cell, settings)
+        else:  # nothing to plan on, and nothing to compile for it
+            planner = Planner(settings, cell=self.cell)
         found = plan_scene(
-            planner,
+            planner.asking(request),
             scene,
             self.seed,
             self.cell.robot.home,
@@ -178,7 +183,20 @@ class Plan(Command, Request, Scan, Scene):
             progress=progress,
             relax=True,
         )
-        return found, found.as_json(scan_name(Path(str(self.cloud)))) | {"seen": seen, "table": off}
+        self._draw(scan, scene, seen, found)
+        beside = {"seen": seen, "table": off, "in_the_way": blocking_lines(scene, seen, found)}
+        return found, found.as_json(scan_name(Path(str(self.cloud)))) | beside
+
+    def _draw(
+        self,
+        scan: "Cloud",
+        scene: "PerceivedScene",
+        seen: "list[DetectedObject]",
+        found: "PlanResult | None" = None,
+    ) -> None:
+        """Draw what is seen, where there is a folder for it."""
+        if self.out is not None:
+            note(draw_scan(self.out / "seen.png", scan, scene, seen, found, self.cell))
 
     def _look(self, scan: "Cloud") -> "tuple[PerceivedScene, list[DetectedObject]]":
         """Return the scene of a cloud, and the objects that are seen there."""
@@ -194,16 +212,14 @@ class Plan(Command, Request, Scan, Scene):
 
     def _list(self, scan: "Cloud") -> Answer:
         """List the objects seen, with a picture where there is a folder for it."""
-        from dexgrasp_env.perception.picture import objects_picture
-
         scene, seen = self._look(scan)
         lines = [f"{len(seen)} objects (middles in the frame of the robot's base, m):", *list_lines(seen)]
         if not seen:
             lines = [f"no object: {scene.sentence or scene.reason}"]
         if off := table_line(scene, self.cell):
             lines.append(off)
-        if seen and self.out is not None:
-            lines.append(f"wrote {objects_picture(self.out / 'objects.png', scene, seen)}")
+        if self.out is not None:
+            lines.append(draw_scan(self.out / "objects.png", scan, scene, seen, None, self.cell))
         return Answer({"objects": seen}, lines, not seen)
 
 
@@ -240,12 +256,7 @@ def plan_target(
     Raises:
         InputError: for an unknown agent, or one that plans no grasps.
     """
-    if "mujoco" not in sys.modules:
-        # Without the window library that it would bring: what draws chooses its own, MUJOCO_GL was put aside.
-        os.environ["MUJOCO_GL"] = "disable"
-        import mujoco  # noqa: F401
-
-        del os.environ["MUJOCO_GL"]
+    _import_mujoco()
     from dexgrasp.planning.result import PlansGrasps
     from dexgrasp.planning.scene_setup import look_at
     from dexgrasp.registry import agent_for
@@ -260,6 +271,15 @@ def plan_target(
         )
     look = look_at(target, agent, scene.seed, **scene.env_settings)
     return look, agent.plan(look.observation, look.info, count, progress)
+
+
+def _import_mujoco() -> None:
+    """Import it without the window library that it would bring: what draws chooses its own, MUJOCO_GL is put aside."""
+    if "mujoco" not in sys.modules:
+        os.environ["MUJOCO_GL"] = "disable"
+        import mujoco  # noqa: F401
+
+        del os.environ["MUJOCO_GL"]
 
 
 def scan_name(path: Path) -> str:

@@ -88,5 +88,8 @@ def _chance(chance: dict[str, float]) -> str:
 
 
 def _why(result: Fields) -> str:
-    why = explain(result["reason"], result["blocked"], result["violations"])
-    return why + (f"\n  {result['relaxation']}" if "relaxation" in result else "")
+    why = explain(
+        result["reason"], result["blocked"], result["violations"], "cloud" if "seen" in result else "target"
+    )
+    relaxed = [result["relaxation"]] if "relaxation" in result else []
+    return "\n  ".join([why, *relaxed, *result.get("in_the_way", ())])

@@ -1,16 +1,19 @@
 """Options of `dexgrasp plan --cloud`: a scene of one's own, and what of it is meant."""
 
+from dataclasses import replace
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from dexgrasp.cli.command import File, Options
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.valid import Positive
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from dexgrasp.planning.result import PlanResult
     from dexgrasp_env.arrays import Array
     from dexgrasp_env.perception.cloud import Cloud
     from dexgrasp_env.perception.detected import DetectedObject
@@ -18,6 +21,8 @@ if TYPE_CHECKING:
     from dexgrasp_env.perception.selection import TargetSelector
     from dexgrasp_env.robot.cell import Cell
 
+_DRAWN = 20_000  # points of a cloud in which nothing was found
+_HAND = 0.04  # m beside the object that fingers need
 _LEVEL = 0.99  # cosine of the angle between tables that both pass for level
 _BESIDE = 0.15  # m from the object within which it is said what stands there
 
@@ -88,16 +93,24 @@ class Scan(Options):
         """Yield what may be wrong with the frame of a cloud whose table `look` does not find in its place."""
         import numpy as np
 
+        from dexgrasp_env.perception.camera_files import CAMERAS_FILE, read_cameras
         from dexgrasp_env.perception.camera_pose import misread_poses
         from dexgrasp_env.perception.reasons import OF_FRAME
 
-        if self.pose is None or self.camera_pose is None:
+        name, file = "--camera-pose", Path(str(self.cloud)) / CAMERAS_FILE
+        poses = [] if self.pose is None else [self.pose]
+        if not poses and file.is_file():
+            name, poses = "T_base_camera", [image.T_base_camera for image in read_cameras(file)]
+        if not poses:
             yield "of a cloud in a camera's frame --camera-pose says where the camera is"
             return
-        for words, T in misread_poses(self.pose, self.camera_pose):
-            R = T @ np.linalg.inv(self.pose)
-            if look(scan.moved(scan.points @ R[:3, :3].T + R[:3, 3])).reason not in OF_FRAME:
-                yield f"it would be right if --camera-pose {words}"
+        for readings in zip(*(misread_poses(T, self.camera_pose or "") for T in poses), strict=True):
+            points = scan.points.copy()
+            for k, (T, (_, other)) in enumerate(zip(poses, readings, strict=True)):
+                R, own = other @ np.linalg.inv(T), scan.camera == k
+                points[own] = points[own] @ R[:3, :3].T + R[:3, 3]
+            if look(scan.moved(points)).reason not in OF_FRAME:
+                yield f"it would be right if {name} {readings[0][0]}"
 
     def selector(self) -> "TargetSelector":
         """Return what is pointed at.
@@ -150,3 +163,65 @@ def chosen_line(seen: "list[DetectedObject]") -> str:
         f"doubt: the object {first.doubt} (a --mask tells one object from another)\n" * bool(first.doubt)
         + line
     )
+
+
+def blocking_lines(scene: "Scene", seen: "list[DetectedObject]", found: "PlanResult") -> list[str]:
+    """Return what stands in the way of every grasp, a line for each, and what may where there is none."""
+    from dexgrasp.geometry.neighbours import neighbours_of
+    from dexgrasp.grasp.grasp import RAISED
+    from dexgrasp.motion.collision import raised_into
+    from dexgrasp_env.perception.scene import ObjectCloud
+
+    if found.target is None or found.found:
+        return []
+    around = [
+        (f"object {own.number} ({own})", replace(scene, neighbours=(cloud,), rest=ObjectCloud()), own.apart)
+        for own, cloud in zip(seen[1:], scene.neighbours, strict=True)
+    ]
+    over, beside = list[str](), list[str]()
+    for words, alone, apart in (*around, ("what is no object", replace(scene, neighbours=()), inf)):
+        if raised_into(replace(found.target, neighbours=neighbours_of(alone)), RAISED) > 0.0:
+            over.append(f"in the way of lifting it straight up: {words}: take that away first")
+        elif apart < _HAND:
+            beside.append(f"perhaps too near for the hand: {words}, {100 * apart:.1f} cm away")
+    return over or beside
+
+
+def draw_scan(
+    path: Path,
+    scan: "Cloud",
+    scene: "Scene",
+    seen: "list[DetectedObject]",
+    found: "PlanResult | None",
+    cell: "Cell",
+) -> str:
+    """Draw what was seen of a cloud and what was planned on it; return a line that says so, or why not.
+
+    A picture stops no plan.
+    """
+    try:
+        from dexgrasp.grasp.picture import hand_triangles
+        from dexgrasp_env.perception.picture import Drawing, scene_picture
+        from dexgrasp_env.poses import placed
+
+        target = None if found is None else found.target
+        grasp = None if found is None else found.grasp
+        clouds = [one.points for one in (scene.target, *scene.neighbours) if len(one)]
+        rest = scene.rest.points
+        if not clouds:  # all that there is
+            rest = placed(cell.T_world_base, scan.points[:: max(1, len(scan) // _DRAWN)])
+        scene_picture(
+            path,
+            Drawing(
+                dict(zip(list_lines(seen), clouds, strict=True)),
+                rest,
+                scene.plane,
+                None if target is None else target.distance.triangles,
+                () if target is None else [corners for parts in target.neighbours for corners in parts],
+                {} if grasp is None else {"hand, where it grasps": hand_triangles(cell, grasp.q)},
+                scene.sentence or (found and found.reason) or ("a grasp" if grasp else ""),
+            ),
+        )
+    except Exception as error:
+        return f"note: no picture {path} ({first_line(error)})"
+    return f"wrote {path}"

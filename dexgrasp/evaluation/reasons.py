@@ -13,12 +13,13 @@ class Reason(NamedTuple):
 
     Attributes:
         sentence: what went wrong.
-        hint: what to try, or nothing.
+        hint: what to try, or nothing; where a cloud takes another than an object of the catalogue or a mesh, by `cloud`
+            and `target`.
         unit: of the violation: "m", or nothing where a number says nothing to people.
     """
 
     sentence: str
-    hint: str = ""
+    hint: str | dict[str, str] = ""
     unit: str = ""
 
 
@@ -40,13 +41,16 @@ def sentence(code: str) -> str:
     return REASONS[head].sentence + (f" ({detail})" if detail else "")
 
 
-def explain(reason: str, blocked: Mapping[str, int], violations: Mapping[str, float]) -> str:
+def explain(
+    reason: str, blocked: Mapping[str, int], violations: Mapping[str, float], of: str = "target"
+) -> str:
     """Return why there is no grasp, as people read it: what blocked, how often, by how much at least, what to try.
 
     Args:
         reason: the code of a report.
         blocked: reason -> postures that it stopped.
         violations: reason -> the smallest violation, SI units.
+        of: what was planned for, `target` or `cloud`.
     """
     counts: Counter[str] = Counter()
     least: dict[str, float] = {}
@@ -66,7 +70,7 @@ def explain(reason: str, blocked: Mapping[str, int], violations: Mapping[str, fl
     codes = reason.removeprefix("no_grasp:").split(":")[0], *(head for head, _ in counts.most_common())
     hint = next((REASONS[code].hint for code in codes if code in REASONS and REASONS[code].hint), "")
     if hint:
-        lines.append(f"hint: {hint}")
+        lines.append(f"hint: {hint if isinstance(hint, str) else hint[of]}")
     return "\n  ".join(lines)
 
 

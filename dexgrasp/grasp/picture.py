@@ -36,7 +36,7 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str) -> 
     from matplotlib.figure import Figure
 
     figure = Figure((15, 5.0))
-    hand = _hand_triangles(grasp.cell, grasp.q)
+    hand = hand_triangles(grasp.cell, grasp.q)
     box = _box(target.distance.triangles, hand)
     for k, view in enumerate(_VIEWS):
         axes = _add_axes(figure, (1, len(_VIEWS), k + 1), box, view)
@@ -64,7 +64,7 @@ def hand_picture(
     figure = Figure((4 * (len(postures) + len(grasps)), 4.4))
     shown = postures | {name: grasp.q for name, (grasp, _) in grasps.items()}
     for k, (name, q) in enumerate(shown.items()):
-        hand = _hand_triangles(cell, q)
+        hand = hand_triangles(cell, q)
         box = _box(hand, hand)
         axes = _add_axes(figure, (1, len(shown), k + 1), box, _VIEWS[0])
         if name in grasps:
@@ -86,7 +86,7 @@ def found_picture(path: Path, cell: Cell) -> Path:
     from matplotlib.figure import Figure
 
     robot, q = cell.robot, cell.robot.home
-    model, hand = compiled_robot(cell), _hand_triangles(cell, q)
+    model, hand = compiled_robot(cell), hand_triangles(cell, q)
     data, figure, leaders = (
         posed(model, q),
         Figure((14, 7)),
@@ -128,8 +128,8 @@ def found_picture(path: Path, cell: Cell) -> Path:
     return save(figure, path)
 
 
-def _hand_triangles(cell: Cell, q: Array) -> Array:
-    """The hand's collision shapes in a posture (n,) rad, (N, 3, 3) m in the world frame."""
+def hand_triangles(cell: Cell, q: Array) -> Array:
+    """Return the hand's collision shapes in a posture (n,) rad, triangles (N, 3, 3) m in the world frame."""
     from dexgrasp_env.scene.shapes import geom_mesh
 
     model = compiled_robot(cell)

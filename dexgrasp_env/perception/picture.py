@@ -1,56 +1,20 @@
-"""A picture for people: the cloud, its hull and the true mesh overlaid."""
+"""A picture for people: a scene with all that is seen in it, its hull, and what is known of hand and true object."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, middle
 
 if TYPE_CHECKING:
-    import trimesh
+    from dexgrasp_env.perception.plane import Plane
 
-    from dexgrasp_env.perception.detected import DetectedObject
-    from dexgrasp_env.perception.scene import Scene
-
-_VIEWS = (("from the front right", 25, -40), ("from the back left", 25, 140), ("from above", 90, -90))
-
-
-def cloud_picture(
-    path: Path,
-    points: NDArray[Any],
-    hull: "trimesh.Trimesh | None",
-    true_mesh: "trimesh.Trimesh | None" = None,
-    title: str = "",
-) -> Path:
-    """Draw three views of what was seen over what is there, and write them as PNG.
-
-    Args:
-        path: file to write.
-        points: (M, 3) m, world frame; see `ObjectCloud`.
-        hull: the cloud's hull in the same frame, or None.
-        true_mesh: the true surface in the same frame, or None to leave it out.
-        title: above the picture.
-
-    Returns:
-        The path.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13.5, 4.4))
-    for k, (name, elevation, azimuth) in enumerate(_VIEWS):
-        axes = figure.add_subplot(1, 3, k + 1, projection="3d", computed_zorder=False)
-        _draw(axes, np.asarray(points, float), hull, true_mesh)
-        axes.view_init(elevation, azimuth)
-        axes.set_title(name, fontsize=10, y=0.98)
-        if elevation == 90:
-            axes.set_proj_type("ortho")
-            axes.set(zticks=[], zlabel="")
-    figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=3, frameon=False)
-    figure.suptitle(title or f"{len(points)} points", y=0.985)
-    figure.subplots_adjust(left=0.01, right=0.97, bottom=0.10, top=0.88, wspace=0.08)
-    return save(figure, path)
+_SIDES = {"from above": (0, 1), "from the right": (0, 2), "from the front": (1, 2)}
+_MARGIN = 0.03  # m around what is drawn
+_TABLE = "#e8dcc8"
 
 
 def save(figure: Any, path: Path) -> Path:
@@ -60,48 +24,95 @@ def save(figure: Any, path: Path) -> Path:
     return path
 
 
-def objects_picture(path: Path, scene: "Scene", seen: "list[DetectedObject]") -> Path:
-    """Draw the objects of a scene from above with their numbers, the robot to the left, and write them as PNG."""
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Things of a scene for a picture; whatever is not there is left out. All in the frame of the scene, m.
+
+    Attributes:
+        objects: points (N, 3) of each object by its line of the legend, the one that is meant first.
+        rest: (N, 3) points of what is no object.
+        plane: the table.
+        hull: (F, 3, 3) triangles that the object is taken for.
+        around: (N, 3) corners of each convex part of what is kept clear of.
+        solids: (F, 3, 3) triangles of what is known of the hand, or of the true object, by its line of the legend.
+        title: above the picture.
+    """
+
+    objects: dict[str, Array]
+    rest: Array
+    plane: "Plane | None" = None
+    hull: Array | None = None
+    around: Sequence[Array] = ()
+    solids: dict[str, Array] = field(default_factory=dict)
+    title: str = ""
+
+
+def scene_picture(path: Path, drawing: Drawing) -> Path:
+    """Draw a scene from above, from the front and from the side, and write it as PNG; the robot is to the left.
+
+    Flat projections: they need neither OpenGL nor the time of drawings in space.
+    """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8.0, 8.0))
-    axes = figure.add_subplot(xlabel="x, m", ylabel="y, m", aspect="equal")
-    axes.plot(*scene.rest.points[:, :2].T, ".", markersize=2, color="0.7")
-    for one, cloud in zip(seen, [c for c in (scene.target, *scene.neighbours) if len(c)], strict=True):
-        axes.plot(*cloud.points[:, :2].T, ".", markersize=2)
-        x, y, _ = cloud.points.mean(0)
-        axes.text(x, y, f"{one.number}{'?' * one.doubtful}", fontsize=16, ha="center", va="center")
+    figure = Figure(figsize=(15.0, 6.0))
+    seen = [points for points in drawing.objects.values() if len(points)]
+    about = np.concatenate(seen or [drawing.rest, np.zeros((1, 3))])
+    shown = [*drawing.solids.values(), np.zeros((0, 3)) if drawing.hull is None else drawing.hull]
+    about = np.concatenate([about, *(triangles.reshape(-1, 3) for triangles in shown)])
+    low, high = about.min(0) - _MARGIN, about.max(0) + _MARGIN
+    for k, (name, axes) in enumerate(_SIDES.items()):
+        panel = figure.add_subplot(1, len(_SIDES), k + 1, aspect="equal", title=name)
+        _draw_side(panel, drawing, list(axes), low, high)
+    figure.legend(
+        *panel.get_legend_handles_labels(),
+        loc="lower left",
+        ncols=2,
+        frameon=False,
+        fontsize=8,
+        markerscale=8,
+    )
+    figure.suptitle(drawing.title)
+    figure.subplots_adjust(left=0.05, right=0.98, top=0.9, bottom=0.3)
     return save(figure, path)
 
 
-def _draw(
-    axes: Any, points: Array, hull: "trimesh.Trimesh | None", true_mesh: "trimesh.Trimesh | None"
-) -> None:
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+def _draw_side(panel: Any, drawing: Drawing, axes: list[int], low: Array, high: Array) -> None:
+    """Draw the projection of everything onto two axes."""
+    from matplotlib.collections import LineCollection, PolyCollection
 
-    drawn = [points] if len(points) else []
-    if true_mesh is not None:
-        axes.add_collection3d(
-            Poly3DCollection(np.asarray(true_mesh.triangles), facecolor="0.45", alpha=0.35, label="true mesh")
+    if drawing.plane is not None:
+        x, y = low[[0, 0, 0, 0]], low[[1, 1, 1, 1]]
+        x[2:], y[1:3] = high[0], high[1]
+        n, offset = drawing.plane.normal, drawing.plane.offset
+        table = np.stack([x, y, (offset - n[0] * x - n[1] * y) / n[2]], axis=1)
+        panel.add_collection(
+            PolyCollection([table[:, axes]], facecolor=_TABLE, edgecolor=_TABLE, label="table")
         )
-        drawn.append(np.asarray(true_mesh.vertices))
-    if hull is not None:
-        edges = np.asarray(hull.vertices)[np.asarray(hull.edges_unique)]
-        axes.add_collection3d(
-            Line3DCollection(edges, colors="tab:blue", linewidths=0.4, alpha=0.6, label="hull of the cloud")
+    for words, triangles in drawing.solids.items():
+        panel.add_collection(
+            PolyCollection(list(triangles[..., axes]), facecolor="0.2", alpha=0.12, label=words)
         )
-        drawn.append(np.asarray(hull.vertices))
-    if len(points):
-        axes.scatter(*points.T, s=2.5, c="tab:red", depthshade=False, label="segmented points")
-    _frame(axes, np.concatenate(drawn) if drawn else np.zeros((1, 3)))
+    panel.plot(*drawing.rest[:, axes].T, ".", markersize=1, color="0.6", label="no object")
+    for number, (words, points) in enumerate(drawing.objects.items(), start=1):
+        panel.plot(*points[:, axes].T, ".", markersize=1.5, label=words)
+        panel.annotate(str(number), middle(points)[axes], fontsize=14, ha="center", va="center")
+    outlines = [_outline(corners[:, axes]) for corners in drawing.around]
+    panel.add_collection(LineCollection(outlines, colors="0.4", linewidths=0.6, label="kept clear of"))
+    if drawing.hull is not None:
+        triangles = drawing.hull[:, [0, 1, 2, 0]][..., axes]
+        panel.add_collection(
+            LineCollection(list(triangles), colors="k", linewidths=0.3, label="what is planned on")
+        )
+    for which, axis in zip("xy", axes, strict=True):
+        panel.set(**{f"{which}lim": (low[axis], high[axis]), f"{which}label": f"{'xyz'[axis]}, m"})
 
 
-def _frame(axes: Any, drawn: Array) -> None:
-    centre, half = middle(drawn), 0.5 * np.maximum(np.ptp(drawn, axis=0), 0.02)
-    half[:2] = half[:2].max()
-    for name, place, away in zip("xyz", centre, half, strict=True):
-        getattr(axes, f"set_{name}lim")(place - away, place + away)
-        getattr(axes, f"set_{name}label")(f"{name}, m", fontsize=8)
-    axes.set_box_aspect(half, zoom=1.0)
-    axes.tick_params(labelsize=6)
-    axes.locator_params(nbins=4)
+def _outline(points: Array) -> Array:
+    """Return the convex outline (N, 2) of points, closed; of points in a line what they span."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        around = ConvexHull(points).vertices
+    except QhullError:
+        return points[[0, -1]]
+    return points[[*around, around[0]]]
