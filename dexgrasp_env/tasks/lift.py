@@ -59,7 +59,7 @@ class LiftEnv(SingleEnv):
     | `cloud_mask` | (1024,) | int8 | `pointcloud` | 1 where a point counts |
     | `table_plane` | (5,) | float32 | `pointcloud` | normal, offset m and RMS m of the table as seen |
     | `depth` | (4, 120, 160) | float32 | `depth`, `rgbd` | m along the optical axis, 0 where nothing was measured |
-    | `rgb` | (4, 120, 160, 3) | uint8 | `rgbd` | colours |
+    | `rgb` | (4, 120, 160, 3) | uint8 | `rgbd` | colours, drawn without shadows |
 
     With fewer `views` the first axis of the images is as long as they are many. Keys are in alphabetical order. `info`
     has at reset and at every step, always of one type each: `is_success`, `is_grasped`, `is_stable` (less than 2.5 cm
