@@ -14,6 +14,7 @@ import trimesh
 
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.files import plain_text
+from dexgrasp_env.objects.ply_file import whole_ply
 from dexgrasp_env.poses import frame_of_z
 
 _POLYGON = re.compile(r"^f(?:[ \t]+[^\s\\]+){3}[ \t]+\S", re.MULTILINE)
@@ -41,7 +42,7 @@ def load_file(data: bytes, kind: str) -> Any:
     elif kind == "obj":
         data = _with_triangles(plain_text(data).decode("utf-8", "replace")).encode()
     elif kind == "ply":
-        data = plain_text(data)
+        data = _whole_ply(plain_text(data))
     options: Any = {"skip_materials": True} if kind == "obj" else {}
     loaded: Any = trimesh.load(io.BytesIO(data), file_type=kind, process=False, **options)
     polygons = _ply_polygons(loaded) if kind == "ply" else None
@@ -125,8 +126,19 @@ def _ply_polygons(loaded: Any) -> Any:
     return None if all(len(row) == 3 for row in rows) else rows
 
 
+def _whole_ply(data: bytes) -> bytes:
+    try:
+        return whole_ply(data)
+    except EOFError as error:
+        raise DamagedMeshError(str(error)) from None
+    except (KeyError, IndexError, ValueError):  # a header that is none: the mesh library says what is wrong
+        return data
+
+
 def _whole_stl(data: bytes) -> bytes:
     """Return an STL without what follows its triangles."""
+    if b"facet" in (text := plain_text(data)) and text.lstrip()[:5].lower() == b"solid":
+        data = text
     if data[:_STL_HEAD].lstrip().lower().startswith(b"solid") and b"facet" in data:
         if b"endsolid" not in data.lower():
             raise DamagedMeshError("it ends before its last facet")
