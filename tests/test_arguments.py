@@ -43,10 +43,14 @@ OWN_OF_CLUTTER = {"neighbours", "neighbour_objects", "gaps", "mask", "bin"}
 
 
 def arguments(env_id):
-    """Names of what an environment takes."""
+    """Default of what an environment takes, by name."""
     module, _, kind = gym.spec(env_id).entry_point.partition(":")
-    settings = getattr(importlib.import_module(module), kind).settings_type
-    return sorted({field.name for field in dataclasses.fields(settings)} - {"cell"} | {"robot", "mount"})
+    fields = dataclasses.fields(getattr(importlib.import_module(module), kind).settings_type)
+    known = {field.name: field.default for field in fields if field.name != "cell"} | {
+        "robot": None,
+        "mount": None,
+    }
+    return {name: known[name] for name in sorted(known)}
 
 
 def tries():
@@ -73,6 +77,7 @@ def outcome(env_id, draw, **settings):
     """All that an environment says of itself, of a reset and of twelve steps."""
     env = gym.make(env_id, disable_env_checker=True, **settings)
     seen = [env.observation_space, env.action_space, env.render_mode, env.reset(seed=3)]
+    seen += [env.unwrapped.disturbance_steps]  # it begins once something is held
     rng = np.random.default_rng(0)
     seen += [env.step(rng.uniform(-1, 1, env.action_space.shape)) for _ in range(12)]
     seen += [env.render()] if draw else []
@@ -101,8 +106,8 @@ def test_an_argument_changes_something_or_is_refused(env_id, name, tmp_path):
     base = {"objects": "sugar_box", **few(env_id), **BESIDE.get(name, {})}
     base |= {"objects": mesh} if base["objects"] == "MESH" else {}
     known = {key: value for key, value in base.items() if key in arguments(env_id)}
-    given = gym.spec(env_id).kwargs | known
-    value = SECOND[name] if given.get(name) == OTHER[name] else OTHER[name]
+    given = arguments(env_id) | gym.spec(env_id).kwargs | known
+    value = SECOND[name] if given[name] == OTHER[name] else OTHER[name]
     said = effect(env_id, name, known, value)
     assert said == "changes" or name in said
 

@@ -72,6 +72,23 @@ def test_a_binary_stl_is_read_as_far_as_it_counts(tmp_path):
         load_object(path)
 
 
+@pytest.mark.parametrize("encoding", ["ascii", "binary"])
+def test_a_ply_is_read_as_far_as_it_counts(tmp_path, encoding):
+    path, data = tmp_path / "a.ply", BALL.export(file_type="ply", encoding=encoding)
+    path.write_bytes(data + b"\n\nmade by a scanner\n")
+    assert load_object(path).mesh.volume == pytest.approx(BALL.volume, rel=1e-4)
+    for less in (12, 400):
+        path.write_bytes(data[:-less])
+        with refused(r"is damaged .it ends after [\d,]+ of [\d,]+ (bytes|rows).: export it again"):
+            load_object(path)
+
+
+def test_an_ascii_stl_may_begin_with_a_byte_order_mark(tmp_path):
+    path = tmp_path / "a.stl"
+    path.write_text(BALL.export(file_type="stl_ascii"), encoding="utf-8-sig")
+    assert load_object(path).mesh.volume == pytest.approx(BALL.volume, rel=1e-4)
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_texts_may_begin_with_a_byte_order_mark(tmp_path, encoding):
     for suffix in ("obj", "ply"):

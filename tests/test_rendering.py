@@ -265,9 +265,12 @@ def test_workers_draw_or_say_why_not_after_a_picture(context, said, tmp_path):
     script = tmp_path / "script.py"
     script.write_text(ASYNC)
     done = subprocess.run(
-        [sys.executable, script, context], capture_output=True, text=True, timeout=120,
+        [sys.executable, script, context],
+        capture_output=True,
+        text=True,
+        timeout=120,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    )
     assert said in done.stdout, done.stderr
 
 

@@ -17,6 +17,7 @@ import trimesh
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import check_file, plain_text
+from dexgrasp_env.objects.ply_file import whole_ply
 from dexgrasp_env.poses import frame_of_z
 
 _POLYGON = re.compile(r"^f(?:[ \t]+[^\s\\]+){3}[ \t]+\S", re.MULTILINE)
@@ -52,7 +53,7 @@ def load_file(data: bytes, kind: str, folder: Path) -> Any:
         data, kind = _with_triangles(text if kind == "obj" else _obj_of_off(text)).encode(), "obj"
         options = {"skip_materials": True}
     elif kind == "ply":
-        data = plain_text(data)
+        data = _whole_ply(plain_text(data))
     elif kind == "gltf":
         options = {"resolver": _Beside(str(folder))}
     loaded: Any = trimesh.load(io.BytesIO(data), file_type=kind, process=False, **options)
@@ -175,8 +176,19 @@ def _ply_lists(loaded: Any, element: str) -> Any:
     return rows["f1"] if rows.dtype.names else rows
 
 
+def _whole_ply(data: bytes) -> bytes:
+    try:
+        return whole_ply(data)
+    except EOFError as error:
+        raise DamagedMeshError(str(error)) from None
+    except (KeyError, IndexError, ValueError):  # a header that is none: the mesh library says what is wrong
+        return data
+
+
 def _whole_stl(data: bytes) -> bytes:
     """Return an STL without what follows its triangles."""
+    if b"facet" in (text := plain_text(data)) and text.lstrip()[:5].lower() == b"solid":
+        data = text
     if data[:_STL_HEAD].lstrip().lower().startswith(b"solid") and b"facet" in data:
         if b"endsolid" not in data.lower():
             raise DamagedMeshError("it ends before its last facet")

@@ -72,7 +72,7 @@ class LiftEnv(SingleEnv):
     | `cloud_mask` | (1024,) | int8 | `pointcloud` | 1 where a point counts |
     | `table_plane` | (5,) | float32 | `pointcloud` | normal, offset m and RMS m of the table as seen |
     | `depth` | (4, 120, 160) | float32 | `depth`, `rgbd` | m along the optical axis, 0 where nothing was measured |
-    | `rgb` | (4, 120, 160, 3) | uint8 | `rgbd` | colours |
+    | `rgb` | (4, 120, 160, 3) | uint8 | `rgbd` | colours, drawn without shadows |
 
     `grasp_state`, (7,) float32, joins the state where actions are of the grasp space: the action that would leave palm
     and hand where they are. `obs_mode="features"` is one array instead, a `Box(-10, 10, (92,))`: set-points rad, tips

@@ -241,8 +241,8 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         """Return the object of environment `i`, as `objects` names it."""
         return self._episodes.slots[i].target
 
-    @property
-    def np_random(self) -> tuple[Generator, ...]:  # type: ignore[override, misc]
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[Generator, ...]:  # type: ignore[override]
         """Random generators, one of each environment."""
         return tuple(self._rngs)
 

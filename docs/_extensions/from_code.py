@@ -155,6 +155,9 @@ def _protocols() -> str:
 
 
 _KINDS: dict[str, Callable[..., str]] = {
-    "docstring": _docstring, "settings": settings_table, "protocols": _protocols, "modules": _modules,
+    "docstring": _docstring,
+    "settings": settings_table,
+    "protocols": _protocols,
+    "modules": _modules,
     "commands": _commands,
-}  # fmt: skip
+}
