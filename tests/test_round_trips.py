@@ -235,7 +235,7 @@ def test_a_foreign_checkpoint_is_played_as_the_user_says(tmp_path, capsys):
     told = {"env_kwargs": ["control_mode=joint_position"]}
     with refused("--wrappers FlattenObservation"):
         scores(path, tmp_path, **told)
-    with refused("actions of shape .* from -0.25 to 0.5, here they are"):
+    with refused("on actions Box.-0.25, 0.5, .* here they are Box.-1.0, 1.0"):
         scores(path, tmp_path, **told, wrappers=["FlattenObservation"])
     named = ["FlattenObservation", "RescaleAction(min_action=-0.25, max_action=0.5)"]
     found = scores(path, tmp_path, **told, wrappers=named)
