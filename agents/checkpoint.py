@@ -163,10 +163,10 @@ class CheckpointAgent(Agent):
                 f"{_words(ours, other) if set(other) <= ours.keys() else 'of ' + ', '.join(ours)}: name the wrappers "
                 "between, as --wrappers FlattenObservation"
             )
-        acts, here = policy.action_space, self._envs.action_space
-        if not all(np.array_equal(getattr(acts, end), getattr(here, end)) for end in ("low", "high")):
+        acts, can = policy.action_space, self._envs.action_space
+        if not all(np.array_equal(getattr(acts, end), getattr(can, end)) for end in ("low", "high")):
             raise InputError(
-                f"{self._path} was trained on actions {acts}, here they are {here}: name the wrapper that changed "
+                f"{self._path} was trained on actions {acts}, here they are {can}: name the wrapper that changed "
                 "them, as --wrappers 'RescaleAction(min_action=-0.5, max_action=0.5)'"
             )
 

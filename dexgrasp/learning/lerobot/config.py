@@ -28,7 +28,7 @@ _RATE = round(1 / CONTROL_PERIOD)  # Hz
 
 @EnvConfig.register_subclass("dexgrasp")
 @dataclass
-class DexGraspEnv(EnvConfig):  # type: ignore[misc]  # LeRobot is not there when types are checked
+class DexGraspEnv(EnvConfig):
     """The suite.
 
         lerobot-eval --env.type=dexgrasp --env.task=lift --env.objects=seen --policy.path=DIR --seed=0
@@ -76,8 +76,9 @@ class DexGraspEnv(EnvConfig):  # type: ignore[misc]  # LeRobot is not there when
             self._add("environment_state", FeatureType.ENV, (sum(sizes.values()),), OBS_ENV_STATE)
         if "rgb" in mode:
             with_pictures = self._environment(settings.objects[0], settings.parts[0])
-            for name, space in with_pictures.observation_space["pixels"].items():
-                self._add(f"pixels/{name}", FeatureType.VISUAL, space.shape, f"{OBS_IMAGES}.{name}")
+            space: Any = with_pictures.observation_space
+            for name, part in space["pixels"].items():
+                self._add(f"pixels/{name}", FeatureType.VISUAL, part.shape, f"{OBS_IMAGES}.{name}")
             with_pictures.close()
 
     @property
