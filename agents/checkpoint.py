@@ -96,7 +96,13 @@ class CheckpointAgent(Agent):
                 f'--wrappers (or write {{"control_mode": "joint_delta"}} into {beside}), or name an agent of your own, '
                 "package.module:Class"
             )
+        if not statistics and read_settings(self._path).get("_last_original_obs"):
+            raise InputError(
+                f"{self._path} was trained under VecNormalize, whose counts are not beside it: save them as "
+                f"{self._path.with_suffix('.pkl').name}, or all with save_checkpoint() of dexgrasp"
+            )
         words = ", ".join(f"{key}={value}" for key, value in (_DEFAULTS | known).items() if key in AGENT_KEYS)
+        words += ", what VecNormalize counted" if statistics else ", no VecNormalize"
         self.assumed = (
             f"{self._path} says no more of what it was trained in than its spaces: played with {words}; --env-kwargs "
             "and --wrappers say otherwise, and save_checkpoint() of dexgrasp records it"
