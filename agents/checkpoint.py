@@ -15,16 +15,16 @@ import numpy as np
 from gymnasium import spaces, wrappers
 
 from dexgrasp.agent import Agent, Observation
+from dexgrasp.agents.checkpoint_reader import counted, harmless_objects, read_settings, statistics_files
+from dexgrasp.agents.wrapped import Player, Relay, wrapped
 from dexgrasp.evaluation.protocol import AGENT_KEYS, agent_keywords
-from dexgrasp.learning.reinforcement.env_record import EnvRecord, WrapperRecord, read_record
+from dexgrasp.learning.reinforcement.env_record import EnvRecord, WrapperRecord, read_record, vec_wrapper
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, first_line, unknown_name
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.files import expand
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.tasks.settings import LiftSettings
-
-from .checkpoint_reader import counted, harmless_objects, read_settings, statistics_files
 
 ALGORITHMS = {
     **dict.fromkeys(("ppo", "sac", "td3", "ddpg", "a2c"), "stable_baselines3"),
@@ -64,7 +64,6 @@ class CheckpointAgent(Agent):
                 f"checkpoint {self._path} does not exist: valid is a .zip file of Stable-Baselines3"
             )
         self._policy = _open(self._path, algorithm or _guess(self._path))
-        self._counted = None
         self._own: frozenset[str] = frozenset()
         self.assumed = ""
         self._record = self._with_wrappers(
@@ -86,7 +85,7 @@ class CheckpointAgent(Agent):
         if isinstance(found, EnvRecord):
             self._agree(found.env, given, str(beside))
             return found
-        self._counted = counted(self._path)
+        statistics = vec_wrapper(counted(self._path))
         stated = _of_spaces(self._policy)
         self._agree({key: stated[key] for key in stated if key != "obs_mode"}, given, "its action space")
         known = stated | found | given
@@ -97,12 +96,18 @@ class CheckpointAgent(Agent):
                 f'--wrappers (or write {{"control_mode": "joint_delta"}} into {beside}), or name an agent of your own, '
                 "package.module:Class"
             )
+        if not statistics and read_settings(self._path).get("_last_original_obs"):
+            raise InputError(
+                f"{self._path} was trained under VecNormalize, whose counts are not beside it: save them as "
+                f"{self._path.with_suffix('.pkl').name}, or all with save_checkpoint() of dexgrasp"
+            )
         words = ", ".join(f"{key}={value}" for key, value in (_DEFAULTS | known).items() if key in AGENT_KEYS)
+        words += ", what VecNormalize counted" if statistics else ", no VecNormalize"
         self.assumed = (
             f"{self._path} says no more of what it was trained in than its spaces: played with {words}; --env-kwargs "
             "and --wrappers say otherwise, and save_checkpoint() of dexgrasp records it"
         )
-        return EnvRecord(_DEFAULTS | known)
+        return EnvRecord(_DEFAULTS | known, vec_wrappers=(statistics,) if statistics else ())
 
     def _agree(self, known: Fields, given: Fields, source: str) -> None:
         for key in given.keys() & known.keys():
@@ -140,8 +145,6 @@ class CheckpointAgent(Agent):
         Raises:
             InputError: for another robot, other observations or actions, or a wrapper that cannot be made.
         """
-        from .wrapped import Relay, wrapped
-
         cell, policy, record = info.get("cell"), self._policy, self._record
         here = {"robot": cell.robot.stamp if isinstance(cell, Cell) else None, "mount": info.get("mount")}
         for part, value in here.items():
@@ -155,21 +158,23 @@ class CheckpointAgent(Agent):
                 "the policy acts through wrappers: reset() needs the info of the environment's reset"
             )
         seen, known = info.get("observation_space", policy.observation_space), policy.observation_space
-        if not record.id and not record.wrappers and _is_part(known, seen):
-            record = replace(record, wrappers=(_parsed(f"FilterObservation(filter_keys={list(known)})"),))
+        if not record.id and not record.wrappers and _shapes(known).items() <= _shapes(seen).items():
+            seen = known  # some keys of many
         self._relay = Relay(seen, info.get("action_space", policy.action_space), record)
         self._envs = wrapped(self._relay, record, self._own)
-        _check_observations(policy.observation_space, self._envs.observation_space)
-        acts, here = policy.action_space, self._envs.action_space
-        if not all(np.array_equal(getattr(acts, end), getattr(here, end)) for end in ("low", "high")):
+        theirs, ours = _shapes(known), _shapes(self._envs.observation_space)
+        if other := sorted(key for key in theirs if theirs[key] != ours.get(key)):
             raise InputError(
-                f"{self._path} was trained on actions {_box(acts)}, here they are {_box(here)}: name the wrapper that "
-                "changed them, as --wrappers 'RescaleAction(min_action=-0.5, max_action=0.5)'"
+                f"{self._path} was trained on observations {_words(theirs, other)}, here they are "
+                f"{_words(ours, other) if set(other) <= ours.keys() else 'of ' + ', '.join(ours)}: name the wrappers "
+                "between, as --wrappers FlattenObservation"
             )
-        if self._counted is not None:  # as it was saved, around all else
-            self._counted.training = False
-            self._counted.set_venv(self._envs)
-            self._envs, self._counted = self._counted, None
+        acts, can = policy.action_space, self._envs.action_space
+        if not all(np.array_equal(getattr(acts, end), getattr(can, end)) for end in ("low", "high")):
+            raise InputError(
+                f"{self._path} was trained on actions {acts}, here they are {can}: name the wrapper that changed "
+                "them, as --wrappers 'RescaleAction(min_action=-0.5, max_action=0.5)'"
+            )
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Begin an episode; nothing of the last one is kept.
@@ -177,12 +182,10 @@ class CheckpointAgent(Agent):
         Raises:
             InputError: as `check_info`.
         """
-        from .wrapped import Player
-
         if self._player:
             self._player.end()
         if self._relay is None:
-            self.check_info({"observation_space": _space_of(observation), **info})
+            self.check_info(info)
         self._envs.seed(self._seed)
         self._player = Player(self._policy, self._envs, self._relay, observation)
 
@@ -212,42 +215,16 @@ def _parsed(text: str) -> WrapperRecord:
     return WrapperRecord(f"{module}:{name}", kwargs)
 
 
-def _space_of(observation: Observation) -> spaces.Dict:
-    """Return a space that an observation is of."""
-    return spaces.Dict(
-        {
-            key: spaces.Box(-np.inf, np.inf, np.shape(value), np.asarray(value).dtype)  # type: ignore[arg-type]
-            for key, value in observation.items()
-        }
+def _shapes(space: spaces.Space[Any]) -> dict[str, Any]:
+    return (
+        {key: part.shape for key, part in space.items()}
+        if isinstance(space, spaces.Dict)
+        else {"": space.shape}
     )
 
 
-def _is_part(known: spaces.Space[Any], seen: spaces.Space[Any]) -> bool:
-    return isinstance(known, spaces.Dict) and isinstance(seen, spaces.Dict) and known.keys() < seen.keys()
-
-
-def _check_observations(known: spaces.Space[Any], here: spaces.Space[Any]) -> None:
-    """Refuse observations of other keys or shapes than a policy was trained on."""
-    if not (isinstance(known, spaces.Dict) and isinstance(here, spaces.Dict)):
-        if type(known) is not type(here) or known.shape != here.shape:
-            raise InputError(
-                f"the checkpoint was trained on observations {_box(known)}, here they are {_box(here)}: name the "
-                "wrappers between, as --wrappers FlattenObservation"
-            )
-        return
-    if missing := sorted(known.keys() - here.keys()):
-        raise InputError(f"the checkpoint was trained with {', '.join(missing)}, which the environment lacks")
-    for key, space in known.items():
-        if space.shape != here[key].shape:
-            raise InputError(
-                f"the checkpoint was trained with {key} of shape {space.shape}: here it is {here[key].shape}"
-            )
-
-
-def _box(space: Any) -> str:
-    if not isinstance(space, spaces.Box):
-        return f"by key ({', '.join(space)})" if isinstance(space, spaces.Dict) else str(space)
-    return f"of shape {space.shape} from {np.min(space.low):g} to {np.max(space.high):g}"
+def _words(shapes: Fields, keys: Sequence[str]) -> str:
+    return ", ".join(f"{key} {shapes[key]}".strip() for key in keys)
 
 
 def checkpoint_files(spec: str) -> list[Path]:

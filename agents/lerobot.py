@@ -1,6 +1,5 @@
 """Policies trained with LeRobot, as agents: `lerobot:` and the folder that its scripts call `pretrained_model`."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -35,7 +34,7 @@ class LeRobotAgent(Agent):
             env_kwargs: keywords of `gym.make` that it was trained with, where its folder does not say so.
 
         Raises:
-            InputError: if there is no such policy, LeRobot is not installed, or `env_kwargs` contradict its folder.
+            InputError: if there is no such policy, or LeRobot is not installed.
         """
         folder = policy_folder(spec)
         with from_extra():
@@ -52,13 +51,7 @@ class LeRobotAgent(Agent):
                 f"{folder} cannot be opened as a policy of LeRobot: {first_line(error)[:160]}"
             ) from error
         self._acts = tuple(config.output_features["action"].shape)
-        given, known = agent_keywords(env_kwargs), _trained_in(folder)
-        for key in given.keys() & known.keys():
-            if given[key] != known[key]:
-                raise InputError(
-                    f"{folder} was trained with {key}={known[key]}, which {key}={given[key]} contradicts"
-                )
-        stated, seen = known | given, config.input_features
+        stated, seen = _trained_in(folder) | agent_keywords(env_kwargs), config.input_features
         modes = ["state"] if "observation.environment_state" in seen else []
         modes += ["rgbd"] if any(name.startswith("observation.image") for name in seen) else []
         self.assumed = (
@@ -123,17 +116,12 @@ def policy_files(spec: str) -> list[Path]:
 
 
 def _trained_in(folder: Path) -> Fields:
-    """Return the keywords that the training says of its environment or of its demonstrations."""
+    """Return the keywords that the training says of its environment."""
     training = (
         read_json_object(folder / _TRAINING, "train it again") if (folder / _TRAINING).is_file() else {}
     )
-    env, root = training.get("env") or {}, (training.get("dataset") or {}).get("root")
-    if env.get("type") == "dexgrasp" and "control_mode" in env:
-        return {"control_mode": env["control_mode"]}
-    demos = Path(str(root)).parent / "demos.json"
-    if root and demos.is_file():
-        return {"control_mode": json.loads(demos.read_text())["settings"]["control_mode"]}
-    return {}
+    env = training.get("env") or {}
+    return {key: env[key] for key in ("control_mode",) if env.get("type") == "dexgrasp"}
 
 
 def _batch(value: Any) -> Any:

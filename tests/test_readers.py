@@ -72,8 +72,7 @@ def test_lerobots_policies_train_on_it(kind, data):
     from lerobot.datasets.factory import resolve_delta_timestamps
 
     config = factory.make_policy_config(kind, device="cpu", push_to_hub=False, **SIZES[kind])
-    if kind == "act":
-        config.pretrained_backbone_weights = None  # of a hub
+    config.pretrained_backbone_weights = None  # of a hub
     about = opened(data).meta
     policy = factory.make_policy(config, ds_meta=about)
     before, _ = factory.make_pre_post_processors(config, dataset_stats=about.stats)

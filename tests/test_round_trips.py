@@ -235,7 +235,7 @@ def test_a_foreign_checkpoint_is_played_as_the_user_says(tmp_path, capsys):
     told = {"env_kwargs": ["control_mode=joint_position"]}
     with refused("--wrappers FlattenObservation"):
         scores(path, tmp_path, **told)
-    with refused("actions of shape .* from -0.25 to 0.5, here they are"):
+    with refused("on actions Box.-0.25, 0.5, .* here they are Box.-1.0, 1.0"):
         scores(path, tmp_path, **told, wrappers=["FlattenObservation"])
     named = ["FlattenObservation", "RescaleAction(min_action=-0.25, max_action=0.5)"]
     found = scores(path, tmp_path, **told, wrappers=named)
@@ -264,3 +264,13 @@ def test_a_record_names_no_code_that_is_run(tmp_path):
     (tmp_path / "p.json").write_text(json.dumps(record | {"schema": 9}))
     with refused("has schema 9"):
         make_agent(str(tmp_path / "p.zip"))
+
+
+def test_statistics_that_are_not_there_are_missed(tmp_path):
+    envs = VecNormalize(DummyVecEnv([dict_env]), norm_obs_keys=["object_pose"])
+    model = sb3.SAC("MultiInputPolicy", envs, learning_starts=2, buffer_size=10, device="cpu").learn(2)
+    model.save(tmp_path / "p.zip")
+    with refused("was trained under VecNormalize, whose counts are not beside it"):
+        make_agent(str(tmp_path / "p.zip"))
+    envs.save(tmp_path / "p.pkl")
+    assert "what VecNormalize counted" in make_agent(str(tmp_path / "p.zip")).assumed

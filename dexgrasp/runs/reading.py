@@ -30,14 +30,10 @@ def files_read() -> Iterator[dict[Path, None]]:
         yield found
     finally:
         _watches.remove(found)
-        own = _own_roots()
-        for name in sys.modules.keys() - before:
-            source = getattr(sys.modules[name], "__file__", None)
-            if source and source.endswith(".py"):
-                found[Path(source)] = None
-        for path in list(found):
-            if not _is_own(path, own):
-                del found[path]
+        sources: Any = (getattr(sys.modules[name], "__file__", None) for name in sys.modules.keys() - before)
+        found.update(dict.fromkeys(Path(source) for source in sources if source and source.endswith(".py")))
+        for path in [path for path in found if not _is_own(path)]:
+            del found[path]
 
 
 @cache
@@ -55,19 +51,18 @@ def _note(event: str, args: tuple[Any, ...]) -> None:
             found[Path(path)] = None
 
 
-def _own_roots() -> tuple[Path, ...]:
+@cache
+def _others() -> tuple[Path, ...]:
     """Return the folders of what is installed, or kept to save time."""
-    libraries = {sysconfig.get_path(name) for name in ("stdlib", "platstdlib")}
-    packages = Path(__file__).parents[1], Path(dexgrasp_env.__file__).parent
-    places = *libraries, *packages, *_SYSTEM, cache_dir(), os.path.expanduser("~/.cache")
-    return tuple(Path(place).resolve() for place in places)
+    libraries = sysconfig.get_path("stdlib"), Path(__file__).parents[1], Path(dexgrasp_env.__file__).parent
+    return tuple(Path(place).resolve() for place in (*libraries, *_SYSTEM, os.path.expanduser("~/.cache")))
 
 
-def _is_own(path: Path, roots: tuple[Path, ...]) -> bool:
+def _is_own(path: Path) -> bool:
     with suppress(OSError, ValueError):
-        resolved = path.resolve()
-        installed = {"site-packages", "dist-packages"} & set(resolved.parts)
+        path = path.resolve()
+        installed = {"site-packages", "dist-packages"} & set(path.parts)
         return (
-            resolved.is_file() and not installed and not any(resolved.is_relative_to(root) for root in roots)
+            path.is_file() and not installed and not any(map(path.is_relative_to, (*_others(), cache_dir())))
         )
     return False

@@ -12,21 +12,23 @@ from dexgrasp.evaluation.protocol import get_protocol
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.learning.lerobot.env import LeRobotEnv, object_sizes, obs_mode_of
 from dexgrasp_env.arrays import Fields
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import action_size
+from dexgrasp_env.valid import check, number, one_of
 
 with from_extra():
     from lerobot.configs import FeatureType, PolicyFeature
     from lerobot.envs.configs import EnvConfig
     from lerobot.utils.constants import ACTION, OBS_ENV_STATE, OBS_IMAGES, OBS_STATE
 
+_RATE = round(1 / CONTROL_PERIOD)  # Hz
+
 
 @EnvConfig.register_subclass("dexgrasp")
 @dataclass
-class DexGraspEnv(EnvConfig):  # type: ignore[misc]  # LeRobot is not there when types are checked
+class DexGraspEnv(EnvConfig):
     """The suite.
 
         lerobot-eval --env.type=dexgrasp --env.task=lift --env.objects=seen --policy.path=DIR --seed=0
@@ -48,7 +50,7 @@ class DexGraspEnv(EnvConfig):  # type: ignore[misc]  # LeRobot is not there when
     """
 
     task: str | None = "lift"
-    fps: int = round(1 / CONTROL_PERIOD)
+    fps: int = _RATE
     objects: str = "ycb6"
     evaluation_seed: int = 0
     obs_type: str = "environment_state_agent_pos"
@@ -65,10 +67,8 @@ class DexGraspEnv(EnvConfig):  # type: ignore[misc]  # LeRobot is not there when
             InputError: for an unknown protocol, object, kind of observation or cell.
         """
         settings, mode = self._settings, obs_mode_of(self.obs_type)
-        if self.fps != round(1 / CONTROL_PERIOD):
-            raise InputError(f"fps is {self.fps}: valid is {round(1 / CONTROL_PERIOD)}")
-        if self.render_mode not in ("rgb_array", "none"):
-            raise InputError(f"render_mode is {self.render_mode!r}: valid are rgb_array, none")
+        check("fps", self.fps, number(ge=_RATE, le=_RATE))
+        check("render_mode", self.render_mode, one_of(("rgb_array", "none")))
         cell = make_cell(settings.robot, settings.mount)
         self._add(ACTION, FeatureType.ACTION, (action_size(self.control_mode, cell.robot),), ACTION)
         self._add("agent_pos", FeatureType.STATE, (cell.robot.dof,), OBS_STATE)
@@ -76,8 +76,9 @@ class DexGraspEnv(EnvConfig):  # type: ignore[misc]  # LeRobot is not there when
             self._add("environment_state", FeatureType.ENV, (sum(sizes.values()),), OBS_ENV_STATE)
         if "rgb" in mode:
             with_pictures = self._environment(settings.objects[0], settings.parts[0])
-            for name, space in with_pictures.observation_space["pixels"].items():
-                self._add(f"pixels/{name}", FeatureType.VISUAL, space.shape, f"{OBS_IMAGES}.{name}")
+            space: Any = with_pictures.observation_space
+            for name, part in space["pixels"].items():
+                self._add(f"pixels/{name}", FeatureType.VISUAL, part.shape, f"{OBS_IMAGES}.{name}")
             with_pictures.close()
 
     @property

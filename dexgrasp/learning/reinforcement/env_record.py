@@ -6,6 +6,7 @@ the id and keywords of `gym.make`, the wrappers by name with their arguments, an
 
 import importlib
 import inspect
+import json
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -146,7 +147,7 @@ def environment_record(env: Any) -> EnvRecord:
     """Return the record of a vector environment of Stable-Baselines3; see `record_environment`."""
     around: list[WrapperRecord | None] = []
     while hasattr(env, "venv"):
-        around.insert(0, _vec_wrapper(env))
+        around.insert(0, vec_wrapper(env))
         env = env.venv
     settings, spec = _attribute(env, "settings"), _attribute(env, "spec")
     if settings is None or spec is None:
@@ -173,11 +174,14 @@ def environment_record(env: Any) -> EnvRecord:
     )
 
 
+def _packed(array: Any) -> Fields:
+    return {"array": array.tolist(), "dtype": str(array.dtype)}
+
+
 def array_of(value: Any) -> Any:
-    """Return what `_kept` made JSON of."""
-    if isinstance(value, Mapping) and value.keys() == {"array", "dtype"}:
-        return np.array(value["array"], dtype=str(value["dtype"]))[()]
-    return value
+    """Return an argument from what JSON holds of it."""
+    packed = isinstance(value, Mapping) and value.keys() == {"array", "dtype"}
+    return np.array(value["array"], dtype=str(value["dtype"]))[()] if packed else value
 
 
 def _acting(records: Sequence[WrapperRecord | None]) -> tuple[WrapperRecord, ...]:
@@ -198,14 +202,17 @@ def _wrapper(spec: Any, env: Any) -> WrapperRecord:
         parameters = inspect.signature(getattr(importlib.import_module(module), name)).parameters
         kwargs = {} if len(parameters) == 1 else None  # the environment alone
     try:
-        kwargs = kwargs and {name: _kept(value) for name, value in kwargs.items()}
-    except TypeError:
+        kwargs = json.loads(json.dumps(kwargs, default=_packed))
+    except AttributeError:  # a function, say
         kwargs = None
     counted = spec.name == "NormalizeObservation" and _attribute(env, "obs_rms")
     return WrapperRecord(spec.entry_point, kwargs, _statistics({"": counted}) if counted else {})
 
 
-def _vec_wrapper(env: Any) -> WrapperRecord | None:
+def vec_wrapper(env: Any) -> WrapperRecord | None:
+    """Return the record of a wrapper of Stable-Baselines3; None for none, and for one of rewards alone."""
+    if env is None:
+        return None
     kind, state = type(env), Fields()
     if kind.__name__ == "VecNormalize":
         if not env.norm_obs:
@@ -219,20 +226,3 @@ def _vec_wrapper(env: Any) -> WrapperRecord | None:
 
 def _statistics(counted: Mapping[str, Any]) -> Fields:
     return {key: {"mean": own.mean.tolist(), "var": own.var.tolist()} for key, own in counted.items()}
-
-
-def _kept(value: Any) -> Any:
-    """Return an argument as JSON holds it.
-
-    Raises:
-        TypeError: for one that JSON does not hold, such as a function.
-    """
-    if isinstance(value, np.ndarray | np.generic):
-        return {"array": value.tolist(), "dtype": str(value.dtype)}
-    if isinstance(value, list | tuple | set):
-        return [_kept(each) for each in value]
-    if isinstance(value, Mapping):
-        return {str(key): _kept(each) for key, each in value.items()}
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    raise TypeError
