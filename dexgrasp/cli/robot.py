@@ -84,7 +84,8 @@ class Make(Command):
 
     def run(self) -> Answer:
         """Make it; say what was assumed."""
-        from dexgrasp_env.robot.make import Told, make_robot
+        from dexgrasp_env.robot.hand_maker import Told
+        from dexgrasp_env.robot.make import make_robot
         from dexgrasp_env.robot.recipes import hint_of, recipe_of
 
         hand, arm = self._parts()

@@ -27,7 +27,10 @@ SAMPLES = 400_000
 _SEED = 0
 _ENOUGH, _ROUNDS = 20_000, 30  # postures of a hand from elsewhere that will do; how often to sample for them
 _APART = 0.003  # m between its bodies, so that it can open too
-_LOOKED_AT, _TRULY = 500, 100  # postures that tell which of its bodies can be so far apart, or are by true shapes
+_LOOKED_AT, _TRULY = (
+    500,
+    100,
+)  # postures that tell which of its bodies can be so far apart, or are by true shapes
 _INWARD = -0.2  # least cosine of its tips' axes to the middle of all tips: the backs of tips cannot press
 _BESIDE, _DEPTH = 0.003, 0.005  # m that the link behind a tip may lie in a face that the tip presses so deep
 _LEAST = 0.05  # cosine of a tip's axis to what it presses against
@@ -120,7 +123,8 @@ def _many_kept(rng: np.random.Generator, cell: Cell, tree: RobotTree) -> Array:
             pairs = _telling(q[:_LOOKED_AT], tree, pairs)
         q = q[_pressing(q, tree, pairs)]
         if k == 0:
-            truly = np.mean([shapes_apart(of, cell) for of in q[:_TRULY]] or [1.0]) < 0.5
+            free = [shapes_apart(of, cell) for of in q[:_TRULY]]
+            truly = 2 * sum(free) < len(free)
         kept.append(q[[shapes_apart(of, cell) for of in q]] if truly and len(q) else q)
         if sum(map(len, kept)) > _ENOUGH:
             break
