@@ -79,10 +79,12 @@ class HandMaker(Part):
     def _find_jaws(self) -> None:
         """Take the two chains that reach farthest for the jaws of a gripper, and what follows them for rods."""
         at = self.pose(self.palm)[:3, 3]
-        reaches = np.array([
-            max(np.linalg.norm(self.points(b) - at, axis=1).max() for b in chain if self.has_shape(b))
-            for chain in self.chains
-        ])  # fmt: skip
+        reaches = np.array(
+            [
+                max(np.linalg.norm(self.points(b) - at, axis=1).max() for b in chain if self.has_shape(b))
+                for chain in self.chains
+            ]
+        )
         if len(jaws := like_reach(reaches)) != 2:
             raise InputError(
                 f"{self.path} has {len(jaws)} jaws that reach alike: valid are two, or driven fingers"
@@ -116,8 +118,9 @@ class HandMaker(Part):
         }
         apart = {
             name: [self._gap(ends, middle_at | {name: side[k]}) for side in (low, high)]
-            for k, name in enumerate(joints) if name in middle_at
-        }  # fmt: skip
+            for k, name in enumerate(joints)
+            if name in middle_at
+        }
         for widest in (True, False):
             at = {n: (low, high)[(b > a) == widest][joints.index(n)] for n, (a, b) in apart.items()}
             found.append(self._following(at))
