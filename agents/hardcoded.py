@@ -109,14 +109,14 @@ class HardcodedAgent(Agent):
         return normalise(targets, self._cell.robot).astype(np.float32)
 
     def _plan(self, start: Array, points: Array) -> ActionScript:
-        tree, axis = robot_tree(self._cell), short_axis(points)
-        hands = list(map(self._hand, _HANDS)) if self._tuned else pinch_of(self._cell).hands(points, axis)
+        tree, hands = robot_tree(self._cell), list(map(self._hand, _HANDS)) if self._tuned else []
+        hands = hands or pinch_of(self._cell).hands(points, short_axis(points))
         try:
             obstacle = standing_hull(points)
         except InputError as flat:
             raise NoPath(NO_VOLUME, str(flat)) from None
         blocked = NoPath("out_of_reach", "the arm reaches neither of the two turns of the wrist")
-        for arm in self._arms(tree, start, points, axis):
+        for arm in self._arms(tree, start, points):
             motion = GraspMotion(*(np.concatenate([arm, hand]) for hand in hands))
             try:
                 return make_script(start, motion, obstacle, self._cell, margin=0.002)
@@ -134,8 +134,9 @@ class HardcodedAgent(Agent):
         """Return a posture as the hand's joints (h,) rad."""
         return np.concatenate([posture[finger.name] for finger in self._cell.robot.hand.fingers])
 
-    def _arms(self, tree: RobotTree, start: Array, points: Array, axis: Array) -> list[Array]:
+    def _arms(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:
         """Return the configurations (a,) rad to try, of both wrist turns, nearer to `start` first."""
+        axis = short_axis(points)
         arms = self._reachable(tree, start, points, [axis, -axis])
         return sorted(arms, key=lambda arm: np.abs(arm - start[: tree.arm]).max())
 

@@ -28,19 +28,56 @@ def done(capsys, *command):
 
 def test_a_gripper_is_demonstrated_cloned_and_evaluated(robot, tmp_path, capsys):
     demos, bc = tmp_path / "demos", tmp_path / "bc"
-    about = done(capsys, "demos", "generate", "--agent", "hardcoded", "--objects", "pill_bottle", "--episodes", 2,
-                 "--robot", robot, "--out", demos)  # fmt: skip
+    about = done(
+        capsys,
+        "demos",
+        "generate",
+        "--agent",
+        "hardcoded",
+        "--objects",
+        "pill_bottle",
+        "--episodes",
+        2,
+        "--robot",
+        robot,
+        "--out",
+        demos,
+    )
     assert about["episodes"] >= 1
     done(capsys, "train", "bc", "--data", demos, "--out", bc, "--epochs", 1)
-    found = done(capsys, "evaluate", "--agents", bc, "hardcoded", "--objects", "pill_bottle", "--trials", 1,
-                 "--robot", robot, "--out", tmp_path / "run")  # fmt: skip
+    found = done(
+        capsys,
+        "evaluate",
+        "--agents",
+        bc,
+        "hardcoded",
+        "--objects",
+        "pill_bottle",
+        "--trials",
+        1,
+        "--robot",
+        robot,
+        "--out",
+        tmp_path / "run",
+    )
     assert all(of["trials"] == 1 for of in found["agents"].values())
 
 
 def test_pairs_of_contacts_are_sampled_and_learned(robot, tmp_path, capsys):
     data, cvae = tmp_path / "data", tmp_path / "cvae"
-    done(capsys, "dataset", "generate", "--objects", "pill_bottle", "--grasps-per-pose", 30, "--robot", robot,
-         "--out", data)  # fmt: skip
+    done(
+        capsys,
+        "dataset",
+        "generate",
+        "--objects",
+        "pill_bottle",
+        "--grasps-per-pose",
+        30,
+        "--robot",
+        robot,
+        "--out",
+        data,
+    )
     done(capsys, "train", "cvae", "--data", data, "--out", cvae, "--epochs", 1)
     from dexgrasp.planning.decoder import read_decoder
 

@@ -187,9 +187,9 @@ def _hand(inside: str, after: str = "") -> str:
         ("\0" * 100, "MuJoCo cannot read"),
         (
             _hand(_THREE, '<equality><connect body1="f0" body2="f2" anchor="0 0 0.05"/></equality>'),
-            "closes a loop",
+            "closes loops of bodies that no actuator drives",
         ),
-        (_hand('<joint name="s" type="slide"/>' + _THREE), "hinges"),
+        (_hand('<joint name="s" type="ball"/>' + _THREE), "neither turn nor slide"),
         (_hand(_THREE.replace(_LINK, '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>')), "collides"),
         (_hand(_FINGER.format(n="a", y=0)), "0 fingers"),
         (_hand(_THREE.replace('name="f1"', "")), "no name"),

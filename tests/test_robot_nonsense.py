@@ -46,10 +46,13 @@ DEEP = "<mujoco><worldbody>" + "<body>" * 400 + "</body>" * 400 + "</worldbody><
         ('<mujoco><include file="/dev/zero"/></mujoco>', "it is no file"),
         ('<mujoco><include file="../../nowhere.xml"/></mujoco>', "it is no file"),
         ('<mujoco><include file="bad.xml"/></mujoco>', "includes itself"),
-        ('<robot name="a"><link name="b"><collision><geometry><mesh filename="/etc/hostname"/></geometry>'
-         "</collision></link></robot>", "cannot read|no joints"),
+        (
+            '<robot name="a"><link name="b"><collision><geometry><mesh filename="/etc/hostname"/></geometry>'
+            "</collision></link></robot>",
+            "cannot read|no joints",
+        ),
     ],
-)  # fmt: skip
+)
 def test_it_is_refused_in_a_line(text, words, tmp_path):
     path = tmp_path / "bad.xml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())

@@ -63,8 +63,8 @@ def test_joints_without_a_range_turn_once(tmp_path):
     ("change", "words"),
     [
         (lambda text: text.replace('<joint name="j2"', '<joint name="j2" type="ball"').replace(' range="-3.1 3.1"', ""),
-         "no hinges"),
-        (lambda text: text.replace('<joint name="j2"', '<joint name="j2" type="slide"'), "no hinges"),
+         "neither turn nor slide"),
+        (lambda text: text.replace('<joint name="j2"', '<joint name="j2" type="slide"'), "joints slide"),
         (lambda text: re.sub(r'<joint name="j[1-5]"[^>]*/>', "", text), "an arm of 1 joints: valid are 4 or more"),
         (lambda text: re.sub(r"<joint [^>]*/>", "", text), "no joints"),
     ],

@@ -85,7 +85,8 @@ class Make(Command):
 
     def run(self) -> Answer:
         """Make it; say what was assumed."""
-        from dexgrasp_env.robot.make import Told, make_robot
+        from dexgrasp_env.robot.hand_maker import Told
+        from dexgrasp_env.robot.make import make_robot
         from dexgrasp_env.robot.recipes import hint_of, recipe_of
 
         hand, arm = self._parts()
@@ -124,11 +125,12 @@ class Make(Command):
 def _draw_found(robot: Path, path: Path | None) -> Path | None:
     """Draw what was found of a hand beside its robot's file; return the picture, None where nothing can draw it."""
     from dexgrasp_env.robot.cell import make_cell
+    from dexgrasp_env.robot.robot_file import read_robot
 
     try:
         from dexgrasp.grasp.picture import found_picture
 
-        return found_picture(path or robot.with_suffix(".png"), make_cell(robot))
+        return found_picture(path or robot.with_suffix(".png"), make_cell(read_robot(robot)))
     except ImportError:
         if path is not None:
             raise

@@ -123,7 +123,8 @@ def _many_kept(rng: np.random.Generator, cell: Cell, tree: RobotTree) -> Array:
             pairs = _telling(q[:_LOOKED_AT], tree, pairs)
         q = q[_pressing(q, tree, pairs)]
         if k == 0:
-            truly = np.mean([shapes_apart(of, cell) for of in q[:_TRULY]] or [1.0]) < 0.5
+            free = [shapes_apart(of, cell) for of in q[:_TRULY]]
+            truly = 2 * sum(free) < len(free)
         kept.append(q[[shapes_apart(of, cell) for of in q]] if truly and len(q) else q)
         if sum(map(len, kept)) > _ENOUGH:
             break

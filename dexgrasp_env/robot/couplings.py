@@ -11,7 +11,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields, Mask
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.coupled import Coupling
 
@@ -127,10 +127,36 @@ def led_by(found: list[Coupling], leader: str) -> list[Coupling]:
     return [c for c in found if c.follows != own.follows] + turned
 
 
-def _is_line(model: mujoco.MjModel) -> Array:
+def narrow(joints: list[str], limits: Fields, found: list[Coupling]) -> None:
+    """Narrow the range of each leading joint to where those that follow it stay in theirs."""
+    for own in found:
+        if own.joint not in joints or own.follows not in joints:
+            continue
+        k, leader = joints.index(own.joint), joints.index(own.follows)
+        ends = sorted((limits[side][k] - own.offset) / own.ratio for side in ("lower", "upper"))
+        low, high = max(ends[0], limits["lower"][leader]), min(ends[1], limits["upper"][leader])
+        if low < high:
+            limits["lower"][leader], limits["upper"][leader] = low, high
+        ends = sorted(own.offset + own.ratio * limits[side][leader] for side in ("lower", "upper"))
+        limits["lower"][k] = min(limits["lower"][k], ends[0])
+        limits["upper"][k] = max(limits["upper"][k], ends[1])
+
+
+def share(joints: list[str], torque: list[float], found: list[Coupling]) -> None:
+    """Share the torque of each drive among the joints that it moves, as each has a servo here."""
+    for leader in {own.follows for own in found} & {*joints}:
+        ratios = {joints.index(leader): 1.0} | {
+            joints.index(own.joint): abs(own.ratio) for own in found if own.follows == leader
+        }
+        each = sum(ratio * torque[k] for k, ratio in ratios.items()) / sum(ratios.values())
+        for k in ratios:
+            torque[k] = float(f"{each:.6g}")
+
+
+def _is_line(model: mujoco.MjModel) -> Mask:
     curved = np.abs(model.eq_data[:, 2:5]).max(1, initial=0.0) > 1e-6
     line = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0) & ~curved
-    return np.asarray(line & (np.abs(model.eq_data[:, 1]) > 1e-9) & model.eq_active0.astype(bool))
+    return np.asarray(line & (np.abs(model.eq_data[:, 1]) > 1e-9) & model.eq_active0.astype(bool), dtype=bool)
 
 
 def _driven(model: mujoco.MjModel) -> list[int]:

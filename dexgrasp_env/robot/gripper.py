@@ -92,11 +92,13 @@ def _pad(part: Part, body: int, way: Array, x: Array) -> tuple[Array, float]:
     shapes = [points @ R for points in part.shapes(body)]
     end = max(points[:, 2].max() for points in shapes)
     end_of = min(_SLAB, 0.5 * (end - min(points[:, 2].min() for points in shapes)))
-    near = np.concatenate([
-        cut(points, end - end_of)[0] if points[:, 2].min() < end - end_of else points
-        for points in shapes
-        if points[:, 2].max() > end - end_of
-    ])  # fmt: skip
+    near = np.concatenate(
+        [
+            cut(points, end - end_of)[0] if points[:, 2].min() < end - end_of else points
+            for points in shapes
+            if points[:, 2].max() > end - end_of
+        ]
+    )
     face = near[near[:, 0] > near[:, 0].max() - _FACE]
     low, high = face.min(0), face.max(0)
     size = 0.5 * min(high[1] - low[1], high[2] - low[2], np.ptp(near[:, 0]))

@@ -8,7 +8,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Fields, middle
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.robot.couplings import couplings, led_by
+from dexgrasp_env.robot.couplings import couplings, led_by, narrow, share
 from dexgrasp_env.robot.gripper import Jaws, find_jaws, like_reach
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.part import Part
@@ -79,10 +79,12 @@ class HandMaker(Part):
     def _find_jaws(self) -> None:
         """Take the two chains that reach farthest for the jaws of a gripper, and what follows them for rods."""
         at = self.pose(self.palm)[:3, 3]
-        reaches = np.array([
-            max(np.linalg.norm(self.points(b) - at, axis=1).max() for b in chain if self.has_shape(b))
-            for chain in self.chains
-        ])  # fmt: skip
+        reaches = np.array(
+            [
+                max(np.linalg.norm(self.points(b) - at, axis=1).max() for b in chain if self.has_shape(b))
+                for chain in self.chains
+            ]
+        )
         if len(jaws := like_reach(reaches)) != 2:
             raise InputError(
                 f"{self.path} has {len(jaws)} jaws that reach alike: valid are two, or driven fingers"
@@ -93,9 +95,9 @@ class HandMaker(Part):
             if {c.follows for c in self.couplings} - {j for chain in own for j in self.names(chain)[1]}:
                 self.couplings = led_by(self.couplings, joint)
         opened, closed = self._ends([chain[-1] for chain in own], [*own, *rods])
-        self.jaws = find_jaws(self, self.palm, [chain[-1] for chain in own], opened, closed)
+        self.jaws = jaws_found = find_jaws(self, self.palm, [chain[-1] for chain in own], opened, closed)
         self.opened = 0.9 * opened + 0.1 * closed
-        own.sort(key=lambda chain: chain[-1] != self.jaws.ends[0])
+        own.sort(key=lambda chain: chain[-1] != jaws_found.ends[0])
         self.chains, self.linkages = [*rods, *own], len(rods)
         self.frame, self.radius = self.jaws.palm, self.jaws.radius
         self._tips = [(np.eye(4), 0.0) for _ in rods] + [(T, self.radius) for T in self.jaws.tips]
@@ -109,15 +111,16 @@ class HandMaker(Part):
         joints = [name for chain in chains for name in self.names(chain)[1]]
         low, high = self.ranges([self.model.joint(name).id for name in joints]).T.tolist()
         limits = {"lower": low, "upper": high}
-        self._narrow(joints, limits)
+        narrow(joints, limits, self.couplings)
         found, followers = list[Array](), {own.joint for own in self.couplings}
         middle_at = {
             n: 0.5 * (a + b) for n, a, b in zip(joints, low, high, strict=True) if n not in followers
         }
         apart = {
             name: [self._gap(ends, middle_at | {name: side[k]}) for side in (low, high)]
-            for k, name in enumerate(joints) if name in middle_at
-        }  # fmt: skip
+            for k, name in enumerate(joints)
+            if name in middle_at
+        }
         for widest in (True, False):
             at = {n: (low, high)[(b > a) == widest][joints.index(n)] for n, (a, b) in apart.items()}
             found.append(self._following(at))
@@ -348,40 +351,16 @@ class HandMaker(Part):
         for tendon in tendons:
             last = joints.index(tendon["joints"][-1])
             limits["upper"][last] = min(limits["upper"][last], _CURLED)
-        self._narrow(joints, limits)
+        narrow(joints, limits, self.couplings)
         if tendons:
             self.notes.append(f"hand upper: last joints of tendons end at {_CURLED} rad")
         if self.couplings:
             pairs = ", ".join(f"{own.joint} = {own.ratio:.4g} {own.follows}" for own in self.couplings)
             self.notes.append(f"hand couplings: {pairs}")
         if self.jaws:
-            self._share(joints, limits["torque"])
+            share(joints, limits["torque"], self.couplings)
         followers = [asdict(own) for own in self.couplings if own.joint in joints]
         return limits | {"couplings": followers, "tendons": tendons}
-
-    def _narrow(self, joints: list[str], limits: Fields) -> None:
-        """Narrow the range of each leading joint to where those that follow it stay in theirs."""
-        for own in self.couplings:
-            if own.joint not in joints:
-                continue
-            k, leader = joints.index(own.joint), joints.index(own.follows)
-            ends = sorted((limits[side][k] - own.offset) / own.ratio for side in ("lower", "upper"))
-            low, high = max(ends[0], limits["lower"][leader]), min(ends[1], limits["upper"][leader])
-            if low < high:
-                limits["lower"][leader], limits["upper"][leader] = low, high
-            ends = sorted(own.offset + own.ratio * limits[side][leader] for side in ("lower", "upper"))
-            limits["lower"][k] = min(limits["lower"][k], ends[0])
-            limits["upper"][k] = max(limits["upper"][k], ends[1])
-
-    def _share(self, joints: list[str], torque: list[float]) -> None:
-        """Share the torque of each drive among the joints that it moves, as each has a servo here."""
-        for leader in {own.follows for own in self.couplings}:
-            ratios = {joints.index(leader): 1.0} | {
-                joints.index(own.joint): abs(own.ratio) for own in self.couplings if own.follows == leader
-            }
-            each = sum(ratio * torque[k] for k, ratio in ratios.items()) / sum(ratios.values())
-            for k in ratios:
-                torque[k] = float(f"{each:.6g}")
 
     def _beside_thumb(self) -> list[int]:
         """Return the finger whose base is nearest to the thumb's tip, and the neighbour of it whose base is nearer."""

@@ -170,7 +170,9 @@ def make_robot(
             robot[kind] = str(find_beside(Path(), str(path)).resolve())
         elif path is not None:
             content, said = (
-                hand_entry(path, told or (recipe and recipe.told)) if kind == "hand" else arm_entry(path)
+                hand_entry(path, told or (recipe.told if recipe else None))
+                if kind == "hand"
+                else arm_entry(path)
             )
             if recipe is not None and kind == "hand":
                 content = recipe.changed(content)

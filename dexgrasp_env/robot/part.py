@@ -246,10 +246,10 @@ class Part(Description):
             lever = abs(float(m.actuator_gear[a, 0])) * max(coefs.values())
             found |= dict.fromkeys(coefs, (a, lever))
         for a in np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON).tolist():
-            joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
+            joints, shares = wrapped_joints(m, m.actuator_trnid[a, 0])
             if self._is_one_drive(joints):
                 gear = abs(float(m.actuator_gear[a, 0]))
-                found |= {joint: (a, gear * abs(coef)) for joint, coef in zip(joints, coefs, strict=True)}
+                found |= {joint: (a, gear * abs(coef)) for joint, coef in zip(joints, shares, strict=True)}
         return found
 
     def _is_one_drive(self, joints: list[int]) -> bool:

@@ -36,9 +36,18 @@ _PALMS = tuple(product((0.4, 0.5, 0.6), (-0.2, 0.0, 0.2), np.linspace(-np.pi, np
 def check_robot(cell: Cell) -> list[Finding]:
     """Return what is found of a cell's robot: errors have to be mended, warnings looked at."""
     checks = (
-        _kinematics, _excluded, _authority, check_drives, check_limits, check_masses, _tips, _opposition, _meeting,
-        _strength, _reach,
-    )  # fmt: skip
+        _kinematics,
+        _excluded,
+        _authority,
+        check_drives,
+        check_limits,
+        check_masses,
+        _tips,
+        _opposition,
+        _meeting,
+        _strength,
+        _reach,
+    )
     compiled_robot(cell)  # refuses what no simulation can tell anything of
     model = _alone(cell)
     found = list(_order(cell, model))
