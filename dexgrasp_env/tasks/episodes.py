@@ -86,10 +86,7 @@ class Episodes(EpisodeInfos):
         """Whether an action is a whole episode."""
         self.span = longest_grasp(settings) if self.whole else settings.hold
         """Control steps of an action, at most."""
-        self._lifted_by = lifted_by(settings)
-        self._grasps = (
-            Grasps(settings, first, first.columns, number) if settings.control_mode in GRASP_MODES else None
-        )
+        self._grasps = Grasps(settings, first, number) if settings.control_mode in GRASP_MODES else None
         self._features = SceneFeatures(number, self.whole) if settings.obs_mode == FLAT else None
         self.starts: Starts | None = pre_grasps(settings)
         self.device: Any = None
@@ -102,8 +99,7 @@ class Episodes(EpisodeInfos):
             parts["grasp_state"] = unbounded(GRASP_SIZE)
         if self._features is None:
             return spaces.Dict(dict(sorted(parts.items())))
-        size = self._features.size(parts)
-        return spaces.Dict({FLAT: spaces.Box(-FARTHEST, FARTHEST, (size,), np.float32)})
+        return spaces.Dict({FLAT: spaces.Box(-FARTHEST, FARTHEST, self._features.shape(parts), np.float32)})
 
     def told_space(self) -> spaces.Space[Any]:
         """Return the space of what people are given."""
@@ -341,7 +337,7 @@ class Episodes(EpisodeInfos):
         failed = self.records["failure"] > 0
         if not self.whole:
             return ~failed
-        lost = (self.records["elapsed"] >= self._lifted_by) & (self.records["height"] < LIFT_HEIGHT)
+        lost = (self.records["elapsed"] >= lifted_by(self.settings)) & (self.records["height"] < LIFT_HEIGHT)
         return ~(failed | self.records["success"] | lost)
 
     # -- states --------------------------------------------------------------------------------------------------

@@ -152,7 +152,7 @@ class SceneFeatures:
             parts = [now, *parts, *([state["grasp_state"]] if "grasp_state" in state else [])]
         return np.clip(np.concatenate(parts, axis=-1), -FARTHEST, FARTHEST).astype(np.float32)
 
-    def size(self, space: Mapping[str, Any]) -> int:
-        """Return F, where the state's space is this."""
+    def shape(self, space: Mapping[str, Any]) -> tuple[int, ...]:
+        """Return (F,), where the state's space is this."""
         state = {key: np.zeros((1, *part.shape), np.float32) for key, part in space.items()}
-        return self.of(slice(0, 1), state, np.zeros(1, np.int64)).shape[-1]
+        return self.of(slice(0, 1), state, np.zeros(1, np.int64)).shape[1:]

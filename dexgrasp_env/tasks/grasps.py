@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Index, Single
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.tasks.control import GRASP_SIZE, check_finite
 from dexgrasp_env.tasks.grasp_space import (
     grasp_frame,
@@ -22,19 +22,18 @@ from dexgrasp_env.tasks.simulation import Simulation, StateHolder
 class Grasps:
     """Actions of the grasp space, each about where the object of its episode lay at first, or all on the table."""
 
-    def __init__(self, settings: LiftSettings, simulation: Simulation, at: Index, number: int) -> None:
+    def __init__(self, settings: LiftSettings, simulation: Simulation, number: int) -> None:
         """Prepare.
 
         Args:
             settings: of the environment.
             simulation: one of its scenes.
-            at: first columns of the readings in `sensordata`.
             number: of episodes.
 
         Raises:
             InputError: for a hand that has no postures of grasps.
         """
-        self._space, self._at, self._yaw = grasp_space(settings), at, home_yaw(simulation)
+        self._space, self._at, self._yaw = grasp_space(settings), simulation.columns, home_yaw(simulation)
         self._frames = np.tile(table_frame(self._yaw), (number, 1))
         self._fixed = settings.control_mode == "table_grasp_once"
         self._moves = np.zeros((number, 6 + len(self._space.opened)))
