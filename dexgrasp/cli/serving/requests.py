@@ -1,7 +1,7 @@
 """Requests of clients: the options of `dexgrasp plan` and `verify` by name, with arrays in place of files."""
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,13 +14,17 @@ from dexgrasp.geometry.request import Region
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
+from dexgrasp_env.perception.camera_pose import pose_of
 from dexgrasp_env.perception.cloud import Cloud, check_count, gather, remove_flying
-from dexgrasp_env.perception.scan import UNITS, cloud_of
+from dexgrasp_env.perception.scan import UNITS, cloud_of, posed
+from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.selection import TargetSelector, mask_of
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.valid import Rule, read
 
-_OF_SERVER = ("robot", "mount", "json", "out", "agent", "cloud", "pixel", "objects", "mask", "floating")
+_OF_SERVER = (
+    "robot", "mount", "json", "out", "agent", "cloud", "camera_pose", "pixel", "objects", "mask", "floating",
+)  # fmt: skip
 """Options of the command that a client cannot give: they are the server's, name files, or come as arrays."""
 
 _MOST_CORNERS = 200_000  # of a mesh that is sent
@@ -40,7 +44,7 @@ def _numbers(shape: tuple[int | None, ...], words: str) -> Rule:
 
 _IMAGE = _numbers((None, None), "an array (H, W) of numbers")
 _MATRIX = _numbers((3, 3), "3 x 3 numbers")
-_POSE = _numbers((4, 4), "4 x 4 numbers")
+_POSE = Rule("a pose: 4 x 4 numbers, or x y z qx qy qz qw", pose_of)
 
 
 class _Sent(Plan):
@@ -48,7 +52,7 @@ class _Sent(Plan):
 
     Attributes:
         name: of the object, in what is answered.
-        points: (N, 3) in the frame of the robot's base, in `unit`.
+        points: (N, 3) in `unit`, in the frame of the robot's base, or of the camera whose pose `T_base_camera` says.
         depth: (H, W) m, instead of points; 0 and what is not finite is no measurement.
         K: (3, 3) the intrinsics of its camera, pixels.
         T_base_camera: (4, 4) pose of its optical frame in the frame of the robot's base, m.
@@ -68,17 +72,24 @@ class _Sent(Plan):
 
     def scan(self) -> Cloud:
         """Return the cloud that was sent."""
-        camera = (self.depth, self.K, self.T_base_camera)
-        if (self.points is None) == (self.depth is None) or len({part is None for part in camera}) > 1:
+        if (self.points is None) == (self.depth is None) or (self.depth is None) != (self.K is None):
             raise InputError("send points, or depth with K and T_base_camera")
+        T = self.T_base_camera
         if self.points is not None:
             cloud = cloud_of(self.points)
-            return cloud.moved(cloud.points * UNITS[self.unit])
+            cloud = cloud.moved(cloud.points * UNITS[self.unit])
+            return cloud if T is None else posed(cloud, T)
+        if T is None:
+            raise InputError("send points, or depth with K and T_base_camera")
         check_count(self.depth.size, "depth")
         (height, width), K = self.depth.shape, np.asarray(self.K, dtype=float)
         lens = CameraIntrinsics(width, height, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
         depth = np.asarray(self.depth, dtype=np.float32)[None]
-        return gather(remove_flying(depth), (Camera("camera", self.T_base_camera, lens),))
+        return gather(remove_flying(depth), (Camera("camera", T, lens),))
+
+    def frame_words(self, scan: Cloud, look: Callable[[Cloud], Scene]) -> Iterator[str]:
+        """Yield what may be wrong with the frame of a cloud."""
+        yield "of a cloud in a camera's frame T_base_camera says where the camera is"
 
     def _region(self, name: str, text: str, scan: Cloud | None) -> Region:
         if text.startswith("mask:"):
