@@ -16,7 +16,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "cluster": ("ray",),
     "dm": ("dm_control", "dm_env"),
     "demos": ("h5py", "minari", "pyarrow"),
-    "formats": ("collada", "laspy", "lazrs", "lxml", "networkx", "rosbags"),
+    "formats": ("collada", "laspy", "lxml", "networkx", "rosbags"),
     "gpu": ("mujoco_warp", "warp"),
 }  # fmt: skip
 """Extra -> the modules that it brings and the plain installation lacks."""

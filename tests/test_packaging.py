@@ -20,13 +20,12 @@ UNIMPORTED = {
     "osqp",
     "rtree",
     "tensorboard",
-    "lazrs",
     "lxml",
     "networkx",
     "pycollada",
 }
-"""Used through another: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, torch's log; packed las,
-and what trimesh reads 3mf and dae with."""
+"""Used through another: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, torch's log, and what
+trimesh reads 3mf and dae with."""
 
 
 OWNERS = {
