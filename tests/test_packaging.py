@@ -24,13 +24,12 @@ UNIMPORTED = {
     "rtree",
     "sb3-contrib",
     "tensorboard",
-    "lazrs",
     "lxml",
     "networkx",
     "pycollada",
 }
 """Used through another, or by name: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, learners,
-torch's log; packed las, and what trimesh reads 3mf and dae with."""
+torch's log, and what trimesh reads 3mf and dae with."""
 
 
 OWNERS = {

@@ -59,7 +59,7 @@ def _coefficients(value: Any) -> tuple[float, ...]:
 
 def _data(value: Any) -> Any:
     """Return the numbers of a matrix as ROS writes it, a mapping with `rows`, `cols` and `data`."""
-    return value["data"] if isinstance(value, Mapping) else value
+    return value.get("data") if isinstance(value, Mapping) else value
 
 
 def _intrinsic(value: Any) -> Array:
@@ -90,7 +90,7 @@ _PLAIN = {
     ),
     "binning_x": _ONE,
     "binning_y": _ONE,
-    "roi": _of("the whole image", lambda roi: not any(roi[key] for key in ("x_offset", "y_offset"))),
+    "roi": _of("the whole image", lambda roi: not any(roi.get(key) for key in ("x_offset", "y_offset"))),
     "header": _of("anything", lambda header: True),
     "P": _of("anything", lambda P: True),
 }

@@ -37,12 +37,15 @@ def pose_of(value: Any) -> Array:
             names, or with one of the former under `T_base_camera`, `matrix`, `pose` or `transform`.
 
     Raises:
-        ValueError: for what is no pose; KeyError and TypeError as well.
+        ValueError: for what is no pose; TypeError as well.
     """
     while isinstance(value, Mapping) and (key := next((key for key in _WITHIN if key in value), None)):
         value = value[key]
     if isinstance(value, Mapping):
-        value = _seven(value)
+        try:
+            value = _seven(value)
+        except KeyError:
+            raise ValueError from None
     numbers = np.array(value, dtype=float).ravel()
     if numbers.size == 7:
         length = float(np.linalg.norm(numbers[3:]))

@@ -20,6 +20,7 @@ from dexgrasp_env.perception.cloud import check_count
 
 _LINES = 1_000  # of a header
 _KINDS = {"F": "f", "I": "i", "U": "u"}  # letters of PCD, and of numpy
+_RECORD = 54  # bytes that a record in front of the points of a las file has at least
 _NAMES = ("points", "xyz", "pc", "vertices")  # of the cloud among the arrays of an npz file
 
 
@@ -168,13 +169,19 @@ _DECIMAL_COMMAS = re.compile(r"\s*-?\d+,\d+(\s*;\s*|\s+)-?\d+,\d+(\s*;\s*|\s+)-?
 def _read_las(path: Path) -> Array:
     with from_extra():
         import laspy
-    with laspy.open(path) as file:
+    with path.open("rb") as head:
+        points, records = np.frombuffer(
+            head.read(104)[96:], "<u4"
+        ).tolist()  # where points begin, records before
+    if _RECORD * records > min(points, path.stat().st_size):  # laspy would read them past the end of the file
+        raise InputError(f"{path} is damaged: its header says that {records} records stand before the points")
+    with laspy.open(path, read_evlrs=False) as file:
         check_count(file.header.point_count, str(path))
         return np.asarray(file.read().xyz, dtype=float)
 
 
 READERS: dict[str, Callable[[Path], NDArray[Any]]] = {
     ".ply": _read_ply, ".pcd": read_pcd, ".npy": partial(np.load, allow_pickle=False), ".npz": _read_npz,
-    **dict.fromkeys((".xyz", ".txt", ".csv", ".pts", ".asc"), _read_text), **dict.fromkeys((".las", ".laz"), _read_las),
+    **dict.fromkeys((".xyz", ".txt", ".csv", ".pts", ".asc"), _read_text), ".las": _read_las,
 }  # fmt: skip
 """What reads clouds, by the ending of their files."""
