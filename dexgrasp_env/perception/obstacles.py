@@ -114,7 +114,7 @@ def _hanging(points: Array, table: Level) -> Mask:
     grid[places] = free
     piece = label(grid, np.ones((3, 3)))[0][places]
     inner = binary_erosion(grid, np.ones((3, 3)))[places]  # beside what is solid the table is seen as well
-    seen = over(table.cells, (squares + 0.5) * CELL) & inner
+    seen = over(table.cells, np.asarray((squares + 0.5) * CELL, np.float64)) & inner
     share = np.bincount(piece, seen) / np.maximum(np.bincount(piece, inner), 1)
     return np.asarray(high & (free & (share > _SEEN_BELOW)[piece])[row])
 
