@@ -223,6 +223,22 @@ def test_the_table_is_the_plane_under_the_object(scene, noise):
         assert np.degrees(table.lean) < 0.3
 
 
+@pytest.mark.parametrize("noise", [0.001, 0.0025])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("step", [0.01, 0.03])
+def test_a_table_of_two_levels_is_not_bridged(step, side, noise):
+    """The carton stands on the lower half or on the upper one."""
+    rng, place = np.random.default_rng(8), (0.5, 0.15 * side)
+    halves = flat(rng, (0.2, -0.45), (0.85, 0.0)), flat(rng, (0.2, 0.0), (0.85, 0.45), step)
+    foot = step if side > 0.0 else 0.0
+    shown = [*(without(half, place, CARTON) for half in halves), block(rng, place, CARTON, foot)]
+    found = look(seen_at(rng, leaning(0.0), *shown, noise=noise))
+    assert found.reason is None
+    assert -0.0005 < found.table.height(np.array(place)) - foot < 0.003
+    assert np.degrees(found.table.lean) < 0.15
+    assert bool(found.boxes) == (side < 0.0)
+
+
 def test_what_is_level_beside_or_above_is_an_obstacle():
     rng = np.random.default_rng(4)
     shelf = partial(under_a_shelf, height=0.8)

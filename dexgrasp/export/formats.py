@@ -74,7 +74,9 @@ def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
 
     def translation(way: float, distance: float) -> Fields:
         """Return a `GripperTranslation` off the table (1) or onto it (-1), m."""
-        vector = {axis: way * part + 0.0 for axis, part in zip("xyz", facts["up"], strict=True)}
+        vector = {
+            axis: way * part + 0.0 for axis, part in zip("xyz", facts.get("up", (0.0, 0.0, 1.0)), strict=True)
+        }
         return {
             "direction": {"header": _header(base), "vector": vector},
             "desired_distance": distance,

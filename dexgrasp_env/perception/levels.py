@@ -78,7 +78,9 @@ def find_levels(points: Array, rng: Generator, off: float) -> list[Level]:
     left, band = _surface(points)
     found = list[Level]()
     for _ in range(_LEVELS):
-        plane = fit_plane(left, rng, off=off, min_inliers=60, tilt=STEEPEST, within=band, triples=_TRIPLES)
+        plane = fit_plane(
+            left, rng, off=off, min_inliers=60, tilt=STEEPEST, within=0.5 * band, triples=_TRIPLES
+        )
         if plane is None:
             break
         near = np.abs(plane.heights(left)) < max(band, 3.0 * plane.rms)

@@ -22,6 +22,8 @@ _SIDE, _THICK = (
     0.02,
 )  # m of a square of what hangs, and by which squares that are alike differ in height
 _SEEN_BELOW = 0.15  # share of squares below which the table is seen
+_HIGHER = 0.004  # m above the table that a level in the way is
+_FILLED = 0.3  # of a level's usual points that its cells hold
 _ALIKE, _MORE = (
     0.004,
     0.003,
@@ -54,7 +56,7 @@ def find_obstacles(points: Array, levels: Sequence[Level], within: float, robot:
     table, boxes, held = levels[0], list[Array](), np.zeros(len(points), bool)
     for one in levels[1:]:
         whole = _reaching(one, points, within)
-        if np.ptp(whole.cells, axis=0).max() * CELL > _LARGE and whole.top(whole.cells).max() > within:
+        if np.ptp(whole.cells, axis=0).max() * CELL > _LARGE and whole.top(whole.cells).max() > _HIGHER:
             boxes += _level_boxes(whole)
             held |= over(whole.cells, points) & (whole.plane.heights(points) < within)
     hangs = _hanging(points, table) & ~held
@@ -80,6 +82,9 @@ def _reaching(level: Level, points: Array, within: float) -> Level:
     from scipy.ndimage import label
 
     near = cells_at(points[np.abs(level.plane.heights(points)) < within])
+    near, count = np.unique(near, axis=0, return_counts=True)
+    if len(near):  # noise at its rim fills cells but little
+        near = near[count > _FILLED * np.median(count)]
     cells = np.unique(np.concatenate([near, level.cells]), axis=0)
     low = cells.min(0)
     grid = np.zeros(np.ptp(cells, axis=0) + 1, bool)
@@ -114,7 +119,7 @@ def _hanging(points: Array, table: Level) -> Mask:
     grid[places] = free
     piece = label(grid, np.ones((3, 3)))[0][places]
     inner = binary_erosion(grid, np.ones((3, 3)))[places]  # beside what is solid the table is seen as well
-    seen = over(table.cells, (squares + 0.5) * CELL) & inner
+    seen = over(table.cells, np.asarray((squares + 0.5) * CELL, np.float64)) & inner
     share = np.bincount(piece, seen) / np.maximum(np.bincount(piece, inner), 1)
     return np.asarray(high & (free & (share > _SEEN_BELOW)[piece])[row])
 

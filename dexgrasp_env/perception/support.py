@@ -126,7 +126,7 @@ def find_support(cloud: Cloud, rng: Generator, cell: Cell, meant: Mask | None = 
     if np.arccos(min(plane.normal[2], 1.0)) > _LEVELLED:
         raise NoTargetError(TILTED, f"{np.degrees(np.arccos(plane.normal[2])):.0f} degrees")
     flat = cloud.select(np.abs(plane.heights(cloud.points)) < TOLERANCE).points
-    offset = plane.offset - plane.normal @ cell.base
+    offset = float(plane.offset - plane.normal @ cell.base)
     seen = SeenTable(plane.normal, offset, placed(cell.T_base_world, flat[:: len(flat) // _SOME + 1]))
     if abs(seen.off(cell.table_height)) > _TABLE_OFF:
         at = cell.table_height + seen.off(cell.table_height)
@@ -186,7 +186,7 @@ def _find_table(cloud: Cloud, rng: Generator, meant: Mask | None) -> tuple[Plane
     plane = refine_plane(nearest, level.plane.normal, level.plane.offset, min_inliers=100) or level.plane
     if not _reaches_beyond(pool, plane):
         raise NoTargetError(NO_PLANE, "what is level is an object's")
-    elsewhere = pool.select((others > TOLERANCE).all(0)) if len(others) else pool
+    elsewhere = pool.select(np.asarray((others > TOLERANCE).all(0))) if len(others) else pool
     if (below := _below(elsewhere, plane)) > _BELOW:
         raise NoTargetError(UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table")
     return plane, levels
