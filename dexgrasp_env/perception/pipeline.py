@@ -28,7 +28,7 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.instances import Instances, segment_instances
 from dexgrasp_env.perception.neighbourhoods import linked
-from dexgrasp_env.perception.parting import foot_of, part_instances, without_skirt
+from dexgrasp_env.perception.refinement import foot_of, refine_instances, without_skirt
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -147,7 +147,7 @@ def find_object(
         if support.tilt:
             selector = selector.turned(cloud, support.rotation, support.about)
         plane = support.plane
-        instances = part_instances(above, support.cloud, plane)
+        instances = refine_instances(above, support.cloud, plane)
         numbers = instances.objects(above)
         objects = [(above.select(instances.labels == k), instances.doubts[k]) for k in numbers]
         if (marked := selector.marks(above)) is not None:

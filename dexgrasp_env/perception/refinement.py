@@ -55,7 +55,7 @@ HIDDEN = "is hidden in part by another"
 TOUCHES = "touches the next, or is one with it"
 
 
-def part_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances:
+def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances:
     """Tell the things in what stands on a table apart; join what is not known to be two, and say what is doubtful.
 
     Args:
