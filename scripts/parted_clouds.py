@@ -26,9 +26,9 @@ from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.objects.load import load_target, resolve_targets
 from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.perception.cloud import Cloud, gather, remove_flying
-from dexgrasp_env.perception.refinement import refine_instances
 from dexgrasp_env.perception.pipeline import stand_on
 from dexgrasp_env.perception.reasons import NoTargetError
+from dexgrasp_env.perception.refinement import refine_instances
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.poses import about_z, quat_to_matrix
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics

@@ -9,8 +9,8 @@ from test_scene_cloud import box, table
 from dexgrasp.geometry.completion import completed_corners, with_guess
 from dexgrasp_env.perception import refinement
 from dexgrasp_env.perception.cloud import Cloud, gather
-from dexgrasp_env.perception.refinement import refine_instances
 from dexgrasp_env.perception.pipeline import find_object, stand_on
+from dexgrasp_env.perception.refinement import refine_instances
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.selection import TargetSelector
 from dexgrasp_env.perception.viewpoint import find_viewpoint

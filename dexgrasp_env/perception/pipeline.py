@@ -28,7 +28,6 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.instances import Instances, segment_instances
 from dexgrasp_env.perception.neighbourhoods import linked
-from dexgrasp_env.perception.refinement import foot_of, refine_instances, without_skirt
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -40,6 +39,7 @@ from dexgrasp_env.perception.plane import (
     view_corrections,
 )
 from dexgrasp_env.perception.reasons import NO_PLANE, NOTHING_MARKED, OUT_OF_VIEW, TOO_FEW, NoTargetError
+from dexgrasp_env.perception.refinement import foot_of, refine_instances, without_skirt
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.perception.selection import TargetSelector, check_reach
