@@ -26,9 +26,9 @@ from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.objects.load import load_target, resolve_targets
 from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.perception.cloud import Cloud, gather, remove_flying
-from dexgrasp_env.perception.parting import part_instances
 from dexgrasp_env.perception.pipeline import stand_on
 from dexgrasp_env.perception.reasons import NoTargetError
+from dexgrasp_env.perception.refinement import refine_instances
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.poses import about_z, quat_to_matrix
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
@@ -157,7 +157,7 @@ def judged(cloud: Cloud, truth: Index, seed: int) -> list[dict[str, Any]]:
         _, support, above, _ = stand_on(cloud_of(cloud.points), np.random.default_rng(seed), default_cell())
     except NoTargetError as none:
         return [{"reason": none.reason, "good": False, "doubt": "refused"}]
-    instances = part_instances(above, support.cloud, support.plane)
+    instances = refine_instances(above, support.cloud, support.plane)
     of, rows = truth[above.pixel], []
     objects = instances.objects(above)
     for k in np.unique(of[of > 0]):

@@ -20,7 +20,9 @@ def test_robust_is_all_eight_and_their_parts():
     assert len(GROUPS["robust"]) == 8
     clutter = {name for name in PROTOCOLS if name.startswith("clutter_")}
     assert len(clutter) == 16
-    assert {*parts("robust"), "presented", "varied", "place", "lift@warp", *clutter} == set(PROTOCOLS)
+    assert {*parts("robust"), "presented", "varied", "realistic", "place", "lift@warp", *clutter} == set(
+        PROTOCOLS
+    )
     assert parts("slippery") == GROUPS["slippery"]
     assert parts("lift") == ("lift",)
     assert EvaluationSettings.of(["random"], ["pear"], protocols=("robust", "lift")).parts == parts("robust")

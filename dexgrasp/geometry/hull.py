@@ -16,7 +16,7 @@ REACH = 0.020
 # 13 % too large.
 _TRIMMED = 0.01  # share of the points that count as extremes in a direction, from 1 mm of noise
 _INWARDS = 0.3  # of the noise: how much farther in the hull begins than the last point that is none
-_SEEN = 0.02  # share of points within reach of the table from which on an object's foot was seen
+_SEEN, _UPPER = 0.02, 0.5  # share of points that are lower where the sides were seen; of the height, how low
 _FACES = 80  # of a hull that is kept clear of
 
 
@@ -26,8 +26,7 @@ def cloud_corners(points: Array, plane: Plane | None = None) -> Array | None:
     No camera sees the underside, and points near the table are removed with it. The object stands on the
     table, so points within `REACH` of the plane are dropped straight onto it before the hull is taken, and
     the point of the table under the middle of the cloud is added: a ball, say, whose lowest visible points are
-    higher on most sides, then ends in a cone. Where next to nothing that low was seen, as from straight above, walls
-    go straight down under all of it.
+    higher, then ends in a cone. Where only the upper half was seen, as from straight above, walls go straight down.
 
     Args:
         points: (M, 3) m.
@@ -45,7 +44,7 @@ def cloud_corners(points: Array, plane: Plane | None = None) -> Array | None:
         points = trim_extremes(points, plane.rms)
         heights = plane.heights(points)
         dropped = points - heights[:, None] * plane.normal
-        if np.quantile(heights, _SEEN) > REACH:
+        if np.quantile(heights, _SEEN) > max(REACH, _UPPER * heights.max()):
             heights = np.zeros_like(heights)
         points = np.concatenate([points, dropped[heights < REACH], np.median(dropped, axis=0, keepdims=True)])
     try:

@@ -29,8 +29,6 @@ from dexgrasp_env.perception.cloud import (
 from dexgrasp_env.perception.instances import Instances, segment_instances
 from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.obstacles import Obstacles, find_obstacles
-from dexgrasp_env.perception.parting import foot_of, part_instances, without_skirt
-from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
     level_views,
@@ -41,6 +39,7 @@ from dexgrasp_env.perception.plane import (
     view_corrections,
 )
 from dexgrasp_env.perception.reasons import NO_PLANE, NOTHING_MARKED, OUT_OF_VIEW, TOO_FEW, NoTargetError
+from dexgrasp_env.perception.refinement import foot_of, refine_instances, without_skirt
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.perception.selection import TargetSelector, check_reach
@@ -147,7 +146,7 @@ def find_object(
     try:
         cloud, support, above, obstacles = stand_on(cloud, rng, cell, own, selector)
         selector, cell, plane = selector.placed(cloud, support.T), support.cell, support.plane
-        instances = part_instances(above, support.cloud, plane)
+        instances = refine_instances(above, support.cloud, plane)
         numbers = instances.objects(above)
         objects = [(above.select(instances.labels == k), instances.doubts[k]) for k in numbers]
         if (marked := selector.marks(above)) is not None:

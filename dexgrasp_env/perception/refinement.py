@@ -1,4 +1,4 @@
-"""Parting of a recorded cloud: things found by `instances` that are not known to be two are joined, and doubt is said.
+"""Refinement of a recorded cloud's instances: what is not known to be two is joined, and doubt is said.
 
 Holes, flying points and hidden sides tear a thing: its splinters lie along it, and what is hollow is seen as an outer
 and an inner side that meet in a rim.
@@ -6,6 +6,7 @@ and an inner side that meet in a rim.
 
 from contextlib import suppress
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -22,30 +23,36 @@ from dexgrasp_env.perception.instances import (
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.viewpoint import find_viewpoint, hidden_in_part
 
-_TOUCH = 0.004  # m between points of things that touch
-_ALONG, _BESIDE = 0.010, 0.5  # m from a larger thing within which so much of a splinter lies
+_CELL = 0.004  # m, to which points are thinned
+# What is joined: splinters along a larger thing or hanging beside it, sides that end in one rim.
+_TOUCH, _ALONG, _BESIDE = (
+    0.004,
+    0.010,
+    0.5,
+)  # m to its nearest points; m within which so much of a splinter lies
 _SMALL = 0.3  # of the larger thing's points that a splinter has at most
+_HIGH = 0.02  # m over the table of what hangs, or was seen from above alone
+_LARGEST, _NEAR = 0.10, 0.025  # m, size of what hangs, and how near what it is of
 _RIM, _LOWEST = 0.15, 0.012  # of a thing's height, and m, that its rim is high
 _WALL, _THICK = 0.012, 0.12  # m from the outline of a rim within which it lies, or of its width
 _ON_IT, _CLOSED = 0.85, 0.65  # share of a rim that lies on its outline; of that outline that is seen
-_WIDEST, _NARROWEST = 0.26, 0.04  # m, of a rim
+_WIDEST, _NARROWEST, _ALL_ROUND = 0.26, 0.04, 16  # m, of a rim; places on each side of its outline
 _SPREAD = 0.6  # of a hollow thing's outline that its rim encloses
-_CELL = 0.004  # m, to which points are thinned
-_HIGH, _LARGEST, _NEAR = (
-    0.02,
-    0.10,
-    0.025,
-)  # m over the table of what hangs, its size, and how near what it is of
-_CLOSE, _MEETING = 0.005, 12  # m within which so many points of things that touch lie
-_CLOSEST = 5  # points of what carries a thing
+# What is parted or doubtful; set on scenes of the catalogue by `scripts/parted_clouds.py`, other seeds than published.
 _DEEP, _MOST_DEEP, _LEFT_DEEP = (
     0.010,
     0.07,
     0.05,
-)  # m inside a hull; share that may be so deep, whole and in levels
+)  # m in a hull; share that may be so deep, of a whole, of its levels
 _LEVEL, _PEAK = 0.004, 2.5  # m, height of a level; how much fuller than others one with a top is
-_LOW, _GAP = 0.02, 0.012  # quantile of the lowest of a thing; m within which what carries it lies below
+_CLOSE, _MEETING = 0.005, 12  # m within which so many points of things that touch lie
 _UNSEEN = 0.5  # of a thing's height, so much of whose sides was not seen
+# What carries a thing, and what of the table is taken for its foot.
+_LOW, _GAP, _CARRIES = (
+    0.02,
+    0.012,
+    5,
+)  # quantile of its lowest; m within which what carries it ends; points of that
 _SKIRT, _MOST_SKIRT = (
     0.010,
     0.15,
@@ -55,7 +62,7 @@ HIDDEN = "is hidden in part by another"
 TOUCHES = "touches the next, or is one with it"
 
 
-def part_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances:
+def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances:
     """Tell the things in what stands on a table apart; join what is not known to be two, and say what is doubtful.
 
     Args:
@@ -72,11 +79,8 @@ def part_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances:
     parted = Instances(labels, ("",) * (labels.max(initial=-1) + 1))
     numbers = parted.objects(cloud)
     things = {k: (cloud.points[labels == k], heights[labels == k]) for k in numbers}
-    hidden = (
-        _hidden(cloud, everything, plane, np.where(np.isin(labels, numbers), labels, -1))
-        if len(things) > 1
-        else ()
-    )
+    marked = np.where(np.isin(labels, numbers), labels, -1)
+    hidden = _hidden(cloud, everything, plane, marked) if len(things) > 1 else set()
     doubts = list(parted.doubts)
     for k, (points, high) in things.items():
         others = [other for j, (other, _) in things.items() if j != k]
@@ -107,31 +111,36 @@ def _hidden(cloud: Cloud, everything: Cloud, plane: Plane, labels: Index) -> set
 
 def foot_of(points: Array, mine: Mask, heights: Array) -> float:
     """Return the height, m over the table, of what carries a thing (N,) among points (N, 3) m; 0 for the table."""
-    from scipy.spatial import Delaunay, QhullError
-
-    low = float(np.quantile(heights[mine], _LOW))
+    low, outline = float(np.quantile(heights[mine], _LOW)), _hull(points[mine, :2])
     under = ~mine & (np.abs(heights - low) < _GAP)
-    if low < _HIGH or under.sum() < _CLOSEST:
+    if low < _HIGH or outline is None or not under.any():
         return 0.0
-    with suppress(QhullError):
-        under[under] = Delaunay(points[mine, :2]).find_simplex(points[under, :2]) >= 0
-        if under.sum() >= _CLOSEST:
-            return float(min(np.median(heights[under]), low))
-    return 0.0
+    under[under] = _beyond(outline, points[under, :2]) < 0.0
+    return float(min(np.median(heights[under]), low)) if under.sum() >= _CARRIES else 0.0
 
 
 def without_skirt(points: Array, heights: Array) -> Mask:
     """Return which of a thing's points (N, 3) m are not the table's, which bends up at the foot of things."""
+    low = heights < _SKIRT
+    outline = _hull(points[~low, :2])
+    if outline is None or not 0.0 < low.mean() < _MOST_SKIRT:
+        return np.ones(len(points), bool)
+    low[low] = _beyond(outline, points[low, :2]) > _TOUCH
+    return ~low
+
+
+def _hull(points: Array) -> Any:
+    """Return the convex hull (scipy's) of points (N, n), or None where they span none."""
     from scipy.spatial import ConvexHull, QhullError
 
-    low = heights < _SKIRT
-    kept = ~low
     with suppress(QhullError, ValueError):
-        if low.mean() < _MOST_SKIRT:
-            sides = ConvexHull(points[~low, :2]).equations
-            kept[low] = (points[low, :2] @ sides[:, :2].T + sides[:, 2]).max(1) < _TOUCH
-            return kept
-    return np.ones(len(points), bool)
+        return ConvexHull(points)
+    return None
+
+
+def _beyond(hull: Any, points: Array) -> Array:
+    """Return how far points (N, n) lie outside a hull (N,), below 0 inside."""
+    return np.asarray((points @ hull.equations[:, :-1].T + hull.equations[:, -1]).max(1))
 
 
 def _touch(one: Array, other: Array) -> bool:
@@ -148,14 +157,9 @@ def _thinned(points: Array) -> Array:
 
 def deep_share(points: Array) -> float:
     """Return the share of points (N, 3) m that lie deep inside their convex hull."""
-    from scipy.spatial import ConvexHull, QhullError
-
     points = _thinned(points)
-    try:
-        sides = ConvexHull(points).equations
-    except (QhullError, ValueError):
-        return 0.0
-    return float(((points @ sides[:, :3].T + sides[:, 3]).max(1) < -_DEEP).mean())
+    hull = _hull(points)
+    return 0.0 if hull is None else float((_beyond(hull, points) < -_DEEP).mean())
 
 
 def may_be_two(points: Array, heights: Array) -> bool:
@@ -199,22 +203,19 @@ def _with_rims(points: Array, labels: Index, heights: Array) -> Index:
 
 def is_hollow(points: Array, heights: Array) -> bool:
     """Return true for points (N, 3) m, as high over the table, that end in a rim around what is lower."""
-    from scipy.spatial import ConvexHull, cKDTree
+    from scipy.spatial import cKDTree
 
-    top = np.quantile(heights, 0.98)
-    rim = points[heights > top - max(_LOWEST, _RIM * top), :2]
-    rim = rim[np.unique(cells_of(rim, _CELL), return_index=True)[1]]
-    if len(rim) < 10 or np.ptp(rim, axis=0).min() < _NARROWEST:
+    top = np.quantile(heights, 1.0 - _LOW)
+    rim = _thinned(points[heights > top - max(_LOWEST, _RIM * top), :2])
+    around, whole, width = _hull(rim), _hull(points[:, :2]), np.ptp(rim, axis=0).min()
+    if around is None or width < _NARROWEST or around.volume < _SPREAD * whole.volume:
         return False
-    around = ConvexHull(rim)
-    if around.volume < _SPREAD * ConvexHull(points[:, :2]).volume:
-        return False
-    wall = max(_WALL, _THICK * np.ptp(rim, axis=0).min())
-    on_it = -(rim @ around.equations[:, :2].T + around.equations[:, 2]).max(1) < wall
+    wall = max(_WALL, _THICK * width)
+    on_it = _beyond(around, rim) > -wall
     corners = rim[around.vertices]
-    steps = np.linspace(0.0, 1.0, 16)[:-1, None, None]
-    outline = (corners + steps * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 2)
-    length = np.tile(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1), 15)
+    sides = np.roll(corners, -1, axis=0) - corners
+    outline = (corners + np.linspace(0.0, 1.0, _ALL_ROUND)[:, None, None] * sides).reshape(-1, 2)
+    length = np.tile(np.linalg.norm(sides, axis=1), _ALL_ROUND)
     seen = cKDTree(rim[on_it]).query(outline)[0] < wall
     return bool(on_it.mean() > _ON_IT and length[seen].sum() > _CLOSED * length.sum())
 

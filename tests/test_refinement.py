@@ -7,10 +7,10 @@ from robots import CELL
 from test_scene_cloud import box, table
 
 from dexgrasp.geometry.completion import completed_corners, with_guess
-from dexgrasp_env.perception import parting
+from dexgrasp_env.perception import refinement
 from dexgrasp_env.perception.cloud import Cloud, gather
-from dexgrasp_env.perception.parting import part_instances
 from dexgrasp_env.perception.pipeline import find_object, stand_on
+from dexgrasp_env.perception.refinement import refine_instances
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.selection import TargetSelector
 from dexgrasp_env.perception.viewpoint import find_viewpoint
@@ -27,7 +27,7 @@ def things(points: np.ndarray | Cloud, seed: int = 0) -> tuple[list[np.ndarray],
     """Return the points of the objects in a cloud, the largest first, and their doubts."""
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
     _, support, above = stand_on(cloud, np.random.default_rng(seed), CELL)
-    found = part_instances(above, support.cloud, support.plane)
+    found = refine_instances(above, support.cloud, support.plane)
     numbers = found.objects(above)
     return [above.points[found.labels == k] for k in numbers], [found.doubts[k] for k in numbers]
 
@@ -87,7 +87,7 @@ def test_what_stands_on_another_is_another_and_its_hull_ends_there():
     scene = views(((0.16, 0.2, 0.06), (0.5, 0.0, 0.03)), ((0.06, 0.07, 0.10), (0.52, 0.0, 0.11)))
     found, doubts = things(scene)
     assert len(found) == 2
-    assert all(parting.TOUCHES in doubt for doubt in doubts)
+    assert all(refinement.TOUCHES in doubt for doubt in doubts)
     meant = TargetSelector(near=np.array([0.52, 0.0, 0.13]))
     upper = find_object(scene, np.random.default_rng(0), CELL, selector=meant)
     assert upper.target.foot == pytest.approx(0.06, abs=0.004)
@@ -103,16 +103,16 @@ def test_what_stands_on_another_is_another_and_its_hull_ends_there():
 def test_what_is_neither_convex_nor_hollow_may_be_two(rng):
     tall, low = np.array([0.05, 0.08, 0.16]), np.array([0.10, 0.08, 0.05])
     points = np.concatenate([box(rng, (0.5, 0.0), tall, 4000), box(rng, (0.575, 0.0), low, 4000)])
-    assert parting.may_be_two(points, points[:, 2])
+    assert refinement.may_be_two(points, points[:, 2])
     one = box(rng, (0.5, 0.0), tall, 4000)
-    assert not parting.may_be_two(one, one[:, 2])
+    assert not refinement.may_be_two(one, one[:, 2])
 
 
 @pytest.mark.parametrize("known", [True, False])
 def test_what_another_hides_in_part_is_doubtful(known):
     cloud = views(((0.05, 0.07, 0.18), (0.55, 0.0, 0.09)), ((0.06, 0.26, 0.06), (0.40, 0.02, 0.03)))
     found, doubts = things(cloud if known else cloud_of(cloud.points))
-    hidden = [parting.HIDDEN in doubt for doubt in doubts]
+    hidden = [refinement.HIDDEN in doubt for doubt in doubts]
     behind = [bool(points[:, 0].mean() < 0.47) for points in found]
     assert len(found) >= 2
     assert hidden == behind
@@ -138,7 +138,7 @@ def test_walls_go_straight_down_under_what_was_seen_from_above_alone():
     scene = find_object(
         views(((0.06, 0.08, 0.1), (0.5, 0.0, 0.05)), eye=above), np.random.default_rng(0), CELL
     )
-    assert scene.target.doubt == parting.TOP_ONLY
+    assert scene.target.doubt == refinement.TOP_ONLY
     corners, _ = completed_corners(scene.target, scene.plane)
     assert corners is not None
     foot = corners[corners[:, 2] < 0.02]
