@@ -71,12 +71,21 @@ def _end(data: bytes, begin: int, element: _Element, big: bool) -> int:
     """Return where the rows of an element end that begin at a byte."""
     if all(len(types) == 1 for types in element.types):
         return begin + element.number * sum(_BYTES[types[0]] for types in element.types)
+    first = _row_end(data, begin, element, big) - begin
+    if begin + element.number * first == len(data):  # all rows are as long as the first: nothing follows
+        return len(data)
     end = begin
     for _ in range(element.number):
-        for types in element.types:
-            end += _BYTES[types[0]] + (_entries(data, end, types, big) if len(types) == 2 else 0)
+        end = _row_end(data, end, element, big)
         if end > len(data):
             break
+    return end
+
+
+def _row_end(data: bytes, begin: int, element: _Element, big: bool) -> int:
+    end = begin
+    for types in element.types:
+        end += _BYTES[types[0]] + (_entries(data, end, types, big) if len(types) == 2 else 0)
     return end
 
 
