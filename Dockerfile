@@ -19,6 +19,7 @@ COPY assets assets
 RUN pip install --no-cache-dir --prefer-binary -c constraints.txt '.[planner]'
 
 ENV DEXGRASP_CACHE=/opt/dexgrasp/cache
+ENV MPLCONFIGDIR=/tmp
 RUN dexgrasp warmup && dexgrasp demo --no-pictures --out /opt/dexgrasp/first && rm -r /opt/dexgrasp/first
 
 RUN useradd --uid 10001 --no-create-home dexgrasp && chown -R dexgrasp /opt/dexgrasp/cache

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -143,9 +143,19 @@ def cache_dir() -> Path:
 
 
 def user_cache_dir() -> Path:
-    """Return the user's cache folder for this package; one of temporary files for a user without a home."""
-    path = Path(platformdirs.user_cache_dir("dexgrasp"))
-    return path if path.is_absolute() else temporary_cache_dir()
+    """Return the user's cache folder for this package; one of temporary files for a user without a home.
+
+    Where there is none of these either, it is a folder that cannot be made.
+    """
+    with suppress(
+        RuntimeError, OSError
+    ):  # by the release of platformdirs: no home is an error, or stays a tilde
+        path = Path(platformdirs.user_cache_dir("dexgrasp"))
+        if path.is_absolute():
+            return path
+    with suppress(OSError):
+        return temporary_cache_dir()
+    return Path(os.devnull, "dexgrasp")
 
 
 def temporary_cache_dir() -> Path:

@@ -84,7 +84,9 @@ class TryContainer(Script):
         entry = [*_words(last["ENTRYPOINT"]), *_words(last["CMD"])]
         tmp = folder / "tmp"
         tmp.mkdir(exist_ok=True)
-        known["TMPDIR"] = str(tmp)
+        known = {key: str(tmp) if value == "/tmp" else value for key, value in known.items()} | {
+            "TMPDIR": str(tmp)
+        }
         for command in (shlex.join(entry).replace("/tmp", str(tmp)), *COMMANDS):
             said = self._locked(folder, tmp, command.format(out=tmp), known)
             if "doctor" in command and "beside the code" not in said:

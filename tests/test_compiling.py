@@ -86,14 +86,36 @@ def test_doctor_says_which_folder_and_why(nowhere, tmp_path, monkeypatch):
     assert "NUMBA_CACHE_DIR" in found.remedy
 
 
-def test_a_user_without_home_and_name_has_a_cache_of_temporary_files(tmp_path, monkeypatch):
+NOBODY = """
+import os, sys
+os.setgroups([]); os.setgid(54321); os.setuid(54321)
+from dexgrasp_env.files import cache_dir
+print(cache_dir(), os.access(cache_dir().parent, os.W_OK))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can be somebody else")
+def test_a_user_without_home_and_name_has_a_cache_of_temporary_files(tmp_path):
+    outside = {name: os.environ[name] for name in ("PATH", "PYTHONPATH") if name in os.environ}
+    tmp_path.chmod(0o777)
+    for folder in (*reversed(tmp_path.parents), tmp_path)[2:]:
+        folder.chmod(folder.stat().st_mode | 0o055)
+    code = "import numpy, platformdirs, dexgrasp_env.files" + NOBODY  # imported as root: a home may be closed
+    said = python(
+        code, env={**outside, "TMPDIR": str(tmp_path)}, cwd="/" if "PYTHONPATH" in outside else None
+    )
+    assert said == f"{tmp_path / 'dexgrasp-54321'} True\n"
+
+
+def test_where_not_even_temporary_files_can_be_made_nothing_is_kept(monkeypatch):
+    def homeless(name):
+        raise RuntimeError("could not determine the home directory")
+
     monkeypatch.delenv("DEXGRASP_CACHE", raising=False)
-    monkeypatch.setattr(
-        files.platformdirs, "user_cache_dir", lambda name: f"~/.cache/{name}"
-    )  # as it was not expanded
-    monkeypatch.setattr(files.tempfile, "tempdir", str(tmp_path))
-    assert files.cache_dir().parent == tmp_path
-    assert files.cache_dir().stat().st_mode & 0o077 == 0
+    monkeypatch.setattr(files.platformdirs, "user_cache_dir", homeless)
+    monkeypatch.setattr(files.tempfile, "tempdir", "/proc/nowhere")
+    made = files.cached_arrays("a.npy", lambda: {"x": np.arange(3)})
+    assert made["x"].tolist() == [0, 1, 2]
 
 
 def test_code_is_read_where_it_is_kept_and_nothing_can_be_written(monkeypatch, tmp_path, capsys):

@@ -13,7 +13,7 @@ _BYTES = {
 class _Element(NamedTuple):
     """Rows of one kind: how many, and the types of each; of a list, those of its count and its entries."""
 
-    count: int
+    number: int
     types: list[tuple[str, ...]]
 
 
@@ -50,7 +50,7 @@ def _elements(header: str) -> list[_Element]:
 
 def _whole_text(data: bytes, begin: int, elements: list[_Element]) -> bytes:
     """Return a text with as many rows as it counts."""
-    rows, wanted = data[begin:].split(b"\n"), sum(element.count for element in elements)
+    rows, wanted = data[begin:].split(b"\n"), sum(element.number for element in elements)
     filled = [k for k, row in enumerate(rows) if row.strip()]
     if len(filled) < wanted or (wanted and _short(rows[filled[wanted - 1]].split(), elements)):
         raise EOFError(f"it ends after {min(len(filled), wanted - 1)} of {wanted} rows")
@@ -60,7 +60,7 @@ def _whole_text(data: bytes, begin: int, elements: list[_Element]) -> bytes:
 def _short(words: list[bytes], elements: list[_Element]) -> bool:
     """Return whether a row of the last element lacks words."""
     needed = 0
-    for types in next(element for element in reversed(elements) if element.count).types:
+    for types in next(element for element in reversed(elements) if element.number).types:
         if needed >= len(words):
             return True
         needed += 1 + (int(words[needed]) if len(types) == 2 else 0)
@@ -70,13 +70,22 @@ def _short(words: list[bytes], elements: list[_Element]) -> bool:
 def _end(data: bytes, begin: int, element: _Element, big: bool) -> int:
     """Return where the rows of an element end that begin at a byte."""
     if all(len(types) == 1 for types in element.types):
-        return begin + element.count * sum(_BYTES[types[0]] for types in element.types)
+        return begin + element.number * sum(_BYTES[types[0]] for types in element.types)
+    first = _row_end(data, begin, element, big) - begin
+    if begin + element.number * first == len(data):  # all rows are as long as the first: nothing follows
+        return len(data)
     end = begin
-    for _ in range(element.count):
-        for types in element.types:
-            end += _BYTES[types[0]] + (_entries(data, end, types, big) if len(types) == 2 else 0)
+    for _ in range(element.number):
+        end = _row_end(data, end, element, big)
         if end > len(data):
             break
+    return end
+
+
+def _row_end(data: bytes, begin: int, element: _Element, big: bool) -> int:
+    end = begin
+    for types in element.types:
+        end += _BYTES[types[0]] + (_entries(data, end, types, big) if len(types) == 2 else 0)
     return end
 
 
