@@ -309,9 +309,13 @@ class Reads:
 @pytest.mark.parametrize("changed", ["weights/actor.bin", "elsewhere/part.txt", "helps_late.py", "kind.json"])
 def test_an_agent_rests_on_what_it_reads_under_whatever_name(changed, tmp_path):
     texts = {
-        "reads.py": READS, "kind.json": '"actor"', "weights/actor.bin": "old", "weights/other.bin": "",
-        "elsewhere/part.txt": "old", "helps_late.py": "import numpy\ndef action(): return numpy.zeros(23)\n",
-    }  # fmt: skip
+        "reads.py": READS,
+        "kind.json": '"actor"',
+        "weights/actor.bin": "old",
+        "weights/other.bin": "",
+        "elsewhere/part.txt": "old",
+        "helps_late.py": "import numpy\ndef action(): return numpy.zeros(23)\n",
+    }
     for name, text in texts.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)

@@ -49,8 +49,9 @@ def test_an_episode_ends_with_success():
 @pytest.mark.parametrize("obs_type", ["pixels_agent_pos", "pixels_environment_state_agent_pos"])
 def test_pictures_are_pixels_by_view(obs_type):
     observation = {
-        "joint_positions": np.zeros(23, np.float32), "rgb": np.arange(2 * 4 * 5 * 3, dtype=np.uint8).reshape(2, 4, 5, 3)
-    }  # fmt: skip
+        "joint_positions": np.zeros(23, np.float32),
+        "rgb": np.arange(2 * 4 * 5 * 3, dtype=np.uint8).reshape(2, 4, 5, 3),
+    }
     seen = lerobot_observation(observation)
     assert list(seen["pixels"]) == ["view_0", "view_1"]
     assert_array_equal(seen["pixels"]["view_1"], observation["rgb"][1])

@@ -16,8 +16,10 @@ from dexgrasp.data.demonstrations.minari_format import read_episodes
 from dexgrasp.data.demonstrations.settings import DemoSettings
 
 pytestmark = pytest.mark.readers
-SIZES = {"act": {"dim_model": 32, "n_heads": 2, "dim_feedforward": 64, "chunk_size": 8, "n_action_steps": 8},
-         "diffusion": {"down_dims": (32, 64), "diffusion_step_embed_dim": 16, "num_train_timesteps": 4}}  # fmt: skip
+SIZES = {
+    "act": {"dim_model": 32, "n_heads": 2, "dim_feedforward": 64, "chunk_size": 8, "n_action_steps": 8},
+    "diffusion": {"down_dims": (32, 64), "diffusion_step_embed_dim": 16, "num_train_timesteps": 4},
+}
 
 
 @pytest.fixture(scope="module")
@@ -102,15 +104,34 @@ def test_lerobot_eval_and_evaluate_have_the_same_outcomes(folder, tmp_path):
         pipeline.save_pretrained(path)
     script = "import sys; from lerobot.scripts.lerobot_eval import main; sys.argv[0] = 'lerobot-eval'; main()"
     options = [
-        f"--policy.path={path}", "--policy.device=cpu", "--env.discover_packages_path=dexgrasp.learning.lerobot",
-        "--env.type=dexgrasp", "--env.objects=soda,pear", "--env.render_mode=none", "--eval.n_episodes=2",
-        "--eval.batch_size=1", "--seed=0", f"--output_dir={tmp_path / 'theirs'}",
-    ]  # fmt: skip
+        f"--policy.path={path}",
+        "--policy.device=cpu",
+        "--env.discover_packages_path=dexgrasp.learning.lerobot",
+        "--env.type=dexgrasp",
+        "--env.objects=soda,pear",
+        "--env.render_mode=none",
+        "--eval.n_episodes=2",
+        "--eval.batch_size=1",
+        "--seed=0",
+        f"--output_dir={tmp_path / 'theirs'}",
+    ]
     subprocess.run([sys.executable, "-c", script, *options], check=True, capture_output=True, timeout=600)
     ask = [
-        "evaluate", "--agents", f"lerobot:{path}", "--objects", "soda", "pear", "--trials", "2", "--seed", "0", "--out",
-        str(tmp_path / "ours"), "--env-kwargs", "control_mode=joint_delta",
-    ]  # fmt: skip
+        "evaluate",
+        "--agents",
+        f"lerobot:{path}",
+        "--objects",
+        "soda",
+        "pear",
+        "--trials",
+        "2",
+        "--seed",
+        "0",
+        "--out",
+        str(tmp_path / "ours"),
+        "--env-kwargs",
+        "control_mode=joint_delta",
+    ]
     subprocess.run(
         [sys.executable, "-m", "dexgrasp.cli.main", *ask], check=True, capture_output=True, timeout=600
     )

@@ -152,6 +152,7 @@ def test_agents_are_told_nothing_of_the_object(env):
         "obs_mode",
         "control_mode",
         "observe",
+        "observation_space",
     }
     assert outcome.reason == "not_touched"
     assert outcome.steps == 6

@@ -29,7 +29,7 @@ def files_read() -> Iterator[dict[Path, None]]:
     try:
         yield found
     finally:
-        _watches.remove(found)
+        _watches[:] = [each for each in _watches if each is not found]  # equal ones may be nested
         sources: Any = (getattr(sys.modules[name], "__file__", None) for name in sys.modules.keys() - before)
         found.update(dict.fromkeys(Path(source) for source in sources if source and source.endswith(".py")))
         for path in [path for path in found if not _is_own(path)]:
