@@ -29,7 +29,7 @@ def check_drives(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     for j in drives:
         name, low_high = robot.joints[j], (robot.lower[j], robot.upper[j])
         ends = [_driven(home, C[:, j], end - home.qpos[j]) for end in low_high]
-        if _moved(*ends, cell) < _MOVES:
+        if _moved(ends[0], ends[1], cell) < _MOVES:
             mend = "name it under `held`, or look at its axis and at what hangs on it"
             yield Finding("error", f"drive {name} moves nothing", mend)
             continue
