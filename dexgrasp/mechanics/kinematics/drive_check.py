@@ -29,7 +29,7 @@ def check_drives(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     for j in drives:
         name, low_high = robot.joints[j], (robot.lower[j], robot.upper[j])
         ends = [_driven(home, C[:, j], end - home.qpos[j]) for end in low_high]
-        if max(_moved(home, data, cell) for data in ends) < _MOVES:
+        if _moved(ends[0], ends[1], cell) < _MOVES:
             mend = "name it under `held`, or look at its axis and at what hangs on it"
             yield Finding("error", f"drive {name} moves nothing", mend)
             continue
@@ -54,11 +54,11 @@ def _driven(home: mujoco.MjData, column: Array, way: float) -> mujoco.MjData:
     return data
 
 
-def _moved(home: mujoco.MjData, data: mujoco.MjData, cell: Cell) -> float:
-    """Return how far a shape of the hand moved, m."""
-    bodies = [home.model.body(name).id for name in cell.robot.hand.bodies]
-    own = np.isin(home.model.geom_bodyid, bodies)
-    return float(np.linalg.norm(data.geom_xpos[own] - home.geom_xpos[own], axis=1).max(initial=0.0))
+def _moved(one: mujoco.MjData, other: mujoco.MjData, cell: Cell) -> float:
+    """Return how far apart a shape of the hand is in two states, m: the arm gives way alike in both."""
+    bodies = [one.model.body(name).id for name in cell.robot.hand.bodies]
+    own = np.isin(one.model.geom_bodyid, bodies)
+    return float(np.linalg.norm(one.geom_xpos[own] - other.geom_xpos[own], axis=1).max(initial=0.0))
 
 
 def _touched(data: mujoco.MjData) -> str:

@@ -1,0 +1,112 @@
+"""What a user tells `robot make`, what it draws, recipes of known hands, and the faults of drives and masses."""
+
+import json
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+import yaml
+from refusals import refused
+from test_grippers import SLIDES, made
+from test_robot_sources import urdf
+
+from dexgrasp.cli.main import main
+from dexgrasp.mechanics.kinematics.drive_check import check_drives, check_masses
+from dexgrasp.mechanics.kinematics.robot_check import _alone, _at, score
+from dexgrasp_env.findings import Finding
+from dexgrasp_env.robot.cell import make_cell
+from dexgrasp_env.robot.hand_maker import Told
+from dexgrasp_env.robot.make import make_robot
+from dexgrasp_env.robot.model import bodies_apart, compiled_robot, posed
+from dexgrasp_env.robot.recipes import recipe_of, recipes
+
+
+@pytest.fixture
+def hand(tmp_path):
+    path = tmp_path / "claw.urdf"
+    path.write_text(urdf())
+    return path
+
+
+def file_of(hand, told=None):
+    make_robot(hand, None, hand.with_name("claw.yaml"), told)
+    return yaml.safe_load(hand.with_name("claw_hand.yaml").read_text())
+
+
+def test_a_thumb_that_is_named_opposes_and_a_pad_that_is_flipped_turns(hand):
+    as_found, told = file_of(hand), file_of(hand, Told(thumb="fore_far", flip=("mid_far",)))
+    ends = {f["name"]: f["bodies"][-1] for f in told["fingers"]}
+    assert ends[told["grasp"][0]] == "fore_far"
+    frames = [
+        next(f["frame"]["quat_wxyz"] for f in of["fingers"] if f["bodies"][-1] == "mid_far")
+        for of in (as_found, told)
+    ]
+    assert abs(np.dot(*frames)) < 0.1  # half a turn
+
+
+def test_a_body_that_is_not_there_is_refused_with_those_that_are(hand):
+    with refused("unknown body 'plato'.*plate"):
+        file_of(hand, Told(palm="plato"))
+
+
+def test_one_file_is_made_without_being_told_what_it_is_and_drawn(hand, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["robot", "make", str(hand), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["robot"], said["picture"]) == ("claw.yaml", "claw.png")
+    assert (tmp_path / "claw.png").stat().st_size > 10_000
+    assert main(["robot", "make"]) == 2
+    assert "name what to make a robot of" in capsys.readouterr().err
+
+
+def test_recipes_replace_what_a_file_states(hand):
+    assert {"svh", "franka_hand", "robotiq_2f85", "umi", "inspire"} <= recipes().keys()
+    make_robot(hand, None, hand.with_name("claw.yaml"), recipe=recipe_of("dclaw", hand))
+    assert yaml.safe_load(hand.with_name("claw_hand.yaml").read_text())["torque"] == 3.0
+    with refused("unknown recipe 'claw'"):
+        recipe_of("claw", hand)
+    with refused("of dexsuite/dex-urdf: give that file"):
+        recipe_of("svh", None)
+
+
+def test_idle_fingers_are_spread_no_farther_than_they_have_room(hand):
+    root = ElementTree.fromstring(urdf())
+    for name, y in (("fourth", -0.095), ("fifth", -0.118)):  # beside `mid`, the last with no room to spread
+        for part in ElementTree.fromstring(urdf().replace("mid_", f"{name}_")):
+            if part.get("name", "").startswith(name):
+                root.append(part)
+                if part.get("name") == f"{name}_spread":
+                    part.find("origin").set("xyz", f"0 {y} 0")
+                if part.get("name") == "fifth_spread":
+                    part.find("limit").set("lower", "-0.01")
+                    part.find("limit").set("upper", "0.01")
+    hand.write_text(ElementTree.tostring(root, encoding="unicode"))
+    file_of(hand)
+    cell = make_cell(hand.with_name("claw.yaml"))
+    idle = [finger for finger in cell.robot.hand.fingers if finger.aside]
+    assert len(idle) == 2
+    q = cell.robot.home.copy()
+    for finger in idle:
+        q[cell.robot.columns[finger.name]] = finger.aside
+    data, model = posed(compiled_robot(cell), q), compiled_robot(cell)
+    ends = [[model.body(name).id for name in finger.bodies] for finger in idle]
+    assert min(bodies_apart(data, a, b, 0.05) for a in ends[0] for b in ends[1]) > 0.0025
+
+
+def test_masses_and_drives_that_no_hand_has_are_named(tmp_path):
+    heavy = SLIDES.replace('mass="0.5"', 'mass="500"')
+    cell = made(tmp_path, heavy)[2]
+    found = list(check_masses(cell, _at(_alone(cell), cell.robot.home)))
+    assert [f.level for f in found if "case" in f.problem or "the hand has" in f.problem] == ["warning"] * 2
+    stiff = yaml.safe_load((tmp_path / "mine_hand.yaml").read_text()) | {"upper": 4e-4, "open": [2e-4, 2e-4]}
+    (tmp_path / "mine_hand.yaml").write_text(yaml.safe_dump(stiff))
+    (tmp_path / "other.yaml").write_text((tmp_path / "mine.yaml").read_text())
+    cell = make_cell(tmp_path / "other.yaml")
+    found = list(check_drives(cell, _at(_alone(cell), cell.robot.home)))
+    assert [f.level for f in found if "moves nothing" in f.problem] == ["error"]
+
+
+def test_a_score_counts_warnings_half():
+    assert (
+        score([Finding("info", ""), Finding("warning", ""), Finding("error", ""), Finding("info", "")]) == 62
+    )
