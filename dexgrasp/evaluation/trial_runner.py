@@ -78,8 +78,8 @@ class TrialRunner:
         env_id = get_protocol(spec.protocol).env_id
         scene, own = self.settings.scene(spec.protocol), agent_settings(spec.agent, self.agent(spec))
         if own.get("hold", 1) != 1:  # the limit counts actions, and the time is the same for all
-            limit = scene.get("max_episode_steps") or gym.spec(env_id).max_episode_steps
-            scene |= {"max_episode_steps": -(-int(limit) // own["hold"])}
+            limit: Any = scene.get("max_episode_steps") or gym.spec(env_id).max_episode_steps
+            scene |= {"max_episode_steps": -(-limit // own["hold"])}
         return {
             "id": env_id,
             "objects": [spec.target],

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.arrays import Array, Index, Mask, Single
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix, rotation_components
@@ -308,7 +308,7 @@ def _write_step(x: float, y: float, z: float, out: Array, first: int) -> None:
 
 @njit
 def grasp_states(
-    frames: Array, positions: Array, sensors: Array, at: Index, space: GraspSpace, out: Array
+    frames: Array, positions: Array, sensors: Array, at: Index, space: GraspSpace, out: Single
 ) -> None:  # fmt: skip
     """Write the states of palm and hand, (N, 7), as the actions that would leave them where they are.
 
