@@ -216,21 +216,3 @@ def test_settings_that_cannot_be_are_refused(kwargs, word):
 def test_whole_grasps_bring_nothing_to_a_goal():
     with refused("brings nothing to a goal"):
         gym.make("DexGrasp/Place-v2", control_mode="grasp_once")
-
-
-# -- what plain learners make of it -----------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_sac_learns_the_can_with_its_defaults(seed):
-    torch, sb3 = pytest.importorskip("torch"), pytest.importorskip("stable_baselines3")
-    torch.set_num_threads(1)
-    env = gym.make("DexGrasp/LiftOnce-v0", objects="tomato_soup_can")
-    model = sb3.SAC("MlpPolicy", env, seed=seed, device="cpu").learn(350)
-    held = 0
-    for scene in range(1000, 1030):
-        look, _ = env.reset(seed=scene)
-        held += env.step(model.predict(look, deterministic=True)[0])[4]["is_success"]
-    print(f"seed {seed}: {held} of 30")
-    assert held >= 20
