@@ -108,7 +108,8 @@ class Task(control.Task):
     def __init__(self, env: gym.Env[Any, Any], seed: int | None = None) -> None:
         inner = env.unwrapped
         assert isinstance(inner, LiftEnv)
-        if inner.steps_an_action > 1 or not isinstance(inner.observation_space, spaces.Dict):
+        seen: Any = inner.observation_space
+        if inner.steps_an_action > 1 or not isinstance(seen, spaces.Dict):
             raise InputError(
                 "dm_control has an action a control step, and observations by name: valid are hold=1, a control_mode "
                 "but grasp_once, an obs_mode but features"

@@ -161,3 +161,5 @@ def test_wrong_arguments():
         dm.load("sugar_box", obs_mode="pixels")
     with refused("LiftUpright-v2"):
         dm.load(env_id="DexGrasp/Lift-v7")
+    with refused("an action a control step"):
+        dm.load("sugar_box", env_id="DexGrasp/LiftOnce-v0")

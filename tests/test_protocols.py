@@ -5,8 +5,9 @@ from refusals import refused
 from trial_rows import row as trial_row
 
 import dexgrasp_env  # noqa: F401
+from dexgrasp.cli.main import main
 from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, parts, protocol_names
-from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec
+from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.evaluation.summary import judged, protocol_counts
 from dexgrasp.evaluation.trial_runner import TrialRunner
@@ -71,3 +72,34 @@ def test_a_group_is_the_mean_of_its_parts():
     low, high = counts["robust"]["ci95"]
     assert low < counts["robust"]["rate"] < high
     assert "robust" not in protocol_counts({"lift": rows["lift"]})
+
+
+def test_floors_are_published_with_protocols_and_printed(capsys, tmp_path):
+    floors = {name: protocol.floor for name, protocol in PROTOCOLS.items() if protocol.floor}
+    assert {"lift", "varied"} <= set(floors)
+    for floor in floors.values():
+        assert 0 <= min(floor["constant"], floor["hardcoded"]) <= floor["trials"]
+    assert PROTOCOLS["place"].floor_line == ""
+    asked = [
+        "evaluate",
+        "--agents",
+        "constant",
+        "--objects",
+        "sugar_box",
+        "--trials",
+        "1",
+        "--out",
+        str(tmp_path),
+    ]
+    assert main(asked) == 0
+    told = capsys.readouterr().out
+    assert PROTOCOLS["lift"].floor_line in told
+    assert "floor of lift on all20: constant" in told
+
+
+def test_the_constant_needs_no_eyes():
+    settings = EvaluationSettings.of(["constant"], ["tomato_soup_can"], trials=2, seed=5)
+    runner = TrialRunner(settings)
+    rows = [runner.run(spec)[0] for spec in plan_trials(settings)]
+    assert [row["steps"] for row in rows] == [1, 1]
+    assert any(row["success"] for row in rows)

@@ -26,7 +26,7 @@ EYE = Camera.look_at("eye", (1.0, 0.1, 0.5), (0.5, 0.0, 0.05), LENS)
 def things(points: np.ndarray | Cloud, seed: int = 0) -> tuple[list[np.ndarray], list[str]]:
     """Return the points of the objects in a cloud, the largest first, and their doubts."""
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
-    _, support, above = stand_on(cloud, np.random.default_rng(seed), CELL)
+    _, support, above, _ = stand_on(cloud, np.random.default_rng(seed), CELL)
     found = refine_instances(above, support.cloud, support.plane)
     numbers = found.objects(above)
     return [above.points[found.labels == k] for k in numbers], [found.doubts[k] for k in numbers]

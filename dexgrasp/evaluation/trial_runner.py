@@ -85,13 +85,12 @@ class TrialRunner:
         """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
         env_id = get_protocol(spec.protocol).env_id
         scene, own = self.settings.scene(spec.protocol), agent_settings(spec.agent, self.agent(spec))
-        limit = scene.get("max_episode_steps") or gym.spec(env_id).max_episode_steps
+        limit: Any = scene.get("max_episode_steps") or gym.spec(env_id).max_episode_steps
         pace, hold = own.get("frame_skip", CONTROL_STEPS), own.get("hold", 1)
-        if limit and (pace, hold) != (
-            CONTROL_STEPS,
-            1,
+        if limit and (
+            pace != CONTROL_STEPS or hold != 1
         ):  # as many seconds as the protocol has, at whatever pace
-            scene |= {"max_episode_steps": -(-at_pace(int(limit), pace) // hold)}
+            scene |= {"max_episode_steps": -(-at_pace(limit, pace) // hold)}
         return {
             "id": env_id,
             "objects": [spec.target],

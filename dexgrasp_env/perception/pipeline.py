@@ -29,6 +29,7 @@ from dexgrasp_env.perception.cloud import (
 from dexgrasp_env.perception.instances import Instances, segment_instances
 from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.obstacles import Obstacles, find_obstacles
+from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
     level_views,

@@ -19,10 +19,9 @@ from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.tasks import kernel
-from dexgrasp_env.tasks.constants import LIFT_HEIGHT
 from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, check_finite
 from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
-from dexgrasp_env.tasks.grasp_space import lifted_by, longest_grasp
+from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
 from dexgrasp_env.tasks.grasps import Grasps
 from dexgrasp_env.tasks.infos import EpisodeInfos
 from dexgrasp_env.tasks.observations import FLAT, cut, layout, observation_space, unbounded
@@ -66,7 +65,7 @@ class Episodes(EpisodeInfos):
         self.settle: Callable[[Simulation], None] = Simulation.settle
         """How an object comes to rest where it was drawn to lie."""
         self.info_columns = np.zeros((number, len(INFO_COLUMNS) + len(settings.weights)))
-        self.rewards = np.zeros(number)
+        self.rewards, self._goes_on = np.zeros(number), np.zeros(number, bool)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
         self._rows, self._push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
         hulls = [simulation.hull for simulation in self.simulations.values()]
@@ -334,11 +333,9 @@ class Episodes(EpisodeInfos):
 
     def undecided(self) -> Mask:
         """Return in which episodes an action goes on, (N,): while nothing fails, whole grasps until held or missed."""
-        failed = self.records["failure"] > 0
-        if not self.whole:
-            return ~failed
-        lost = (self.records["elapsed"] >= lifted_by(self.settings)) & (self.records["height"] < LIFT_HEIGHT)
-        return ~(failed | self.records["success"] | lost)
+        late = lifted_by(self.settings) if self.whole else self.span
+        goes_on(self.records, self.whole, late, self._goes_on)
+        return self._goes_on
 
     # -- states --------------------------------------------------------------------------------------------------
 

@@ -12,14 +12,22 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Index
+from dexgrasp_env.arrays import Array, Index, Mask, Single
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix, rotation_components
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.tasks.constants import DISTURB_AFTER, PALM_STEP, PALM_TURN, PLACE_X, PLACE_Y, at_pace
+from dexgrasp_env.tasks.constants import (
+    DISTURB_AFTER,
+    LIFT_HEIGHT,
+    PALM_STEP,
+    PALM_TURN,
+    PLACE_X,
+    PLACE_Y,
+    at_pace,
+)
 from dexgrasp_env.tasks.control import GRASP_SIZE, ONCE_MODES
-from dexgrasp_env.tasks.records import Record
+from dexgrasp_env.tasks.records import Record, Records
 from dexgrasp_env.tasks.rules import PALM, PALM_QUAT
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
@@ -187,6 +195,22 @@ def table_frame(yaw: float) -> Array:
 
 
 @njit
+def goes_on(episodes: Records, whole: bool, late: int, out: Mask) -> None:
+    """Write in which episodes (N,) an action goes on: while nothing fails, a whole grasp until held or missed.
+
+    Args:
+        episodes: (N,).
+        whole: whether an action is a whole grasp.
+        late: control steps after which one whose object is not up has missed.
+        out: (N,) out.
+    """
+    for i in range(len(episodes)):
+        e = episodes[i]
+        missed = e.elapsed >= late and e.height < LIFT_HEIGHT
+        out[i] = e.failure == 0 and not (whole and (e.success or missed))
+
+
+@njit
 def palm_actions(
     actions: Array, step: int, frames: Array, commands: Array, sensors: Array, at: Index, space: GraspSpace, out: Array
 ) -> None:  # fmt: skip
@@ -284,7 +308,7 @@ def _write_step(x: float, y: float, z: float, out: Array, first: int) -> None:
 
 @njit
 def grasp_states(
-    frames: Array, positions: Array, sensors: Array, at: Index, space: GraspSpace, out: Array
+    frames: Array, positions: Array, sensors: Array, at: Index, space: GraspSpace, out: Single
 ) -> None:  # fmt: skip
     """Write the states of palm and hand, (N, 7), as the actions that would leave them where they are.
 

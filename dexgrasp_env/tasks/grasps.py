@@ -55,7 +55,8 @@ class Grasps:
         Raises:
             InputError: for an action that is not finite.
         """
-        check_finite(actions)
+        if step == 0:
+            check_finite(actions)
         sensors = where.current.sensors
         palm_actions(
             actions, step, self._frames, commands, sensors, self._at, self._space, self._moves

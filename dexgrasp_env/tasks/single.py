@@ -48,7 +48,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         robot = self.settings.cell.robot
         s = self.settings
         self.action_space = ActionSpace(s.control_mode, robot, s.frame_skip, s.action_scale, s.hold)  # type: ignore[assignment]
-        self.observation_space = self._episodes.told_space()  # type: ignore[assignment]
+        self.observation_space = self._episodes.told_space()
         self.simulation = next(iter(self._episodes.simulations.values()))
         give_physics(self._episodes)
         self._over = True
