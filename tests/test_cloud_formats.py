@@ -138,7 +138,7 @@ POSES = {
         }
     ),
     "f.json": json.dumps({"pose": {"position": POSE[:3, 3].tolist(), "orientation": QUATERNION.tolist()}}),
-    "g.txt": " ".join(map(str, [*POSE[:3, 3], *QUATERNION])),
+    "g.txt": " ".join(map(str, [*POSE[:3, 3], QUATERNION[3], *QUATERNION[:3]])),
     "h.yaml": yaml.safe_dump(
         dict(
             zip(
@@ -163,8 +163,8 @@ def test_poses(name, tmp_path):
 def test_poses_in_numbers(tmp_path):
     x, y, z, w = QUATERNION
     place = " ".join(map(str, POSE[:3, 3]))
-    np.testing.assert_allclose(read_pose(f"{place} {x} {y} {z} {w}"), POSE, atol=1e-9)
-    np.testing.assert_allclose(read_pose(f"[{place}] {w}, {x}, {y}, {z} wxyz"), POSE, atol=1e-9)
+    np.testing.assert_allclose(read_pose(f"{place} {w} {x} {y} {z}"), POSE, atol=1e-9)
+    np.testing.assert_allclose(read_pose(f"[{place}] {x}, {y}, {z}, {w} xyzw"), POSE, atol=1e-9)
     np.save(tmp_path / "a.npy", POSE)
     np.testing.assert_array_equal(read_pose(str(tmp_path / "a.npy")), POSE)
     for wrong, words in {
@@ -327,7 +327,7 @@ def test_a_cloud_of_the_cameras_frame_is_planned_for_by_its_pose(tmp_path, capsy
     objects = ["plan", "--cloud", str(tmp_path / "seen.npy"), "--objects"]
     x, y, z, w = QUATERNION
     place = " ".join(map(str, POSE[:3, 3]))
-    assert main([*objects, "--camera-pose", f"{place} {x} {y} {z} {w}"]) == OK
+    assert main([*objects, "--camera-pose", f"{place} {w} {x} {y} {z}"]) == OK
     assert "6 x 8 x" in capsys.readouterr().out
     np.savetxt(tmp_path / "inverse.txt", np.linalg.inv(POSE))
     body = POSE.copy()
@@ -335,16 +335,16 @@ def test_a_cloud_of_the_cameras_frame_is_planned_for_by_its_pose(tmp_path, capsy
     np.savetxt(tmp_path / "body.txt", body)
     for given, words in {
         None: "--camera-pose says where the camera is",
-        f"{place} {w} {x} {y} {z}": "had the quaternion as qw qx qy qz",
+        f"{place} {x} {y} {z} {w}": "had the quaternion as ROS does",
         str(tmp_path / "inverse.txt"): "were inverted",
         str(tmp_path / "body.txt"): "x forward",
     }.items():
         assert main([*objects, *(["--camera-pose", given] if given else [])]) == ANSWER_IS_NO
         assert words in capsys.readouterr().out
     assert main([*objects, "--camera-pose", f"{place} 0 1 0 0"]) == ANSWER_IS_NO
-    assert "w first would be level too" in capsys.readouterr().err  # straight down in either order
-    assert main([*objects, "--camera-pose", f"{place} 0 0 1 0 wxyz"]) == ANSWER_IS_NO
-    assert "w first" not in capsys.readouterr().err
+    assert "w last, would be level too" in capsys.readouterr().err  # straight down in either order
+    assert main([*objects, "--camera-pose", f"{place} 0 0 1 0 xyzw"]) == ANSWER_IS_NO
+    assert "w last" not in capsys.readouterr().err
 
 
 def test_inverse_poses_of_a_folder_are_named(tmp_path, capsys):

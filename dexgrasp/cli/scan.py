@@ -34,8 +34,8 @@ class Scan(Options):
         cloud: ply, pcd, txt, csv, xyz, pts, asc, npy, npz, las or a ROS bag (BAG#TOPIC), in the robot base frame or
             with --camera-pose; or a folder with cameras.yaml and depth images.
         camera_pose: the camera's optical frame in the robot base frame, where the cloud is in the camera's: a file
-            (4 x 4 as txt, npy, yaml or json, or a pose of ROS), or in quotes "x y z qx qy qz qw" as ROS orders it, m;
-            "x y z qw qx qy qz wxyz" with w first.
+            (4 x 4 as txt, npy, yaml or json, or a pose of ROS), or in quotes "x y z qw qx qy qz", m; as ROS
+            orders it "x y z qx qy qz qw xyzw".
         unit: of that file's coordinates.
         objects: list the objects that are seen, and plan nothing (with --out, a picture with their numbers).
         object_near: a point near the object that is meant, m.
@@ -82,9 +82,9 @@ class Scan(Options):
         if self.pose is None or self.camera_pose is None:
             return ""
         words, other = next(misread_poses(self.pose, self.camera_pose))
-        likely = "wxyz" in words and other[2, :3] @ self.pose[2, :3] > _LEVEL
+        likely = "xyzw" in words and other[2, :3] @ self.pose[2, :3] > _LEVEL
         return (
-            "warning: --camera-pose is read as x y z qx qy qz qw; w first would be level too"
+            "warning: --camera-pose is read as x y z qw qx qy qz; ROS's order, w last, would be level too"
             if likely
             else ""
         )

@@ -15,7 +15,7 @@ from dexgrasp_env.valid import Rule, check
 from dexgrasp_env.yaml_file import read_yaml
 
 _WORDS = (
-    "a pose of the camera's optical frame in the robot base frame, m: 4 x 4 numbers, or x y z qx qy qz qw"
+    "a pose of the camera's optical frame in the robot base frame, m: 4 x 4 numbers, or x y z qw qx qy qz"
 )
 _WITHIN = ("T_base_camera", "matrix", "data", "pose", "transform", "transformation")
 """Keys of mappings that hold a pose, as ROS and calibration tools write them."""
@@ -32,7 +32,7 @@ def pose_of(value: Any) -> Array:
     """Return a pose (4, 4) of whatever states one.
 
     Args:
-        value: 4 x 4 or 3 x 4 numbers, in rows or one after the other; seven, x y z qx qy qz qw; or a mapping as ROS
+        value: 4 x 4 or 3 x 4 numbers, in rows or one after the other; seven, x y z qw qx qy qz; or a mapping as ROS
             writes Pose and Transform (`position` and `orientation`, `translation` and `rotation`), of those seven
             names, or with one of the former under `T_base_camera`, `matrix`, `pose` or `transform`.
 
@@ -51,7 +51,7 @@ def pose_of(value: Any) -> Array:
         length = float(np.linalg.norm(numbers[3:]))
         if not abs(length - 1.0) < _OFF:
             raise InputError(f"the quaternion of the camera's pose has length {length:.3g}: valid is 1")
-        T = rigid(quat_to_matrix(numbers[[6, 3, 4, 5]] / length), numbers[:3])
+        T = rigid(quat_to_matrix(numbers[3:] / length), numbers[:3])
     else:
         T = np.vstack([numbers.reshape(-1, 4)[:3], [0.0, 0.0, 0.0, 1.0]])
         if numbers.size not in (12, 16) or not np.allclose(numbers[12:], T[3][: numbers.size - 12]):
@@ -68,15 +68,15 @@ def pose_of(value: Any) -> Array:
 
 
 def _seven(value: Mapping[str, Any]) -> Any:
-    """Return x, y, z, qx, qy, qz, qw of a mapping, or its matrix."""
+    """Return x, y, z, qw, qx, qy, qz of a mapping, or its matrix; a list of four that ROS's names hold ends in w."""
     for place, turn in _PLACES:
         if place in value:
             t, R = (
                 [part[axis] for axis in "xyzw" if axis in part] if isinstance(part, Mapping) else part
                 for part in (value[place], value[turn])
             )
-            return [*t, *R] if np.ndim(R) == 1 else np.column_stack([R, t])
-    return [value[name] for name in ("x", "y", "z", "qx", "qy", "qz", "qw")]
+            return [*t, *R[3:], *R[:3]] if np.ndim(R) == 1 else np.column_stack([R, t])
+    return [value[name] for name in ("x", "y", "z", "qw", "qx", "qy", "qz")]
 
 
 POSE = Rule(_WORDS, pose_of)
@@ -87,8 +87,8 @@ def read_pose(given: str) -> Array:
     """Return a pose (4, 4) that somebody names on the command line.
 
     Args:
-        given: a file (txt, csv, npy, yaml, json) of what `pose_of` takes, or the seven numbers x y z qx qy qz qw, in
-            ROS's order; `wxyz` behind them says that the quaternion is qw qx qy qz.
+        given: a file (txt, csv, npy, yaml, json) of what `pose_of` takes, or the seven numbers x y z qw qx qy qz;
+            `xyzw` behind them says that the quaternion is in ROS's order, qx qy qz qw.
 
     Raises:
         InputError: one line that says what is wrong with it.
@@ -115,21 +115,21 @@ def read_pose(given: str) -> Array:
 def _numbers(text: str) -> list[float] | None:
     """Return the numbers of a text, apart by blanks, commas and brackets; None for another text."""
     words = re.findall(r"[^\s,;\[\]]+", "".join(line.partition("#")[0] + "\n" for line in text.splitlines()))
-    other = words[-1:] == ["wxyz"]
+    order = [word for word in words[-1:] if word in ("wxyz", "xyzw")]
     try:
-        found = [float(word) for word in words[: len(words) - other]]
+        found = [float(word) for word in words[: len(words) - len(order)]]
     except ValueError:
         return None
-    return [*found[:3], *found[4:], found[3]] if other and len(found) == 7 else found
+    return [*found[:3], found[6], *found[3:6]] if order == ["xyzw"] and len(found) == 7 else found
 
 
 def misread_poses(T: Array, given: str) -> Iterator[tuple[str, Array]]:
     """Yield what is often given for a pose (4, 4), in words, and the pose that is meant then."""
     numbers, back = _numbers(given), T[:3, :3].T
     inverse = rigid(back, -back @ T[:3, 3])
-    if numbers is not None and len(numbers) == 7 and "wxyz" not in given:
-        other = pose_of([*numbers[:3], *numbers[4:], numbers[3]])
-        yield "had the quaternion as qw qx qy qz: then say so by `wxyz` behind it", other
+    if numbers is not None and len(numbers) == 7 and not given.strip().endswith(("wxyz", "xyzw")):
+        other = pose_of([*numbers[:3], numbers[6], *numbers[3:6]])
+        yield "had the quaternion as ROS does, qx qy qz qw: then say so by `xyzw` behind it", other
     yield "were inverted: valid is the camera in the base, not the base in the camera", inverse
     optical = T @ rigid(_OPTICAL, np.zeros(3))
     yield "were of a camera's body, x forward: valid is its optical frame, z forward", optical

@@ -44,7 +44,7 @@ def _numbers(shape: tuple[int | None, ...], words: str) -> Rule:
 
 _IMAGE = _numbers((None, None), "an array (H, W) of numbers")
 _MATRIX = _numbers((3, 3), "3 x 3 numbers")
-_POSE = Rule("a pose: 4 x 4 numbers, or x y z qx qy qz qw", pose_of)
+_POSE = Rule("a pose: 4 x 4 numbers, or x y z qw qx qy qz", pose_of)
 
 
 class _Sent(Plan):
