@@ -31,7 +31,7 @@ _ALIKE, _MORE = (
 
 
 class Obstacles(NamedTuple):
-    """What is kept clear of besides objects.
+    """Boxes that are kept clear of besides objects.
 
     Attributes:
         boxes: their corners (8, 3) m each.
