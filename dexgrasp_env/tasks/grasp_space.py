@@ -281,19 +281,14 @@ def _folded(a: float) -> float:
 def _turn(yaw: float, tilt: float, R: tuple[float, ...]) -> tuple[float, float, float]:
     """Return the rotation vector, rad, from a palm's rotation R to that which hangs, facing `yaw`, its thumb tilted."""
     c, s, ct, st = math.cos(yaw), math.sin(yaw), math.cos(tilt), math.sin(tilt)
-    x, y, z = (-st * c, -st * s, -ct), (-s, c, 0.0), (ct * c, ct * s, -st)
-    # Rows of the product of the wanted rotation, whose columns are these axes, and the transpose of R.
-    xx = x[0] * R[0] + y[0] * R[1] + z[0] * R[2]
-    xy = x[0] * R[3] + y[0] * R[4] + z[0] * R[5]
-    xz = x[0] * R[6] + y[0] * R[7] + z[0] * R[8]
-    yx = x[1] * R[0] + y[1] * R[1] + z[1] * R[2]
-    yy = x[1] * R[3] + y[1] * R[4] + z[1] * R[5]
-    yz = x[1] * R[6] + y[1] * R[7] + z[1] * R[8]
-    zx = x[2] * R[0] + y[2] * R[1] + z[2] * R[2]
-    zy = x[2] * R[3] + y[2] * R[4] + z[2] * R[5]
-    zz = x[2] * R[6] + y[2] * R[7] + z[2] * R[8]
-    a, b, d = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
-    sine, cosine = math.sqrt(a * a + b * b + d * d), 0.5 * (xx + yy + zz - 1.0)
+    wanted = (-st * c, -s, ct * c), (-st * s, c, ct * s), (-ct, 0.0, -st)
+    M = np.zeros((3, 3))  # the wanted rotation times the transpose of R
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                M[i, j] += wanted[i][k] * R[3 * j + k]
+    a, b, d = 0.5 * (M[2, 1] - M[1, 2]), 0.5 * (M[0, 2] - M[2, 0]), 0.5 * (M[1, 0] - M[0, 1])
+    sine, cosine = math.sqrt(a * a + b * b + d * d), 0.5 * (M[0, 0] + M[1, 1] + M[2, 2] - 1.0)
     share = math.atan2(sine, cosine) / max(sine, 1e-9)
     return a * share, b * share, d * share
 

@@ -45,9 +45,10 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         self.metadata = {**self.metadata, "render_fps": round(1 / self.dt)}
         self._episodes = self.episodes_type(self.settings, 1)
         self._views = self._episodes.views
-        robot = self.settings.cell.robot
         s = self.settings
-        self.action_space = ActionSpace(s.control_mode, robot, s.frame_skip, s.action_scale, s.hold)  # type: ignore[assignment]
+        self.action_space = ActionSpace(  # type: ignore[assignment]
+            s.control_mode, s.cell.robot, s.frame_skip, s.action_scale, s.hold
+        )
         self.observation_space = self._episodes.told_space()
         self.simulation = next(iter(self._episodes.simulations.values()))
         give_physics(self._episodes)
