@@ -16,6 +16,7 @@ from dexgrasp_env.errors import InputError, first_line, unknown_name
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.files import expand, read_json_object
 from dexgrasp_env.scene.constants import CONTROL_STEPS
+from dexgrasp_env.tasks.observations import FLAT
 
 from .checkpoint_reader import counted, harmless_objects, read_settings, statistics_files
 
@@ -64,12 +65,17 @@ class CheckpointAgent(Agent):
 
     def act(self, observation: Observation) -> Single:
         """Return the policy's mean action."""
-        keys = self._policy.observation_space.spaces
-        if missing := sorted(keys - observation.keys()):
+        space = self._policy.observation_space
+        keys = space.spaces if isinstance(space, spaces.Dict) else {}
+        if not keys and np.shape(observation) != space.shape:
+            raise InputError(
+                f"the checkpoint was trained on {space.shape[0]} features, of another control_mode"
+            )
+        if keys and (missing := sorted(keys - observation.keys())):
             raise InputError(
                 f"the checkpoint was trained with {', '.join(missing)}, which the environment lacks"
             )
-        seen = {key: observation[key] for key in keys}
+        seen: Any = {key: observation[key] for key in keys} or observation
         if self._counted is not None:
             seen = self._counted.normalize_obs(seen)
         action, _ = self._policy.predict(seen, deterministic=True)
@@ -121,21 +127,37 @@ def _open(path: Path, algorithm: str) -> Any:
         raise InputError(
             f"{path} cannot be opened as a {algorithm} checkpoint: {first_line(error)[:160]}"
         ) from error
-    if not isinstance(policy.observation_space, spaces.Dict):
+    if not isinstance(policy.observation_space, spaces.Dict) and not _is_flat(policy):
         raise InputError(
-            f"{path} was not trained on this environment's dict observations: use MultiInputPolicy"
+            f"{path} was not trained on this environment's dict observations: use MultiInputPolicy, or its features"
         )
     return policy
 
 
+def _is_flat(policy: Any) -> bool:
+    """Return whether a policy was trained on `obs_mode="features"`, with actions of ours."""
+    space = policy.observation_space
+    return (
+        isinstance(space, spaces.Box)
+        and len(space.shape) == 1
+        and hasattr(policy.action_space, "control_mode")
+    )
+
+
 def _env_settings_of(policy: Any) -> Fields:
     """Return the environment settings that the spaces of a policy tell."""
+    if _is_flat(policy):
+        return {"obs_mode": FLAT, **_of_actions(policy.action_space)}
     keys = policy.observation_space.keys()
     seen = [
         mode for mode, key in {"pointcloud": "cloud", "rgbd": "rgb", "depth": "depth"}.items() if key in keys
     ][:1]
     known = ["state"] if "object_pose" in keys or "observation" in keys or not seen else []
-    space, stated = policy.action_space, {"obs_mode": "+".join(known + seen)}
-    usual = {"control_mode": None, "frame_skip": CONTROL_STEPS, "action_scale": 1.0}
+    return {"obs_mode": "+".join(known + seen), **_of_actions(policy.action_space)}
+
+
+def _of_actions(space: Any) -> Fields:
+    """Return what an action space tells beyond what is usual."""
+    usual = {"control_mode": None, "frame_skip": CONTROL_STEPS, "action_scale": 1.0, "hold": 1}
     own = {key: getattr(space, key, value) for key, value in usual.items()}
-    return stated | {key: value for key, value in own.items() if value != usual[key]}
+    return {key: value for key, value in own.items() if value != usual[key]}
