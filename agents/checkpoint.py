@@ -67,7 +67,7 @@ class CheckpointAgent(Agent):
         """Return the policy's mean action."""
         space = self._policy.observation_space
         keys = space.spaces if isinstance(space, spaces.Dict) else {}
-        if not keys and np.shape(observation) != space.shape:
+        if not keys and getattr(observation, "shape", None) != space.shape:
             raise InputError(
                 f"the checkpoint was trained on {space.shape[0]} features, of another control_mode"
             )
