@@ -24,6 +24,7 @@ from dexgrasp_env.errors import InputError, first_line, unknown_name
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.files import expand
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.tasks.observations import FLAT
 from dexgrasp_env.tasks.settings import LiftSettings
 
 ALGORITHMS = {
@@ -285,8 +286,9 @@ def _of_spaces(policy: Any) -> Fields:
     keys = seen.keys() if isinstance(seen, spaces.Dict) else ()
     cameras = [mode for mode, key in _CAMERAS.items() if key in keys][:1]
     known = ["state"] if "object_pose" in keys or "observation" in keys or not cameras else []
-    stated = {"obs_mode": "+".join(known + cameras)}
-    own = {
-        key: getattr(policy.action_space, key, None) for key in ("control_mode", "frame_skip", "action_scale")
-    }
+    told = ("control_mode", "frame_skip", "action_scale", "hold")
+    own = {key: getattr(policy.action_space, key, None) for key in told}
+    whole = "grasp" in str(own["control_mode"]) or own["hold"] not in (None, 1)  # what is learned on features
+    flat = whole and isinstance(seen, spaces.Box)
+    stated = {"obs_mode": FLAT if flat else "+".join(known + cameras)}
     return stated | {key: value for key, value in own.items() if value is not None}

@@ -16,9 +16,9 @@ from dexgrasp_env.errors import InputError, unknown_name
 
 AGENTS: dict[str, str] = {
     "random": "dexgrasp.agents.random:RandomAgent",
-    "constant": "dexgrasp.agents.constant:ConstantAgent",
     "hardcoded": "dexgrasp.agents.hardcoded:HardcodedAgent",
     "hardcoded_completed": "dexgrasp.agents.hardcoded:HardcodedCompletedAgent",
+    "constant": "dexgrasp.agents.constant:ConstantAgent",
     "cvae": "dexgrasp.agents.ablations:CvaeAgent",
     "cvae_kinematics": "dexgrasp.agents.ablations:CvaeKinematicsAgent",
     "bilevel": "dexgrasp.agents.bilevel:BilevelAgent",

@@ -112,10 +112,13 @@ def grasp_space(settings: LiftSettings) -> GraspSpace:
     hand = robot.hand_columns
     ends = [at_pace(steps, settings.frame_skip) for steps in np.cumsum(_PHASES[:-1]).tolist()]
     return GraspSpace(
-        np.array(list(_PLACES.values())), opened[hand], joint_changes(robot, _CLOSED)[:, hand],
-        np.stack([robot.lower[hand], robot.upper[hand]]), np.array(ends, np.int64),
+        np.array(list(_PLACES.values())),
+        opened[hand],
+        joint_changes(robot, _CLOSED)[:, hand],
+        np.stack([robot.lower[hand], robot.upper[hand]]),
+        np.array(ends, np.int64),
         settings.control_mode in ONCE_MODES,
-    )  # fmt: skip
+    )
 
 
 def lifted_by(settings: LiftSettings) -> int:
@@ -212,8 +215,15 @@ def goes_on(episodes: Records, whole: bool, late: int, out: Mask) -> None:
 
 @njit
 def palm_actions(
-    actions: Array, step: int, frames: Array, commands: Array, sensors: Array, at: Index, space: GraspSpace, out: Array
-) -> None:  # fmt: skip
+    actions: Array,
+    step: int,
+    frames: Array,
+    commands: Array,
+    sensors: Array,
+    at: Index,
+    space: GraspSpace,
+    out: Array,
+) -> None:
     """Write the actions of `ee_delta` that go one control step towards grasp actions.
 
     Args:
@@ -233,7 +243,7 @@ def palm_actions(
 @njit
 def _palm_action(
     action: Array, step: int, frame: Array, targets: Array, s: Array, at: Index, space: GraspSpace, out: Array
-) -> None:  # fmt: skip
+) -> None:
     a = np.empty(GRASP_SIZE)
     for k in range(GRASP_SIZE):
         a[k] = _folded(action[k])
@@ -304,7 +314,7 @@ def _write_step(x: float, y: float, z: float, out: Array, first: int) -> None:
 @njit
 def grasp_states(
     frames: Array, positions: Array, sensors: Array, at: Index, space: GraspSpace, out: Single
-) -> None:  # fmt: skip
+) -> None:
     """Write the states of palm and hand, (N, 7), as the actions that would leave them where they are.
 
     Args:

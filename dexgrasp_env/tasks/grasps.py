@@ -58,9 +58,7 @@ class Grasps:
         if step == 0:
             check_finite(actions)
         sensors = where.current.sensors
-        palm_actions(
-            actions, step, self._frames, commands, sensors, self._at, self._space, self._moves
-        )  # fmt: skip
+        palm_actions(actions, step, self._frames, commands, sensors, self._at, self._space, self._moves)
         return self._moves
 
     def states(self, part: slice, positions: NDArray[Any], where: StateHolder) -> Single:

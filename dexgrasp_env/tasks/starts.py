@@ -109,8 +109,10 @@ class PreGrasps(ReverseStarts):
             known = ", ".join(sorted(set(names.tolist())))
             raise InputError(f"{path} has pre-grasps of none of these objects: valid are {known}")
         self.names, self.poses, self.ways_joints = (
-            names[wanted].tolist(), poses[wanted].astype(float), ways[wanted].astype(float)
-        )  # fmt: skip
+            names[wanted].tolist(),
+            poses[wanted].astype(float),
+            ways[wanted].astype(float),
+        )
 
     @property
     def ways(self) -> int:
