@@ -155,7 +155,7 @@ def test_random_is_seeded_and_fills_the_space():
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("nobody", "valid are random, hardcoded"),
+        ("nobody", "valid are random, constant, hardcoded"),
         ("no.such.module:Thing", "no.such.module"),
         ("dexgrasp.agent:Nothing", "no class 'Nothing'"),
         (":Thing", "cannot be imported"),

@@ -37,7 +37,7 @@ BESIDE = {
 """What an argument may need."""
 OF_SETTINGS = {"cell", "action_space", "mount", "observe", "obs_mode", "control_mode"}
 DRAWN = {"render_size", "render_camera"}
-ELSEWHERE = {"backend"}  # in the tests of the extra gpu
+ELSEWHERE = {"backend", "starts"}  # in the tests of the extra gpu, and of starts
 QUICK = {"DexGrasp/Lift-v2"}
 OWN_OF_CLUTTER = {"neighbours", "neighbour_objects", "gaps", "mask", "bin"}
 

@@ -89,12 +89,12 @@ def test_what_blocks_a_lift_is_named():
     scene = Scene(target, neighbours=(far, leaning(0.6)))
     found = plan_scene(Planner(cell=CELL), scene, 0, HOME)
     assert found.reason == "no_grasp:lift_blocked"
-    (line,) = blocking_lines(scene, detected_objects(scene, CELL.base), found)
+    (line,) = blocking_lines(scene, detected_objects(scene, CELL.T_base_world), found)
     assert line.startswith("in the way of lifting it straight up: object 3 (")
     assert "at (0.54, 0.00, 0.11)" in line
     found.shortfall = "pregrasp_clearance"
     scene = Scene(target, neighbours=(far, shell(0.5, 0.08, np.array([0.05, 0.05, 0.08]))))
-    (line,) = blocking_lines(scene, detected_objects(scene, CELL.base), found)
+    (line,) = blocking_lines(scene, detected_objects(scene, CELL.T_base_world), found)
     assert line.startswith("perhaps too near for the hand: object 3 (")
     assert line.endswith("3.0 cm away")
 

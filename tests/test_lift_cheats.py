@@ -186,7 +186,7 @@ def test_pushes_are_of_the_weight_in_six_directions_after_a_second():
     pushes = []
     for _ in range(env.disturbance_steps + 1):
         info, _ = held(env, 1)[0]
-        _, push = env._episodes.set_points(np.zeros((1, 23)))
+        _, push = env._episodes.set_points(np.zeros((1, 23)), env.simulation)
         pushes.append(push[0].copy() if info["disturbance"] == "running" else None)
     assert pushes[-1] is None
     pushes = np.array(pushes[:80]) / weight
@@ -215,7 +215,7 @@ def test_shaking_moves_the_arm_and_not_the_agents_set_points():
     held(env, 20)
     offsets = []
     for _ in range(41):
-        rows, _ = env._episodes.set_points(np.zeros((1, 23)))
+        rows, _ = env._episodes.set_points(np.zeros((1, 23)), env.simulation)
         offsets.append(rows[0, -1] - env.targets)
         held(env, 1)
     offsets, t = np.array(offsets), 0.05 * np.arange(1, 41)

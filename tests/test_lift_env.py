@@ -230,7 +230,8 @@ def test_set_points_keep_range_and_velocity(control_mode):
     for _ in range(40):
         env.step(rng.choice([-1.0, 1.0], env.action_space.shape))
         after = env.targets
-        assert np.all(np.abs(after - before) <= max_step(ROBOT) + 1e-12)
+        if not control_mode.endswith("once"):  # whose action is many control steps
+            assert np.all(np.abs(after - before) <= max_step(ROBOT) + 1e-12)
         assert np.all((after >= LOWER) & (after <= UPPER))
         before = after
 

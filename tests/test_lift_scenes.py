@@ -86,7 +86,7 @@ def test_commands_come_late():
         env.reset(seed=0)
         action = np.zeros(23)
         action[7] = 0.2
-        rows = [env._episodes.set_points(action[None])[0][0].copy() for _ in range(3)]
+        rows = [env._episodes.set_points(action[None], env.simulation)[0][0].copy() for _ in range(3)]
         commands.append(np.concatenate(rows)[:, 7])
     assert_allclose(commands[0][10:], commands[1][:-10], atol=1e-12)
     assert_allclose(commands[0][:10], HOME[7], atol=1e-12)

@@ -31,7 +31,7 @@ def test_the_file_as_planned_is_verified(content):
 def test_every_field_is_checked_or_free(content, script):
     changed = {m.path[0] for m in script.mutations(content, 1, np.random.default_rng(0))}
     without = {name for name, value in content.items() if value in (None, [])}  # no leaf to change
-    assert without == {"neighbours"}
+    assert without == {"neighbours", "table"}
     unknown = {name for name in content if name not in changed | without | set(script.FREE)}
     assert unknown == set()
 

@@ -13,7 +13,9 @@ RANDOM = {
 }  # fmt: skip
 
 
-TOLD_ONCE = {"action_space", "control_period", "mount", "cell", "obs_mode", "control_mode", "observe"}
+TOLD_ONCE = {
+    "action_space", "observation_space", "control_period", "mount", "cell", "obs_mode", "control_mode", "observe",
+}  # fmt: skip
 """Keys of a single reset's info that are of the environment, not of the episode: `SingleEnv.agent_info`."""
 
 

@@ -27,6 +27,7 @@ _PATCH, _FEW, _THICK = (
     8,
     2.0,
 )  # m, radius of patches; their points; times the noise that a flat one is thick
+_LEAST_NOISE = 1e-4  # m, of clouds that were computed, whose tables have none
 _BAND = (0.003, 0.006)  # m within which the middle of a patch is a level's, at least and at most
 _WARP = 0.007  # m that depth cameras bend a surface
 _LEVELS = 6  # looked for
@@ -101,7 +102,7 @@ def _surface(points: Array) -> tuple[Array, float]:
     flat = np.abs(normals[:, 2]) > np.cos(STEEPEST)
     if not flat.any():
         return thin, _BAND[1]
-    noise = float(np.median(residuals[flat]))
+    noise = max(float(np.median(residuals[flat])), _LEAST_NOISE)
     return middles[flat & (residuals < _THICK * noise)], float(np.clip(noise, *_BAND))
 
 

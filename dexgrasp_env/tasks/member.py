@@ -82,7 +82,8 @@ class Member:
     @property
     def agent_info(self) -> Fields:
         """Settings that an agent may know."""
-        return {"action_space": self.action_space, **self._envs.settings.agent_info}
+        spaces = {"action_space": self.action_space, "observation_space": self.observation_space}
+        return {**spaces, **self._envs.settings.agent_info}
 
     def reset(self, *, seed: int | None = None, options: Fields | None = None) -> tuple[Arrays, Fields]:
         """Start an episode here alone; see `LiftEnv.reset`."""
