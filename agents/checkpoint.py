@@ -194,6 +194,11 @@ class CheckpointAgent(Agent):
         """Return the action that the policy's mean one comes to behind its wrappers."""
         if self._player is None:
             self.reset(observation, {})
+        known = self._relay.observation_space
+        if isinstance(known, spaces.Box) and np.shape(observation) != known.shape:
+            raise InputError(
+                f"the checkpoint was trained on {known.shape[0]} features, of another control_mode"
+            )
         return self._player.action(observation)
 
 

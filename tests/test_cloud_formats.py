@@ -228,7 +228,7 @@ def test_cameras_of_other_programs_are_the_same(tmp_path):
     expected = read_scan(folder_of(tmp_path / "own", {"cameras": [own | LENS]})).points
     (tmp_path / "named").mkdir()
     (tmp_path / "named" / "info.yaml").write_text(yaml.safe_dump(MESSAGE))
-    pose = {"T_base_camera": [*POSE[:3, 3].tolist(), QUATERNION[3], *QUATERNION[:3].tolist()]}
+    pose = {"T_base_camera": np.r_[POSE[:3, 3], QUATERNION[3], QUATERNION[:3]].tolist()}
     for name, content in {
         "matrix": {"cameras": [own | {"K": np.reshape(K, (3, 3)).tolist()}]},
         "inside": {"cameras": [{"camera_info": CALIBRATION} | pose]},

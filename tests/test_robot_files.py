@@ -195,6 +195,7 @@ def test_an_arm_of_six_joints_bears_our_hand(tmp_path, capsys):
         env = gym.make("DexGrasp/Lift-v2", objects="pear", robot=str(out), control_mode=mode)
         assert env.action_space.shape == (size,)
         spaces = {key: space.shape for key, space in env.observation_space.items()}
+        assert (spaces.pop("grasp_state", None) is None) == ("grasp" not in mode)
         assert spaces == {key: (n,) for key, n in own["observations"].items()}
     tree = robot_tree(cell)
     q, turned = tree.home.copy(), np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])

@@ -274,3 +274,24 @@ def test_statistics_that_are_not_there_are_missed(tmp_path):
         make_agent(str(tmp_path / "p.zip"))
     envs.save(tmp_path / "p.pkl")
     assert "what VecNormalize counted" in make_agent(str(tmp_path / "p.zip")).assumed
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("LiftOnce-v0", {"control_mode": "grasp_once"}),
+        ("LiftStaged-v0", {"control_mode": "grasp", "hold": 28}),
+    ],
+)
+def test_a_checkpoint_of_features_acts_where_it_was_trained(name, told, tmp_path):
+    library = pytest.importorskip("stable_baselines3")
+    env = gym.make(f"DexGrasp/{name}", objects="lego")
+    trained = library.SAC("MlpPolicy", env, device="cpu", buffer_size=10)
+    trained.save(tmp_path / "sac.zip")
+    agent = make_agent(str(tmp_path / "sac.zip"))
+    assert agent.env_settings == {"obs_mode": "features"} | told
+    observation, _ = gym.make("DexGrasp/Lift-v2", objects="lego", **agent.env_settings).reset(seed=0)
+    agent.reset(observation, {})
+    np.testing.assert_array_equal(agent.act(observation), trained.predict(observation, deterministic=True)[0])
+    with refused("of another control_mode"):
+        agent.act(observation[:-1])

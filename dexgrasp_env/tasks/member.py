@@ -80,6 +80,11 @@ class Member:
         return self._envs.settings.disturbance_steps
 
     @property
+    def steps_an_action(self) -> int:
+        """Control steps of an action, at most."""
+        return self._envs._episodes.span
+
+    @property
     def agent_info(self) -> Fields:
         """Settings that an agent may know."""
         spaces = {"action_space": self.action_space, "observation_space": self.observation_space}
