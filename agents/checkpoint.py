@@ -9,7 +9,7 @@ import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from gymnasium import spaces, wrappers
@@ -194,8 +194,8 @@ class CheckpointAgent(Agent):
         """Return the action that the policy's mean one comes to behind its wrappers."""
         if self._player is None:
             self.reset(observation, {})
-        known = self._relay.observation_space
-        if isinstance(known, spaces.Box) and np.shape(observation) != known.shape:
+        known, seen = self._relay.observation_space, cast("Any", observation)
+        if isinstance(known, spaces.Box) and np.shape(seen) != known.shape:
             raise InputError(
                 f"the checkpoint was trained on {known.shape[0]} features, of another control_mode"
             )
