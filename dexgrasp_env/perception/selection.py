@@ -111,7 +111,9 @@ def check_reach(cloud: Cloud, T_base_world: Array) -> None:
 
 
 def _is_in_reach(cloud: Cloud) -> bool:
-    return bool(inside(middle(cloud.points[:, :2])[None], WORKSPACE_LOW[:2], WORKSPACE_HIGH[:2]).all())
+    """Return True for what stands in the workspace; what begins above it stands on nothing."""
+    level = inside(middle(cloud.points[:, :2])[None], WORKSPACE_LOW[:2], WORKSPACE_HIGH[:2]).all()
+    return bool(level and cloud.points[:, 2].min() < WORKSPACE_HIGH[2])
 
 
 def _places(found: list[Cloud], T_base_world: Array) -> str:
