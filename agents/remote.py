@@ -138,9 +138,14 @@ class RemoteAgent(Agent):
         while True:
             try:
                 self._socket = connect(
-                    self._address, compression=None, max_size=_LARGEST, additional_headers=headers,
-                    open_timeout=seconds, close_timeout=1.0, proxy=None,
-                )  # fmt: skip
+                    self._address,
+                    compression=None,
+                    max_size=_LARGEST,
+                    additional_headers=headers,
+                    open_timeout=seconds,
+                    close_timeout=1.0,
+                    proxy=None,
+                )
                 first = self._socket.recv(seconds)
                 break
             except InvalidStatus as error:

@@ -85,8 +85,14 @@ def trial(k: int, seed: int) -> Fields:
     kind, request = drawn(k // 20, surface, rng)
     agent = BilevelAgent(request=request)
     outcome, grasp = run_trial(look.env, agent, TrialSeeds(scene, scene))
-    row = {"k": k, "object": target, "kind": kind, "answered": grasp is not None, "reason": outcome.reason,
-           "lifted": outcome.success}  # fmt: skip
+    row = {
+        "k": k,
+        "object": target,
+        "kind": kind,
+        "answered": grasp is not None,
+        "reason": outcome.reason,
+        "lifted": outcome.success,
+    }
     if grasp is None:
         settings = replace(PlannerSettings().broadened(DENSER), patience=8)
         for own in range(SEARCHES):

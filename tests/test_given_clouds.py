@@ -13,10 +13,23 @@ from dexgrasp_env.perception.selection import TargetSelector
 
 FOLDER = Path(__file__).parents[2] / "shared" / "cases" / "clouds"
 ONE = [
-    "one_mustard", "one_cheezit", "one_white_bowl", "one_white_mug", "one_cup_a", "one_pot", "one_bowl", "one_tin_can",
-    "one_mug_stereo", "one_sugar", "overhead_can_10cm", "table_as_said", "table_12mm_high", "plate_20mm_beside",
-    "leans_2.5deg_about_the_object", "shelf_over_the_table",
-]  # fmt: skip
+    "one_mustard",
+    "one_cheezit",
+    "one_white_bowl",
+    "one_white_mug",
+    "one_cup_a",
+    "one_pot",
+    "one_bowl",
+    "one_tin_can",
+    "one_mug_stereo",
+    "one_sugar",
+    "overhead_can_10cm",
+    "table_as_said",
+    "table_12mm_high",
+    "plate_20mm_beside",
+    "leans_2.5deg_about_the_object",
+    "shelf_over_the_table",
+]
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the captures are not here")
 
 

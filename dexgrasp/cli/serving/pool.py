@@ -43,9 +43,14 @@ class Worker:
         """
         one = {name: os.environ.get(name, "1") for name in _THREADS}
         self._process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "dexgrasp.cli.serving.worker",
-            stdin=PIPE, stdout=PIPE, start_new_session=True, env={**os.environ, **one},
-        )  # fmt: skip
+            sys.executable,
+            "-m",
+            "dexgrasp.cli.serving.worker",
+            stdin=PIPE,
+            stdout=PIPE,
+            start_new_session=True,
+            env={**os.environ, **one},
+        )
         try:
             kind, data = await self._exchange(MESSAGE, 0, pack(self._settings))
         except (asyncio.IncompleteReadError, OSError):

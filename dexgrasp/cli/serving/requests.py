@@ -23,8 +23,18 @@ from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.valid import Rule, read
 
 _OF_SERVER = (
-    "robot", "mount", "json", "out", "agent", "cloud", "camera_pose", "pixel", "objects", "mask", "floating",
-)  # fmt: skip
+    "robot",
+    "mount",
+    "json",
+    "out",
+    "agent",
+    "cloud",
+    "camera_pose",
+    "pixel",
+    "objects",
+    "mask",
+    "floating",
+)
 """Options of the command that a client cannot give: they are the server's, name files, or come as arrays."""
 
 _MOST_CORNERS = 200_000  # of a mesh that is sent
@@ -204,6 +214,9 @@ def _silent(_done: int, _of: int) -> None:
 
 
 REQUESTS: dict[str, Callable[[Fields, str | None], Fields]] = {
-    "plan": _plan, "plan_cloud": _plan_cloud, "objects": _objects, "verify": _verify,
-}  # fmt: skip
+    "plan": _plan,
+    "plan_cloud": _plan_cloud,
+    "objects": _objects,
+    "verify": _verify,
+}
 """Request -> what answers it."""

@@ -84,10 +84,14 @@ class Server:
         try:
             await asyncio.gather(*(worker.start() for worker in self._workers))
             listening = await serve(
-                self._connection, sock=place, process_request=self._request,
+                self._connection,
+                sock=place,
+                process_request=self._request,
                 origins=[None],  # pages of a browser send their origin
-                compression=None, max_size=int(self._settings.megabytes * 1e6), max_queue=2,
-            )  # fmt: skip
+                compression=None,
+                max_size=int(self._settings.megabytes * 1e6),
+                max_queue=2,
+            )
             ready(place.getsockname()[1], self._workers[0].metadata)
             await self._stopping.wait()
             listening.close(close_connections=False)

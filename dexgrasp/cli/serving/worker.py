@@ -37,9 +37,11 @@ class _Answers:
             {"request": "plan_cloud", "points": _box(robot)}, robot
         )  # compiled code and weights are loaded
         self.metadata: Fields = {
-            "server": package, "version": __version__, "requests": list(REQUESTS),
+            "server": package,
+            "version": __version__,
+            "requests": list(REQUESTS),
             "code": code_hash([agent] if agent else []),
-        }  # fmt: skip
+        }
         if agent:
             from dexgrasp.cli.serving.episodes import Episodes
 
