@@ -215,10 +215,14 @@ def test_checkpoint_acts(algorithm, tmp_path):
     env.close()
 
 
-@pytest.mark.parametrize("settings", [
-    {"control_mode": "ee_delta", "obs_mode": "state"}, {"control_mode": "joint_position", "obs_mode": "state"},
-    {"control_mode": "joint_delta", "obs_mode": "state+pointcloud", "observe": "reset"},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"control_mode": "ee_delta", "obs_mode": "state"},
+        {"control_mode": "joint_position", "obs_mode": "state"},
+        {"control_mode": "joint_delta", "obs_mode": "state+pointcloud", "observe": "reset"},
+    ],
+)
 def test_a_checkpoint_tells_its_modes_and_brings_its_normalisation(settings, tmp_path):
     library = pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.vec_env import VecNormalize

@@ -137,9 +137,9 @@ def scores(path, tmp_path, trials=1, **more):
     return [(row["total_reward"], row["steps"]) for row in rows]
 
 
-@pytest.mark.parametrize("k", [
-    k if k < 3 else pytest.param(k, marks=pytest.mark.slow) for k in range(len(CASES))
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "k", [k if k < 3 else pytest.param(k, marks=pytest.mark.slow) for k in range(len(CASES))]
+)
 def test_an_evaluation_scores_what_the_training_script_does(k, tmp_path):
     model = trained(CASES[k], tmp_path / "policy.zip")
     found = scores(tmp_path / "policy.zip", tmp_path)
