@@ -83,7 +83,7 @@ def trial(k: int, seed: int) -> Fields:
     pose, solid = look.subject.pose.T_world_object, look.subject.pose.surface
     surface = placed(pose, triangle_samples(solid.vertices[solid.faces], 400, rng).points)
     kind, request = drawn(k // 20, surface, rng)
-    agent = BilevelAgent(request=request)
+    agent = BilevelAgent(request=request, regrasps=0)  # a second look finds the object elsewhere
     outcome, grasp = run_trial(look.env, agent, TrialSeeds(scene, scene))
     row = {
         "k": k,
@@ -96,7 +96,7 @@ def trial(k: int, seed: int) -> Fields:
     if grasp is None:
         settings = replace(PlannerSettings().broadened(DENSER), patience=8)
         for own in range(SEARCHES):
-            other = BilevelAgent("surface", settings, request=request)
+            other = BilevelAgent("surface", settings, request=request, regrasps=0)
             other.seed(own)
             if other.plan(look.observation, look.info).success:
                 return row | {"possible": True}
