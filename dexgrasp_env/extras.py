@@ -18,7 +18,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "cluster": ("ray",),
     "dm": ("dm_control", "dm_env"),
     "demos": ("h5py", "minari", "pyarrow"),
-    "formats": ("collada", "laspy", "lxml", "networkx", "rosbags"),
+    "formats": ("collada", "laspy", "lxml", "rosbags"),
     "lerobot": ("lerobot",),
     "gpu": ("mujoco_warp", "warp"),
 }  # fmt: skip

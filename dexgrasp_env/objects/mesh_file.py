@@ -22,7 +22,7 @@ from dexgrasp_env.poses import frame_of_z
 
 _POLYGON = re.compile(r"^f(?:[ \t]+[^\s\\]+){3}[ \t]+\S", re.MULTILINE)
 _STL_HEAD, _STL_FACE = 84, 50  # bytes
-_NEEDED = {"dae": ("collada",), "3mf": ("lxml", "networkx")}  # by the mesh library to read a kind
+_NEEDED = {"dae": ("collada",), "3mf": ("lxml",)}  # by the mesh library to read a kind
 _LEVEL = 1e-9  # of the square of twice a polygon's area: turns of less are straight on
 
 
