@@ -55,10 +55,13 @@ class HandAtlas(NamedTuple):
     search: KDTree  # over `triangle_sides`, m
 
 
-@lru_cache(maxsize=4)
 def hand_atlas(cell: Cell) -> HandAtlas:
     """Return the atlas of a robot's hand, sampled once and kept in the cache; mount and table do not matter."""
-    cell = replace(cell, table_height=0.0, table=None).mounted(cell.mounts[0])
+    return _atlas(replace(cell, table_height=0.0, table=None).mounted(cell.mounts[0]))
+
+
+@lru_cache(maxsize=4)
+def _atlas(cell: Cell) -> HandAtlas:
     robot, tree, rng = cell.robot, robot_tree(cell), np.random.default_rng(_SEED)
     name = f"postures_{_key(robot, tree)}.npy"
     if robot.hand.frame is not None:
