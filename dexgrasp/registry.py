@@ -130,12 +130,12 @@ def is_server(name: str) -> bool:
 
 
 def server_identity(name: str) -> dict[str, Any]:
-    """Return what a policy server says of itself; nothing for agents of this process.
+    """Return what the policy server of an address says of itself.
 
     Raises:
         InputError: where no server answers.
     """
-    return dict(_load("dexgrasp.agents.remote:server_metadata")(name)) if is_server(name) else {}
+    return dict(_load("dexgrasp.agents.remote:server_metadata")(name))
 
 
 def agent_files(name: str) -> list[Path]:

@@ -47,6 +47,7 @@ class Serve(Command, InCell):
         server = Server(self.server, workers, served, os.environ.get(_TOKEN) or None)
 
         def ready(port: int, metadata: Fields) -> None:
+            """Say where it listens, and what it serves."""
             what = ", ".join([*metadata["requests"], *([f"agent {self.agent}"] if self.agent else [])])
             note(f"ready: ws://{self.server.host}:{port} ({what}; {workers} workers)")
 

@@ -25,7 +25,8 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 BACKENDS = ("processes", "ray")
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+THREADS = ("OMP_NUMTHREADS", "OPENBLAS_NUMTHREADS", "MKL_NUMTHREADS", "NUMBA_NUMTHREADS")
+"""Variables that say how many threads a library takes."""
 _LOOK = 0.5  # s between two looks of a worker for the process that started it
 _AHEAD = 4
 """Tasks in flight for each processor of a cluster: enough that none waits for the driver."""
@@ -93,7 +94,7 @@ def _in_processes(packed: bytes, tasks: Sequence[Any], workers: int) -> Iterator
     from loky import ProcessPoolExecutor
 
     share = str(max(1, usable_cores() // workers))  # of the processors, that each may use
-    limits = {name: os.environ.get(name, share) for name in _THREADS}
+    limits = {name: os.environ.get(name, share) for name in THREADS}
     pool = ProcessPoolExecutor(workers, initializer=_begin, initargs=(os.getpid(),), env=limits)
     waiting = set[Future[Any]]()
     resource_tracker.ensure_running()  # its start lets signals through again

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     import mujoco
 
 
-Own = Callable[..., Mask]
-"""Tells which of points (M, 3) m, world frame, are the robot's own, or no farther from it than a second argument, m."""
+Own = Callable[[Array], Mask]
+"""Tells which of points (M, 3) m, world frame, are the robot's own."""
 
 
 class RobotShape:
@@ -39,7 +39,7 @@ class RobotShape:
         They may be farther from what a link collides with, by as much as its covers stand out of it: those are seen.
         """
 
-        def own(points: Array, margin: float = margin) -> Mask:
+        def own(points: Array) -> Mask:
             """Tell which of points (M, 3) m are the robot's."""
             inside = np.zeros(len(points), bool)
             if not len(points):

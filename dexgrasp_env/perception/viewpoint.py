@@ -40,17 +40,20 @@ def find_viewpoint(above: Array, table: Array) -> Array | None:
     middle, top = points.mean(0), points[:, 2].max()
 
     def drawn(flat: Array) -> Mask:
+        """Return the squares of the table that points (N, 2) m cover, small holes closed."""
         image = np.zeros(shape, bool)
         squares = np.floor((flat - low) / _SQUARE).astype(int)
         image[tuple(squares[((squares >= 0) & (squares < shape)).all(1)].T)] = True
         return np.asarray(binary_closing(image, iterations=2))
 
     def place(angle: float, rise: float, far: float) -> Array:
+        """Return the place (3,) m of a camera, in spherical coordinates about the middle of the points."""
         return middle + far * np.array(
             [np.cos(rise) * np.cos(angle), np.cos(rise) * np.sin(angle), np.sin(rise)]
         )
 
     def explained(*tried: float) -> float:
+        """Return the overlap of what is unseen of the table and the shadows that a camera there would see."""
         eye = place(*tried)
         down = points[:, 2:] / np.maximum(eye[2] - points[:, 2:], 1e-3)
         shadow = drawn(points[:, :2] + down * (points[:, :2] - eye[:2])) & of_table

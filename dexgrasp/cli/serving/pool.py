@@ -10,10 +10,9 @@ from contextlib import suppress
 
 from dexgrasp.cli.serving.worker import ANSWER, CLOSED, HEAD, MESSAGE, REFUSED, SIZE
 from dexgrasp.runs.messages import pack, unpack
+from dexgrasp.runs.pool import THREADS
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
-
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 class Refusal(Exception):  # noqa: N818  (an answer, not a fault)
@@ -41,7 +40,7 @@ class Worker:
         Raises:
             InputError: for settings that the worker cannot work with.
         """
-        one = {name: os.environ.get(name, "1") for name in _THREADS}
+        one = {name: os.environ.get(name, "1") for name in THREADS}
         self._process = await asyncio.create_subprocess_exec(
             sys.executable,
             "-m",
