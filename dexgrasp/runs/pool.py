@@ -25,7 +25,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 BACKENDS = ("processes", "ray")
-THREADS = ("OMP_NUMTHREADS", "OPENBLAS_NUMTHREADS", "MKL_NUMTHREADS", "NUMBA_NUMTHREADS")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Variables that say how many threads a library takes."""
 _LOOK = 0.5  # s between two looks of a worker for the process that started it
 _AHEAD = 4
