@@ -36,7 +36,7 @@ mount --make-rprivate / || exit 77
 for place in / {folder}; do mount --bind $place $place && mount -o remount,bind,ro $place || exit 77; done
 mount -t tmpfs -o mode=1777 tmpfs {tmp} || exit 77
 user="--reuid 10001 --regid 10001 --clear-groups"
-setpriv $user {python} -c "" || user=--bounding-set=-all  # its home of Python is closed to others: root without powers
+setpriv $user env {python} -c "" || user=--bounding-set=-all  # a folder or Python closed to others: root without powers
 cd {tmp} && exec setpriv $user env -i {env} sh -c {command}
 """
 
@@ -90,7 +90,7 @@ class TryContainer(Script):
         for command in (shlex.join(entry).replace("/tmp", str(tmp)), *COMMANDS):
             said = self._locked(folder, tmp, command.format(out=tmp), known)
             if "doctor" in command and "beside the code" not in said:
-                raise SystemExit(f"code compiled in the image is not used:\n{said}")
+                raise ValueError(f"code compiled in the image is not used:\n{said}")
         return 0
 
     def _locked(self, folder: Path, tmp: Path, command: str, known: dict[str, str]) -> str:
@@ -109,7 +109,7 @@ class TryContainer(Script):
             )
         print(done.stdout[-600:] + done.stderr[-600:], flush=True)
         if done.returncode:
-            raise SystemExit(f"{command} ended with {done.returncode}")
+            raise ValueError(f"{command} ended with {done.returncode}")
         return done.stdout
 
 
