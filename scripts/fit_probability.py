@@ -5,8 +5,7 @@
 
 Judged by cross-validation over shapes: every row is foretold by a model that met no episode of its shape, within each
 cell of friction and mass, beside `load` alone. The model that is written is fitted on all of DATA, and judged on TEST,
-of other shapes. DATA/judged.json has the figures, DATA/judged.png the reliability
-diagrams.
+of other shapes. DATA/judged.json has the figures and the reliability diagrams.
 """
 
 import json
@@ -39,13 +38,9 @@ FRICTIONS, MASSES = (0.3, 0.45, 0.6, 0.75, 0.9), (0.5, 1.0, 1.75, 3.0)
 """Ends of the cells."""
 MEMBERS, FOLDS, LEAST = 12, 5, 8  # LEAST: successes and failures that a cell must have for an area
 _TREES: dict[str, Any] = {
-    "max_iter": 60,
-    "learning_rate": 0.1,
-    "max_leaf_nodes": 6,
-    "min_samples_leaf": 20,
-    "l2_regularization": 5.0,
+    "max_iter": 60, "learning_rate": 0.1, "max_leaf_nodes": 6, "min_samples_leaf": 20, "l2_regularization": 5.0,
     "early_stopping": False,
-}
+}  # fmt: skip
 
 
 class Rows(NamedTuple):
@@ -211,10 +206,6 @@ def judged(rows: Rows, outcome: str, chance: Array) -> dict[str, Any]:
         "calibration_error": error,
         "calibration_error_of_cells": float(np.mean([calibration(chance[i], held[i], 5)[0] for i in own])),
         "brier": brier_score_loss(held, chance),
-        "sure": [
-            {"at_least": p, "answered": int((chance >= p).sum()), "held": int(held[chance >= p].sum())}
-            for p in (0.8, 0.9, 0.95, 0.98)
-        ],
         "diagram": diagram,
     }
 
@@ -236,23 +227,6 @@ def write_model(path: Path, rows: Rows, robot: str, judgement: dict[str, Any]) -
     return read_model(path)
 
 
-def plot(path: Path, found: dict[str, Any]) -> None:
-    """Draw the reliability diagrams."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(3 * len(found), 3.2), layout="constrained")
-    for axes, (name, one) in zip(figure.subplots(1, len(found), sharey=True), found.items(), strict=True):
-        bins = one["diagram"]
-        share = np.array([b["held"] / b["of"] for b in bins])
-        around = np.abs(np.transpose([b["ci95"] for b in bins]) - share)
-        axes.plot([0, 1], [0, 1], color="0.8")
-        axes.errorbar([b["predicted"] for b in bins], share, around, fmt="o", markersize=4)
-        axes.set_title(name, fontsize=9)
-    figure.supxlabel("predicted probability")
-    figure.supylabel("share that held")
-    figure.savefig(path, dpi=90)
-
-
 class Fit(Script):
     """Judges, fits, writes."""
 
@@ -271,7 +245,6 @@ class Fit(Script):
                 for name in OUTCOMES:
                     found[f"{name}, held out"] = judged(others, name, predicted(model, others, name))
         write_json(self.data / "judged.json", found)
-        plot(self.data / "judged.png", found)
         print(json.dumps({name: one | {"diagram": None} for name, one in found.items()}, indent=1))
         return 0
 

@@ -76,23 +76,15 @@ def mesh_of(draw: Any, path: Path) -> tuple[Path, float]:
     return path, scale
 
 
-def _thing(rng: Rng) -> Array:
-    """Return points of a box, a cylinder, a dome or an upright wall on the table, (N, 3) m."""
-    unit, kind = rng.uniform(-1.0, 1.0, (rng.integers(30, 4000), 3)), rng.integers(4)
-    half = rng.uniform(0.015, 0.08, 3)
-    if kind == 0:
-        axis = rng.integers(0, 3, len(unit))
-        unit[np.arange(len(unit)), axis] = np.sign(unit[np.arange(len(unit)), axis])
-    elif kind == 3:
-        half = rng.uniform([0.05, 0.001, 0.015], [0.25, 0.005, 0.075])
-    else:
-        unit[:, : 1 + kind] /= np.linalg.norm(unit[:, : 1 + kind], axis=1, keepdims=True) + 1e-9
-    return unit * half + [rng.uniform(0.35, 0.70), rng.uniform(-0.3, 0.3), half[2]]
-
-
-def _table(rng: Rng) -> Array:
+def _scene(count: int, rng: Rng) -> Array:
+    """Return points (N, 3) m of a table and of so many solids that stand on it."""
     xy = rng.uniform([0.25, -0.45], [0.80, 0.45], (rng.integers(500, 8000), 2))
-    return np.column_stack([xy, rng.normal(0.0, 0.001, len(xy))])
+    parts = [np.column_stack([xy, rng.normal(0.0, 0.001, len(xy))])]
+    for _ in range(count):
+        solid = SOLIDS[rng.integers(len(SOLIDS))](rng)
+        place = [rng.uniform(0.35, 0.70), rng.uniform(-0.3, 0.3), -solid.bounds[0, 2]]
+        parts.append(solid.sample(int(rng.integers(30, 4000)), seed=0) + place)
+    return np.concatenate(parts)
 
 
 CLOUDS: tuple[Callable[[Array, Rng], Array], ...] = (
@@ -110,7 +102,7 @@ CLOUDS: tuple[Callable[[Array, Rng], Array], ...] = (
 def cloud_of(draw: Any) -> Array:
     """Return a scene (N, 3) m of a few things on a table, with up to three damages."""
     rng = draw.rng()
-    points = np.concatenate([_table(rng), *(_thing(rng) for _ in range(draw.upto(6, 1)))])
+    points = _scene(draw.upto(6, 1), rng)
     for _ in range(draw.upto(3)):
         if len(points):
             points = draw.one(CLOUDS)(points, rng)

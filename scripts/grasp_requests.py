@@ -5,10 +5,9 @@
 Each is of an object of all20 in a drawn pose, seen by the cameras: a half-space through the object that 20 to 60 % of
 its surface lies in, to hold or to avoid, or a cone of five. `bilevel` answers and carries out. What is not answered is
 searched for at length (four seeds, three times the surface points, nine times the triples): what then has a grasp could
-be met. Rows go to OUT/rows.jsonl, by which a second run goes on; the table is printed with Wilson intervals.
+be met. Rows go to OUT/rows.jsonl; the table is printed with Wilson intervals.
 """
 
-import json
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,7 +16,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.random import Generator
-from tqdm import tqdm
+from table_scenes import written
 
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.cli.command import Answer, Argument, Folder, Script
@@ -31,11 +30,9 @@ from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.planning.scene_setup import look_at
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.runs.folder import make_folder
-from dexgrasp.runs.lines import read_lines
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
-from dexgrasp_env.poses import placed
+from dexgrasp_env.poses import placed, pose_matrix
 from dexgrasp_env.valid import Count, Natural
 
 CONES = ("top,30", "side,40", "front,45", "0,1,-1,40", "0,-1,-1,40")
@@ -61,15 +58,11 @@ def drawn(k: int, surface: Array, rng: Generator) -> tuple[str, GraspRequest]:
 def tip_contacts(lift: Any, start: Array) -> Array:
     """Return where bodies of the robot touch the object (N, 3) m, moved with it to where it was at the start."""
     model, data = lift.model, lift.data
-    body = model.body("object").id
+    held = data.body("object")
     robot = {model.body(name).id for name in lift.settings.cell.robot.bodies}
-    found = []
-    for contact in data.contact[: data.ncon]:
-        of = set(model.geom_bodyid[contact.geom].tolist())
-        if body in of and of & robot:
-            found.append(contact.pos.copy())
-    now = np.eye(4)
-    now[:3, :3], now[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
+    pairs = [(contact.pos.copy(), set(model.geom_bodyid[contact.geom].tolist())) for contact in data.contact]
+    found = [place for place, bodies in pairs if held.id in bodies and bodies & robot]
+    now = pose_matrix(held.xpos, held.xquat)
     return placed(start @ np.linalg.inv(now), np.array(found).reshape(-1, 3))
 
 
@@ -86,13 +79,9 @@ def trial(k: int, seed: int) -> Fields:
     agent = BilevelAgent(request=request, regrasps=0)  # a second look finds the object elsewhere
     outcome, grasp = run_trial(look.env, agent, TrialSeeds(scene, scene))
     row = {
-        "k": k,
-        "object": target,
-        "kind": kind,
-        "answered": grasp is not None,
-        "reason": outcome.reason,
+        "k": k, "object": target, "kind": kind, "answered": grasp is not None, "reason": outcome.reason,
         "lifted": outcome.success,
-    }
+    }  # fmt: skip
     if grasp is None:
         settings = replace(PlannerSettings().broadened(DENSER), patience=8)
         for own in range(SEARCHES):
@@ -141,14 +130,7 @@ class Requests(Script):
 
     def run(self) -> Answer:
         """Return the table."""
-        path = make_folder(self.out) / "rows.jsonl"
-        rows = read_lines(path, "request", lambda row: None) if path.is_file() else []
-        done = {row["k"] for row in rows}
-        with path.open("a") as file:
-            for k in tqdm([k for k in range(self.count) if k not in done], "requests"):
-                rows.append(trial(k, self.seed))
-                file.write(json.dumps(rows[-1]) + "\n")
-                file.flush()
+        rows = written(self.out, (trial(k, self.seed) for k in range(self.count)), self.count)
         return Answer({"rows": rows}, list(summary(rows)))
 
 

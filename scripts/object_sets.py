@@ -1,10 +1,9 @@
-"""Sets of objects that the catalogue does not have, and the shells of the robot that are shown.
+"""Sets of objects that the catalogue does not have.
 
     python scripts/object_sets.py outside sets/outside      a thousand shapes: develop.json (700) and final.json (300)
     python scripts/object_sets.py kitchen sets/kitchen      flat.json, handled.json and wide.json, of kitchen.yaml
     python scripts/object_sets.py ycb sets/ycb.json --yes   scans of the YCB set, from their publisher, once
     python scripts/object_sets.py folder ~/gso sets/gso.json --source "Google Scanned Objects, CC-BY 4.0"
-    python scripts/object_sets.py shells assets/robot/shells
     dexgrasp evaluate --agents bilevel --objects sets/outside/develop.json --trials 1
 
 `outside` and `kitchen` are frozen by hashes (outside.json, `KITCHEN`): a mesh that differs is named and the exit code
@@ -27,11 +26,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import trimesh
 import yaml
 from manifold3d import CrossSection, Manifold
 from outside_shapes import SEED, shape
-from shell_fields import shell
 from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, Folder, Script
@@ -39,7 +36,7 @@ from dexgrasp.cli.commands import run_script
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import cache_dir, file_hash, write_atomically, write_json
 from dexgrasp_env.objects.sets import MESH_SUFFIXES, SCHEMA, read_set
-from dexgrasp_env.valid import Count, Positive
+from dexgrasp_env.valid import Positive
 
 HERE = Path(__file__).parent
 HASHES = HERE / "outside.json"
@@ -231,94 +228,41 @@ class Ycb(Script):
 
 
 class FolderSet(Script):
-    """Writes a set file of a folder's meshes, which stay where they are; what cannot be read is named and left out.
+    """Writes a set file of a folder's meshes, which stay where they are.
 
     Attributes:
         folder: searched with its folders.
         out: the set file.
         scale: factor to metres.
-        longest: m; scale each mesh so that its longest side is this.
         mass: kg, of each (default: by volume).
         source: where they are from, under which licence; the hash of each mesh is added.
-        most: stop after so many meshes.
     """
 
     folder: Argument[Folder]
     out: Argument[Annotated[Path, "SET.json"]]
     scale: Positive = 1.0
-    longest: Positive | None = None
     mass: Positive | None = None
     source: str = "unknown terms"
-    most: Count = 1000
 
     def run(self) -> int:
-        root, members = self.folder.resolve(), []
+        root = self.folder.resolve()
         paths = sorted(p for p in root.rglob("*") if p.suffix.lower() in MESH_SUFFIXES and p.is_file())
-        for path in tqdm(paths[: self.most], unit="mesh", disable=None):
-            try:
-                members.append(self.member(path, path.relative_to(root).with_suffix("").as_posix()))
-            except InputError as error:
-                print(f"left out: {error}", file=sys.stderr)
-        if not members:
-            raise InputError(f"{self.folder}: no mesh ({', '.join(MESH_SUFFIXES)}) that can be read")
+        if not paths:
+            raise InputError(f"{self.folder}: no mesh ({', '.join(MESH_SUFFIXES)})")
+        members = [
+            {
+                "name": re.sub(r"[^A-Za-z0-9_.-]+", "_", str(path.relative_to(root).with_suffix("")))[-100:],
+                "mesh": os.path.relpath(path, self.out.resolve().parent),
+                "scale": self.scale,
+                **({} if self.mass is None else {"mass": self.mass}),
+                "source": f"{self.source}; sha256 {file_hash(path)}",
+            }
+            for path in paths
+        ]
         write_set(self.out, members)
-        return 0
-
-    def member(self, path: Path, name: str) -> Member:
-        """Return a mesh's entry of the set file.
-
-        Raises:
-            InputError: the mesh cannot be read or has no extent.
-        """
-        scale = self.scale
-        if self.longest is not None:
-            try:
-                longest = trimesh.load(path, force="mesh", process=False).extents.max()
-                scale = float(f"{self.longest / longest:.6g}")
-            except Exception as error:  # whatever a reader of meshes stumbles over
-                raise InputError(f"{path}: cannot be read ({error})") from None
-            if not 0.0 < scale < float("inf"):
-                raise InputError(f"{path}: has no extent")
-        return {
-            "name": re.sub(r"[^A-Za-z0-9_.-]+", "_", name)[-100:],
-            "mesh": os.path.relpath(path, self.out.resolve().parent),
-            "scale": scale,
-            **({} if self.mass is None else {"mass": self.mass}),
-            "source": f"{self.source}; sha256 {file_hash(path)}",
-        }
-
-
-class Shells(Script):
-    """Meshes the shells of the robot that are shown; collision uses none of them.
-
-    Attributes:
-        folder: where they go.
-    """
-
-    folder: Argument[Folder]
-
-    def run(self) -> int:
-        from fast_simplification import simplify
-
-        shells, ticks = yaml.safe_load((HERE / "shells.yaml").read_text()), np.arange(-0.4, 0.4, 0.02)
-        for part, step, faces in (("arm", 0.005, 1800), ("hand", 0.002, 500)):
-            for name, content in shells[part].items():
-                field = shell(**content)
-                near = np.array(
-                    [(x, y, z) for x in ticks for y in ticks for z in ticks if field(x, y, z) < 0.01]
-                )
-                bounds = [*(near.min(0) - 0.02), *(near.max(0) + 0.02)]
-                mesh = Manifold.level_set(lambda *place, field=field: -field(*place), bounds, step).to_mesh()
-                corners, triangles = (
-                    np.array(mesh.vert_properties[:, :3], float),
-                    np.array(mesh.tri_verts, np.int32),
-                )
-                if len(triangles) > faces:
-                    corners, triangles = simplify(corners, triangles, target_count=faces, agg=3)
-                (self.folder / f"{name}.obj").write_bytes(obj_of(corners, triangles))
         return 0
 
 
 if __name__ == "__main__":
-    kinds = {"outside": Outside, "kitchen": Kitchen, "ycb": Ycb, "folder": FolderSet, "shells": Shells}
+    kinds = {"outside": Outside, "kitchen": Kitchen, "ycb": Ycb, "folder": FolderSet}
     sys.exit(run_script(kinds))

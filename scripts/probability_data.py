@@ -3,13 +3,13 @@
     python scripts/probability_data.py OUT --outside sets/outside/develop.json --scenes 3000
     python scripts/probability_data.py TEST --objects all20 --scenes 80          shapes to judge on
 
-Scene k is always the same one: a shape of `varied-20000..21999` or of the 700 development shapes of `outside.py`, how
-it is seen (four cameras, one, or miscalibrated ones), who plans (`bilevel`; one of twelve grasps of `plan --count 12`;
-the ablations `cvae_kinematics` and `cvae`) and which friction and mass the planner is told, if any. What is planned is
+Scene k is always the same one: a shape of `varied-20000..21999` or of the 700 development shapes of `outside`, how it
+is seen (four cameras, one, or miscalibrated ones), who plans (`bilevel`; one of twelve grasps of `plan --count 12`; the
+ablations `cvae_kinematics` and `cvae`) and which friction and mass the planner is told, if any. What is planned is
 carried out at four true frictions (0.3 to 0.9) and masses (0.5 to 3 times the object's own), as its file states it:
-neither turned nor grasped again. An episode is `pushed@1` at that friction; where it fails after a push has begun, the
-same grasp is lifted without pushes as well. OUT has a file a scene, with all that features are computed from; those
-that are there are not made again.
+neither turned nor grasped again. An episode is `pushed@1` at that friction; where it fails, the same grasp is lifted
+without pushes as well. OUT has a file a scene, with all that features are computed from; those that are there are not
+made again.
 """
 
 import json
@@ -29,7 +29,6 @@ from dexgrasp.agent import Agent, Observation, public_info
 from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import TrialSeeds
-from dexgrasp.evaluation.store import Outcome
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.motion.carrying import PickUp
 from dexgrasp.planning.plan_scene import plan_scene, start_of
@@ -40,9 +39,7 @@ from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp.runs.shards import bytes_of, is_shard, make_missing, write_shard
 from dexgrasp_env.arrays import Array, Arrays
-from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import resolve_targets
-from dexgrasp_env.objects.sets import is_set, set_member
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.valid import Count
 
@@ -63,8 +60,6 @@ _SEEN: dict[str, tuple[float, dict[str, Any]]] = {  # share of the scenes, and w
 _PLANNERS = {"bilevel": 0.5, "later": 0.3, "cvae_kinematics": 0.14, "cvae": 0.06}
 _LATER = 12
 _PUSHED = {"disturbance": {"kind": "pushed", "size": 1.0}, "max_episode_steps": 380}
-_FALLEN = 0.05  # m above the table, below which what was lifted is lost
-_LATE = 25  # control steps after the hand is up, by which what is not lifted never will be
 
 
 class Job(NamedTuple):
@@ -108,11 +103,6 @@ class Carrier(Agent):
         assert planned.script is not None
         self._script, self._grasp = planned.script, planned.grasp
 
-    @property
-    def steps(self) -> int:
-        """Control steps until the hand is up, about."""
-        return len(self._script.targets) - len(self._script.phases["hold"])
-
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Begin."""
         self._motion = PickUp(self._script, self._grasp)
@@ -122,42 +112,11 @@ class Carrier(Agent):
         return self._motion.action(observation["joint_positions"])
 
 
-class Decided(gym.Wrapper[Any, Any, Any, Any]):
-    """Ends an episode that is decided: what was dropped or left behind is not grasped again."""
-
-    def __init__(self, env: gym.Env[Any, Any], up: int) -> None:
-        """Take an environment, and the control steps until the hand is up."""
-        super().__init__(env)
-        self._up, self._step = up + _LATE, 0
-
-    def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
-        """Count from nothing."""
-        self._step = 0
-        return super().reset(**kwargs)
-
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Step, and see whether there is more to come."""
-        observation, reward, terminated, truncated, info = super().step(action)
-        self._step += 1
-        left = self._step > self._up and info["stage"] in ("untouched", "touched")
-        fallen = info["stage"] == "dropped" and info["object_height"] < _FALLEN
-        self.began = info["disturbance"] in ("running", "over")
-        return observation, reward, terminated, truncated or left or fallen, info
-
-
-def _env(job: Job, settings: Mapping[str, Any]) -> gym.Env[Any, Any]:
-    target, own = job.target, {}
-    if is_set(target):  # a mesh alone is kept from one environment to the next
-        member = set_member(target)
-        target, own = str(member.mesh), {"mesh_mass": member.mass, "mesh_scale": member.scale}
-    return gym.make("DexGrasp/Lift-v2", objects=[target], disable_env_checker=True, **own, **settings)
-
-
 def look(job: Job) -> tuple[Any, Scene, Array, float]:
     """Look at a scene; return who plans, what was seen, where the robot starts, and the object's mass, kg."""
     name = "bilevel" if job.planner == "later" else job.planner
     agent: Any = make_agent(name, settings=PlannerSettings.of(job.told_friction))
-    env = _env(job, {**agent.env_settings, **_SEEN[job.seen][1]})
+    env = gym.make("DexGrasp/Lift-v2", objects=job.target, **agent.env_settings, **_SEEN[job.seen][1])
     observation, info = env.reset(seed=job.seed)
     mass = float(env.unwrapped.simulation.object.mass)  # type: ignore[attr-defined]
     env.close()
@@ -180,24 +139,18 @@ def plan(job: Job) -> tuple[PlanResult, float]:
 def outcome_of(job: Job, planned: Planned, condition: tuple[float, float]) -> dict[str, Any]:
     """Carry a grasp out; return how it went, with and without pushes."""
     carrier = Carrier(planned)
-    row: dict[str, Any] = {"friction": condition[0], "mass_factor": condition[1]}
+    friction, factor = condition
+    own = {"objects": job.target, "friction": friction, "mass": factor, **carrier.env_settings}
+    row: dict[str, Any] = {"friction": friction, "mass_factor": factor}
     for protocol, extra in (("pushed@1", _PUSHED), ("lift", {})):
-        env = Decided(
-            _env(job, {**carrier.env_settings, **extra, "friction": condition[0], "mass": condition[1]}),
-            carrier.steps,
-        )
+        env = gym.make("DexGrasp/Lift-v2", disable_env_checker=True, **own, **extra)
         outcome, _ = run_trial(env, carrier, TrialSeeds(job.seed, job.seed), name="carrier")
-        row[protocol] = _short(outcome)
         env.close()
-        if outcome.success or not env.began:  # without pushes it would have been the same
+        row[protocol] = {"success": outcome.success, "reason": outcome.reason, "error": outcome.error}
+        if outcome.success:  # what is held when pushed is held without
             row.setdefault("lift", row[protocol])
             break
     return row
-
-
-def _short(outcome: Outcome) -> dict[str, Any]:
-    kept = ("success", "reason", "stage", "steps", "slip", "tilt", "height", "error")
-    return {name: jsonable(getattr(outcome, name)) for name in kept}
 
 
 def arrays_of(job: Job) -> Arrays:
@@ -228,7 +181,7 @@ class Data(Script):
     """Makes the scenes that are not there yet.
 
     Attributes:
-        outside: develop.json of scripts/outside.py.
+        outside: develop.json of `scripts/object_sets.py outside`.
         objects: other shapes, instead of those.
     """
 

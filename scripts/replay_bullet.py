@@ -10,7 +10,6 @@ motions, and has no part in the forces of a grasp at rest. A replay takes ten se
 """
 
 import contextlib
-import functools
 import importlib.util
 import sys
 import tempfile
@@ -19,6 +18,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import trimesh
 from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, Folder, InCell, Script
@@ -68,26 +68,14 @@ def replay_in_bullet(recording: Recording, scene: Path, rng: np.random.Generator
         return world.play(recording)
 
 
-class Client:
-    """PyBullet's functions and constants, for one world of its own (its `BulletClient` prints to stdout)."""
-
-    def __init__(self) -> None:
-        import pybullet
-
-        self._module, self._world = pybullet, pybullet.connect(pybullet.DIRECT)
-
-    def __getattr__(self, name: str) -> Any:
-        member = getattr(self._module, name)
-        return functools.partial(member, physicsClientId=self._world) if callable(member) else member
-
-
 class World:
     """A scene in Bullet; the joints in the order of the model's."""
 
     def __init__(self, model: mujoco.MjModel, start: Array, pose: Array) -> None:
         """Set the robot at joint angles (23,), rad, and the object at a pose (7,): position, quaternion wxyz."""
-        self.client = client = Client()
-        self._model = model
+        import pybullet as client
+
+        self.client, self._world, self._model = client, client.connect(client.DIRECT), model
         client.setGravity(*model.opt.gravity.tolist())
         client.setPhysicsEngineParameter(
             fixedTimeStep=STEP, numSolverIterations=_ITERATIONS, contactERP=STEP / _PENETRATION_TIME,
@@ -105,7 +93,7 @@ class World:
 
     def close(self) -> None:
         """Give its memory back."""
-        self.client.disconnect()
+        self.client.disconnect(self._world)
 
     def place(self, angles: Array) -> None:
         """Put the robot's joints at angles (23,), rad, at rest."""
@@ -281,17 +269,11 @@ def _mesh_file(model: mujoco.MjModel, geom: int, folder: Path) -> str:
     """Write a mesh, of which both simulators take the convex hull; '' for other shapes."""
     if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
         return ""
-    mesh = int(model.geom_dataid[geom])
+    mesh, path = int(model.geom_dataid[geom]), folder / f"{geom}.obj"
     corner, face = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
-    lines = [
-        f"v {x:.9f} {y:.9f} {z:.9f}\n"
-        for x, y, z in model.mesh_vert[corner : corner + model.mesh_vertnum[mesh]]
-    ]
-    lines += [
-        f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in model.mesh_face[face : face + model.mesh_facenum[mesh]]
-    ]
-    path = folder / f"{geom}.obj"
-    path.write_text("".join(lines))
+    corners = model.mesh_vert[corner : corner + model.mesh_vertnum[mesh]]
+    faces = model.mesh_face[face : face + model.mesh_facenum[mesh]]
+    trimesh.Trimesh(corners, faces, process=False).export(path)
     return str(path)
 
 

@@ -3,9 +3,9 @@
     python scripts/soak.py [--steps 12000] [--objects all20 ycb6] [--vector 16]
     python scripts/soak.py --plans 10000 [--robots default FILE]
 
-Exits with 1 if a number was not finite, if the same environments or plans held 50 MB more in the last turn through all
-of them than in the turn in which the first thousand episodes or plans were over, or if the last tenth of the plans took
-5 % longer than the first. Memory is judged from two turns on: fewer do not tell caches that fill from leaks.
+A round is every environment, or every object with every robot, once. Exits with 1 if a number was not finite, if the
+process held 50 MB more after the last round than in the middle, when caches are full, or if the last round of plans
+took 5 % longer than the middle one.
 """
 
 import ctypes
@@ -27,14 +27,11 @@ import numpy as np
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.command import Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.valid import Count, Natural
 
-GROWTH_MB = 50.0
-SETTLED = 1000  # episodes or plans, after which caches are full
-SLOWER = 1.05
+GROWTH_MB, SLOWER = 50.0, 1.05
 MODES = ("joint_position", "joint_delta", "ee_delta")
 RANDOMISATION = {
     "mass": (0.5, 2.0), "friction": (0.3, 1.2), "size": (0.8, 1.2), "gain": (0.7, 1.3), "latency": (0.0, 0.05),
@@ -47,54 +44,40 @@ class Soak:
     """Result of a run.
 
     Attributes:
-        again: how many environments or plans there are before the same ones come again.
         steps: or plans.
         not_finite: how many environments had a number gone wrong, once a step.
-        memory_mb: (environments or plans,) resident after each, in their order.
-        settled: how many of these there were when the first `SETTLED` episodes or plans were over.
-        seconds: (plans,) of processor time, in their order.
+        memory_mb: resident after each round.
+        seconds: of processor time of each round of plans.
     """
 
-    again: int = 1
     steps: int = 0
-    episodes: int = 0
     not_finite: int = 0
     endings: Counter[str] = field(default_factory=Counter)
     warnings: Counter[str] = field(default_factory=Counter)
     memory_mb: list[float] = field(default_factory=list)
-    settled: int = 0
     seconds: list[float] = field(default_factory=list)
 
     @property
     def growth_mb(self) -> float:
-        """Median of what the same ones gained from when they had settled to the last turn; nan of one turn."""
-        turns = self._turns(self.memory_mb)
-        first = min(self.settled // self.again, len(turns) - 2)
-        return float(np.median(turns[-1] - turns[first])) if len(turns) > 1 else float("nan")
+        """What was gained from the middle round to the last; nan of fewer than two."""
+        rounds = self.memory_mb
+        return rounds[-1] - rounds[(len(rounds) - 1) // 2] if len(rounds) > 1 else float("nan")
 
     @property
     def slowdown(self) -> float:
-        """Median share by which plans of the last tenth took longer than the same ones of the first."""
-        turns = self._turns(self.seconds)
-        tenth = max(1, len(turns) // 10)
-        return float(np.median(turns[-tenth:] / turns[:tenth])) if len(turns) > 1 else float("nan")
+        """Time of the last round over that of the middle one; nan of fewer than two."""
+        rounds = self.seconds
+        return rounds[-1] / rounds[(len(rounds) - 1) // 2] if len(rounds) > 1 else float("nan")
 
     @property
     def is_clean(self) -> bool:
         """No number gone wrong, memory flat, and no slower at the end."""
         return self.not_finite == 0 and not self.growth_mb > GROWTH_MB and not self.slowdown > SLOWER
 
-    def note_memory(self, over: int) -> None:
-        """Take down the memory that the process holds, where so many episodes or plans are over."""
+    def end_round(self) -> None:
+        """Take down the memory that the process holds."""
         self.memory_mb.append(memory_mb())
-        if over < SETTLED:
-            self.settled = len(self.memory_mb)
         print(f"{self.steps} steps, {self.memory_mb[-1]:.0f} MB", file=sys.stderr)
-
-    def _turns(self, values: list[float]) -> Array:
-        """(turns, again): the whole ones."""
-        whole = len(values) // self.again * self.again
-        return np.array(values[:whole]).reshape(-1, self.again)
 
 
 def memory_mb() -> float:
@@ -114,19 +97,18 @@ def run(
     ids = ids or sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
     kinds: list[tuple[str, str, dict[str, Any]]] = [(name, mode, {}) for mode in MODES for name in ids]
     kinds += [("DexGrasp/Lift-v2", MODES[0], {"obs_mode": mode}) for mode in ("depth", "pointcloud")]
-    soak = Soak(len(kinds))
-    for name, mode, more in cycle(kinds):
-        if more or "View" in name:
-            more = more | {"observe": "reset"}
-        more = more | {"objects": objects, "max_episode_steps": episode, "randomisation": RANDOMISATION}
-        envs = gym.make_vec(name, num_envs=number, control_mode=mode, **more)
-        _reset(envs, rng)
-        most = 2 * episode + 2  # and a step for each reset
-        act(envs, min(most, -(-(steps - soak.steps) // number)), rng, soak)
-        envs.close()
-        soak.note_memory(soak.episodes)
-        if soak.steps >= steps:
-            break
+    soak = Soak()
+    while soak.steps < steps:
+        for name, mode, more in kinds:
+            seen = {"observe": "reset"} if more or "View" in name else {}
+            envs = gym.make_vec(
+                name, num_envs=number, control_mode=mode, objects=objects, max_episode_steps=episode,
+                randomisation=RANDOMISATION, **more, **seen,
+            )  # fmt: skip
+            _reset(envs, rng)
+            act(envs, 2 * episode + 2, rng, soak)
+            envs.close()
+        soak.end_round()
     return soak
 
 
@@ -136,16 +118,18 @@ def run_plans(plans: int, objects: list[str], robots: list[str], *, scenes: int 
     from dexgrasp.registry import make_agent
 
     agents = {robot: make_agent("bilevel") for robot in robots}
-    turns = list(product(range(scenes), resolve_targets(objects), robots))
-    soak = Soak(len(turns))
+    turns, soak, seconds = list(product(range(scenes), resolve_targets(objects), robots)), Soak(), 0.0
     for seed, name, robot in islice(cycle(turns), plans):
         look = look_at(name, agents[robot], seed, robot=None if robot == "default" else robot)
         began = process_time()
         found = agents[robot].plan(look.observation, look.info)  # type: ignore[attr-defined]
-        soak.seconds.append(process_time() - began)
+        seconds += process_time() - began
         soak.steps += 1
         soak.endings["planned" if found.success else str(found.shortfall)] += 1
-        soak.note_memory(soak.steps)
+        if soak.steps % len(turns) == 0:
+            soak.seconds.append(seconds)
+            soak.end_round()
+            seconds = 0.0
     return soak
 
 
@@ -160,9 +144,8 @@ def act(envs: Any, steps: int, rng: np.random.Generator, soak: Soak) -> None:
         for values in observation.values():
             finite &= np.isfinite(values).reshape(envs.num_envs, -1).all(axis=1)
         soak.not_finite += int((~finite & (infos["failure"] != "simulation_diverged")).sum())
-        over = terminated | truncated
-        soak.episodes += int(over.sum())
-        soak.endings.update((infos["failure"][i] or infos["stage"][i]) for i in np.flatnonzero(over))
+        over = np.flatnonzero(terminated | truncated)
+        soak.endings.update((infos["failure"][i] or infos["stage"][i]) for i in over)
         soak.warnings.update(" ".join(infos["mujoco_warnings"]).split())
 
 
@@ -182,6 +165,7 @@ class Soaking(Script):
     """Runs the soak and reports.
 
     Attributes:
+        steps: at least, in whole rounds.
         vector: environments beside each other.
         plans: plans instead of steps.
         robots: of the plans, in turns.
@@ -199,9 +183,11 @@ class Soaking(Script):
             soak = run_plans(self.plans, list(self.objects), list(self.robots))
         else:
             soak = run(self.steps, list(self.objects), self.vector, seed=self.seed)
-        print(f"{soak.steps} steps, {soak.episodes} episodes; endings {dict(soak.endings)}")
+        print(f"{soak.steps} steps, {soak.endings.total()} ends {dict(soak.endings)}")
         print(f"numbers gone wrong {soak.not_finite}; warnings {dict(soak.warnings) or 'none'}")
-        print(f"memory {soak.growth_mb:+.1f} MB, time x {soak.slowdown:.3f}, of the same from first to last")
+        print(
+            f"memory {soak.growth_mb:+.1f} MB, time x {soak.slowdown:.3f}, from the middle round to the last"
+        )
         print("clean" if soak.is_clean else "NOT CLEAN")
         return int(not soak.is_clean)
 

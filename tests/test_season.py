@@ -10,7 +10,6 @@ from project_scripts import load_script
 from dexgrasp_env.errors import InputError
 
 season = load_script("season")
-record_results = load_script("record_results")
 
 ENTRY = {
     "agents": ["random"],
@@ -81,7 +80,7 @@ def test_a_season_is_scored_once_and_pages_show_its_trials(house):
         "<!-- results:2026-12/small -->\n<!-- /results:2026-12/small -->\n"
         "<!-- rate:2026-12/small random lift --><!-- /rate -->"
     )
-    shown = record_results.rewritten(page, root / "docs" / "results", path.parent)
+    shown = season.rewritten(page, root)
     assert "| 2 | 0.0 [0, 66] |" in shown
     assert "0 of 2, 0.0 % [0, 66]<!-- /rate -->" in shown
     assert "python scripts/season.py run seasons/2026-12.json" in shown
@@ -107,16 +106,16 @@ def test_pages_show_the_evaluations_that_the_season_names(tmp_path):
     for name in ("small-0", "small-1", "small-view-0"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "run.json").touch()
-    found = record_results.published(tmp_path, known, "small")
+    found = season.published(tmp_path, known, "small")
     assert [path.name for path in found] == ["small-0", "small-1"]
     with pytest.raises(InputError, match="unknown entry"):
-        record_results.published(tmp_path, known, "large")
+        season.published(tmp_path, known, "large")
     more = dataclasses.replace(known, entries={"small": {"seeds": 3}, "small-view": {}})
     with pytest.raises(InputError, match="small-2 is not there"):
-        record_results.published(tmp_path, more, "small")
+        season.published(tmp_path, more, "small")
     fewer = dataclasses.replace(known, entries={"small": {"seeds": 1}, "small-view": {}})
     with pytest.raises(InputError, match="small-1 is no evaluation of season 2026-12: remove it"):
-        record_results.published(tmp_path, fewer, "small")
+        season.published(tmp_path, fewer, "small")
 
 
 def test_what_was_interrupted_goes_on(house):
@@ -129,6 +128,16 @@ def test_what_was_interrupted_goes_on(house):
     assert len(again.scorings) == 1
     with pytest.raises(InputError, match="second scoring"):
         season.Record(found, root / "docs" / "results").begin("d" * 40, None)
+
+
+def test_every_page_shows_what_was_published():
+    shown = set()
+    for path in season.pages():
+        text = path.read_text()
+        shown |= {found["name"] for found in season._MARKS.finditer(text)}
+        assert season.rewritten(text) == text, f"{path.name}: run scripts/season.py write"
+    runs = (season.ROOT / "docs" / "results").glob("*/*/run.json")
+    assert shown == {f"{run.parents[1].name}/{run.parent.name.rpartition('-')[0]}" for run in runs}
 
 
 def test_the_season_to_come_can_be_scored():
