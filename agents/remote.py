@@ -21,7 +21,6 @@ from dexgrasp.runs.messages import pack, unpack
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import require_extra
-from dexgrasp_env.files import jsonable
 from dexgrasp_env.robot.cell import Cell
 
 _CONNECT_SECONDS = 5.0  # s that a server which was there may be away
@@ -172,18 +171,6 @@ class _Failed(Exception):  # noqa: N818  (a trial's failure, not an error)
     def __init__(self, reason: str, words: str) -> None:
         super().__init__(words)
         self.reason = reason
-
-
-def server_metadata(name: str) -> Fields:
-    """Return what the server of an agent `ws://HOST:PORT` says of itself, as JSON can hold it.
-
-    Raises:
-        InputError: where there is none.
-    """
-    agent = RemoteAgent(name)
-    agent._close()
-    found: Fields = jsonable(agent.metadata)
-    return found
 
 
 def _parsed(name: str) -> tuple[str, float]:

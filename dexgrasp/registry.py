@@ -1,6 +1,5 @@
 """Agents by name."""
 
-import ast
 import importlib
 import importlib.util
 import os
@@ -13,6 +12,7 @@ from dexgrasp.agent import Agent, complete
 from dexgrasp.runs.policy_folder import is_policy, policy_files
 from dexgrasp.runs.reading import files_read
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.files import jsonable
 
 AGENTS: dict[str, str] = {
     "random": "dexgrasp.agents.random:RandomAgent",
@@ -31,6 +31,8 @@ AGENTS: dict[str, str] = {
 
 _READ: dict[str, dict[Path, None]] = {}
 """Agent of the user's -> files that its module and making it have read in this process."""
+_CONNECTED: dict[str, Agent] = {}
+"""Address of a policy server that was asked what it is -> the agent that is connected to it."""
 _OTHER_FORMS = (
     "package.module:Class",
     "the folder of a trained policy",
@@ -56,7 +58,7 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     if name in AGENTS:
         return _load(AGENTS[name])(**kwargs)
     if is_server(name):
-        return _load("dexgrasp.agents.remote:RemoteAgent")(name, **kwargs)
+        return _CONNECTED.pop(name, None) or _load("dexgrasp.agents.remote:RemoteAgent")(name)
     if name.endswith(".zip"):
         return _load("dexgrasp.agents.checkpoint:CheckpointAgent")(name, **kwargs)
     if name.startswith("lerobot:"):
@@ -130,12 +132,13 @@ def is_server(name: str) -> bool:
 
 
 def server_identity(name: str) -> dict[str, Any]:
-    """Return what the policy server of an address says of itself.
+    """Return what the policy server of an address says of itself, as JSON holds it; `make_agent` takes the connection.
 
     Raises:
         InputError: where no server answers.
     """
-    return dict(_load("dexgrasp.agents.remote:server_metadata")(name))
+    agent = _CONNECTED.setdefault(name, make_agent(name))
+    return dict(jsonable(agent.metadata))  # type: ignore[attr-defined]
 
 
 def agent_files(name: str) -> list[Path]:
@@ -152,61 +155,17 @@ def agent_files(name: str) -> list[Path]:
     return list(_READ.get(name, ()))
 
 
-def agent_sources(name: str) -> list[Path]:
-    """Return the files that an agent `package.module:Class` rests on.
-
-    They are its module, the modules of the same folder that it imports or names, and files that these name in their
-    text, as weights, with or without the folder: nothing is run for it.
-    """
-    module = name.partition(":")[0]
-    if ":" not in name or name.endswith(".zip") or name.startswith("lerobot:") or is_server(name):
-        return []
+def agent_source(name: str) -> Path | None:
+    """Return the file of the module of an agent `package.module:Class`; nothing is run for it."""
+    module, colon, _ = name.partition(":")
+    if not colon or name.endswith(".zip") or name.startswith("lerobot:") or is_server(name):
+        return None
     _look_here()
     try:
         spec = importlib.util.find_spec(module)
     except (ImportError, ValueError):  # make_agent says what is wrong with the name
-        return []
-    first = Path(spec.origin) if spec and spec.origin else None
-    if not first or not first.is_file():
-        return []
-    own = module.partition(".")[0] in ("dexgrasp", "dexgrasp_env")  # all of which is hashed already
-    found: dict[Path, None] = {}
-    left = [first]
-    while left:
-        if (path := left.pop()) not in found:
-            found[path] = None
-            left += [] if own or path.suffix != ".py" else named_files(path)
-    return list(found)
-
-
-def named_files(source: Path) -> list[Path]:
-    """Return the modules beside a Python file that it imports, and the files that its text names."""
-    try:
-        tree = ast.parse(source.read_bytes())
-    except (SyntaxError, ValueError):  # importing it says what is wrong
-        return []
-    roots, modules, texts = [source.parent], list[str](), list[str]()
-    while (roots[-1] / "__init__.py").is_file():  # of a package
-        roots.append(roots[-1].parent)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            modules += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            whole = node.module or ""
-            modules += [whole, *(f"{whole}.{alias.name}".strip(".") for alias in node.names)]
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            texts.append(node.value)
-    own = [root for root in roots if root.name not in ("site-packages", "dist-packages")]
-    modules += [
-        text for text in texts if all(map(str.isidentifier, text.split(".")))
-    ]  # of importlib.import_module
-    stems = [root / name.replace(".", "/") for root in own for name in dict.fromkeys(modules) if name]
-    tried = [path for stem in stems for path in (stem.with_suffix(".py"), stem / "__init__.py")]
-    short = [text for text in dict.fromkeys(texts) if 0 < len(text) < 256 and "\0" not in text]
-    bases = [Path.cwd(), roots[0]]
-    bases += [base / text for text in short for base in tuple(bases) if (base / text).is_dir()]
-    tried += [base / text for text in short for base in bases]
-    return [path for path in tried if os.path.isfile(path)]
+        return None
+    return Path(spec.origin) if spec and spec.origin and os.path.isfile(spec.origin) else None
 
 
 def _load(spec: str) -> Any:

@@ -10,7 +10,7 @@ from dexgrasp_env.errors import InputError
 EXTRAS: dict[str, tuple[str, ...]] = {
     "planner": (
         "clarabel", "daqp", "imageio", "imageio_ffmpeg", "jinja2", "loky", "matplotlib", "ompl", "osqp", "PIL",
-        "qpsolvers", "rtree", "ruckig", "safetensors", "shtab",
+        "qpsolvers", "rtree", "ruckig", "safetensors",
     ),
     "learning": ("torch", "stable_baselines3", "tensorboard"),
     "viewer": ("viser",),

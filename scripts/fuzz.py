@@ -87,20 +87,15 @@ class Draw:
 
     def tree(self, content: Any) -> bytes:
         """Return a tree as JSON with some values changed, or its text."""
-        content, way = copy.deepcopy(content), self.upto(19)
-        if way < 3:
+        content = copy.deepcopy(content)
+        if self.upto(4) == 0:
             return self.bytes(json.dumps(content).encode())
-        if way == 3:
-            return bytes(self.one((b"[" * 100_000, b'{"a":' * 50_000, b"9" * 5000, b'"\xff"', b"")))
         for _ in range(self.upto(3, 1)):
-            if not (places := list(_places(content))):
-                break
-            holder, key = self.one(places)
-            value, way = holder[key], self.upto(3)
-            if way == 0:
+            holder, key = self.one([({0: content}, 0), *_places(content)])
+            if type(holder[key]) in (int, float) and self.upto(1):
+                holder[key] *= self.one((0.0, -1.0, 1.01, 1e3, 1e-9, 1e200))
+            elif self.upto(3) == 0:
                 del holder[key]
-            elif way == 1 and type(value) in (int, float):
-                holder[key] = value * self.one((0.0, -1.0, 1.01, 2.0, 1e3, 1e-9, 1e200))
             else:
                 holder[key] = copy.deepcopy(self.one(STRANGE))
         return json.dumps(content).encode()

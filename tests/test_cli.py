@@ -16,7 +16,6 @@ from dexgrasp.cli import doctor
 from dexgrasp.cli.codes import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
 from dexgrasp.cli.command import Answer
 from dexgrasp.cli.commands import COMMANDS, make_parser
-from dexgrasp.cli.figures import tables
 from dexgrasp.cli.main import main
 from dexgrasp.cli.output import quiet
 from dexgrasp.cli.parsing import build
@@ -33,22 +32,17 @@ def run(*arguments, module="dexgrasp.cli.main", **kwargs):
     ("arguments", "words"),
     [
         ("nonsense", "evaluate"),
-        ("list things", "objects"),
         ("list objects --colour", "--colour"),
         ("evaluate --objects seen", "--agents"),
         ("evaluate --agents random --objects suger_box", "sugar_box"),
-        ("evaluate --agents randon --objects seen", "hardcoded"),
         ("evaluate --agents random --objects seen --trials 0", ">= 1"),
-        ("evaluate --agents random --objects seen --friction 7", "<= 2"),
         ("evaluate --agents random --objects seen --protocol v9", "valid are lift"),
         (
             "evaluate --agents random --objects seen --protocol robust --friction 0.9",
             "own",
         ),
-        ("evaluate --agents random --objects seen --mount odd", "palm_normal"),
         ("evaluate --agents random --objects seen --out /dev/null/x", "cannot write"),
         ("report nowhere", "no evaluation"),
-        ("benchmark nonsense", "stepping"),
         ("check nowhere --simulator bullet", "unrecognized arguments"),
         (
             "dataset generate --objects soda --out x --mount y",
@@ -57,23 +51,15 @@ def run(*arguments, module="dexgrasp.cli.main", **kwargs):
         ("plan nowhere.stl", "nowhere.stl"),
         ("plan pear --agent nobody", "bilevel"),
         ("plan pear --agent hardcoded", "no certified plans"),
-        ("plan pear --seed -1", ">= 0"),
-        ("plan pear --mount sideways", "palm_normal"),
         ("plan pear --mesh-scale nan", "> 0"),
         ("plan", "TARGET"),
         ("plan seen", "is a set"),
         ("plan pear --mass 0.3", "are of --cloud"),
-        ("plan pear --object-near 0.5 0 0", "are of --cloud"),
         ("plan pear --mesh-scale 0.001", "mesh files alone"),
-        ("plan varied-3 --mesh-scale 0.001", "mesh files alone"),
         ("plan pear --agent os:system", "cannot be made"),
-        ("plan pear --agent os:", "no class"),
-        ("demo --object pear --mesh-mass 0.1", "mesh files alone"),
         ("verify nowhere.json", "cannot read nowhere.json"),
-        ("verify", "GRASP.json"),
         ("demo --out /dev/null/x", "/dev/null/x"),
         ("plan pear --count 99999", "a whole number from 1 to 10000"),
-        ("plan pear --count 2 --agent hardcoded", "makes no certified plans"),
     ],
 )
 def test_bad_input_is_one_line_and_2(arguments, words, capsys, tmp_path, monkeypatch):
@@ -100,9 +86,7 @@ def one_line_after_notes(capsys):
     ("content", "suffix"),
     [
         (b"", ".stl"),
-        (b"not a mesh", ".obj"),
         (b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ".obj"),
-        (b"x", ".txt"),
     ],
 )
 def test_bad_meshes_are_one_line_and_2(content, suffix, capsys, tmp_path, monkeypatch):
@@ -149,11 +133,7 @@ def every_action(parser):
         ("evaluate --agents a --objects pear --video failures", "video", "failures"),
         ("evaluate --agents a --objects ycb6 --protocol lift heavy", "settings.protocols", ("lift", "heavy")),
         ("evaluate --agents a --objects pear --size 320x240", "film.size", (240, 320)),
-        ("evaluate --agents a --objects pear --backend processes --workers 3", "backend.workers", 3),
         ("plan --cloud x.ply --object-near 1 2 3", "object_near", (1.0, 2.0, 3.0)),
-        ("plan", "target", None),
-        ("doctor", "meshes", ()),
-        ("train cvae --data d --out o --latent 3", "settings.network.latent", 3),
         ("train grip --objects pear --from a --out o --mass 1 2", "settings.mass", (1.0, 2.0)),
         ("train bc --data d e --out o --seed 1 2", "seeds", (1, 2)),
     ],
@@ -181,20 +161,8 @@ def test_options_that_do_not_go_together_are_one_line_and_2(line, words, capsys)
 
 
 def test_a_bad_mujoco_gl_stops_nothing_that_draws_nothing():
-    for value in ("foo", "osmesa", "disabled"):
-        done = run("list", "agents", env={**os.environ, "MUJOCO_GL": value})
-        assert done.returncode == OK, done.stderr
-
-
-def test_environments_do_without_the_gl_library_that_is_named():
-    code = "import gymnasium, dexgrasp_env; gymnasium.make('DexGrasp/Lift-v2').reset(seed=0); print('made')"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "MUJOCO_GL": "osmesa"},
-    )
-    assert done.stdout == "made\n", done.stderr
+    done = run("list", "agents", env={**os.environ, "MUJOCO_GL": "foo"})
+    assert done.returncode == OK, done.stderr
 
 
 def test_a_full_disk_is_the_users_to_mend(monkeypatch, capsys):
@@ -307,31 +275,6 @@ def test_doctor_knows_the_wrong_mujoco(monkeypatch):
     monkeypatch.setattr(doctor, "package_version", lambda package: "4.0.0")
     wrong = [finding for finding in doctor.check_versions() if finding.level == "error"]
     assert ["mujoco" in finding.problem for finding in wrong] == [True]
-
-
-def test_benchmark_tables():
-    text = tables({"box": {"ratio": 0.912345, "parts": {"a": 1}}, "all": {"ratio": None}, "total": 3.0})
-    assert "0.9123" in text
-    assert "parts a" in text
-    assert ["total", "3"] in [line.split() for line in text.splitlines()]
-    text = tables({"speed": [{"shape": "box", "rate": 2.5}, {"shape": "can", "rate": 3.5}]})
-    assert [line.split() for line in text.splitlines()][::3] == [["speed:"], ["box", "2.5"]]
-    assert "{" not in text
-    text = tables({"box": {"rate": 1.5}, "can": {"rate": 2.5}})
-    assert ["can", "2.5"] in [line.split() for line in text.splitlines()]
-
-
-@pytest.mark.parametrize(
-    ("terminal", "no_colour", "text"),
-    [(True, "", "\x1b[31mFAIL\x1b[0m"), (True, "1", "FAIL"), (False, "", "FAIL")],
-)
-def test_colours_are_for_terminals_alone(terminal, no_colour, text, monkeypatch):
-    from dexgrasp.cli.output import mark
-
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal, raising=False)
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setenv("NO_COLOR", no_colour)
-    assert mark(False) == text
 
 
 def test_libraries_with_their_own_check_at_exit_print_nothing(tmp_path):

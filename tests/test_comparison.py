@@ -37,28 +37,6 @@ def test_other_scene_seeds_and_protocols_are_other_scenes():
     assert set(compare_rows(both, "x", "y")["by_protocol"]) == {"heavy", "lift"}
 
 
-def test_a_protocol_that_changes_nothing_counts_once():
-    """Two agents that are told the state play `one_view` as they play `lift`."""
-    seen = dict(steps=9, total_reward=1.5, height=0.1, slip=0.0, tilt=0.0)
-    rows = [
-        row(n, "pear", 0, n == "x", protocol=p, **seen) for n in "xy" for p in ("lift", "one_view", "heavy")
-    ]
-    rows[2]["height"] = 0.11  # x feels the mass
-    found = compare_rows(rows, "x", "y")
-    assert [found[k] for k in ("trials", "scenes", "only_a", "for_a", "repeated")] == [2, 1, 2, 1, 1]
-    assert [cell["scenes"] for cell in found["by_protocol"].values()] == [1, 1, 1]
-    assert [d["protocol"] for d in found["discordant"]] == ["lift", "heavy"]
-
-
-def test_who_did_not_move_repeats_nothing():
-    still = dict(steps=0, total_reward=0.0, height=0.0, slip=0.0, tilt=0.0)
-    rows = [
-        row(n, "pear", k, protocol=p, **still) for n in "xy" for k in range(3) for p in ("lift", "one_view")
-    ]
-    found = compare_rows(rows, "x", "y")
-    assert (found["trials"], found["repeated"]) == (6, 0)
-
-
 def test_a_scene_under_many_conditions_is_one_scene():
     """One scene that one agent fails under six conditions is no evidence of six."""
     parts = ("lift", "upright", "heavy", "shaken", "pushed@0.5", "slippery@0.5")

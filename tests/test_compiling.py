@@ -13,7 +13,6 @@ import pytest
 from numba.core import caching
 from processes import python
 
-from dexgrasp.cli import doctor
 from dexgrasp_env import compiled, files
 
 SCRIPT = """
@@ -65,27 +64,6 @@ def test_compiled_code_goes_to_the_cache_where_its_own_folder_cannot_be_written(
     assert compiled.code_folder() is None
 
 
-def test_where_nothing_can_be_kept_functions_are_compiled_in_memory(nowhere, monkeypatch, capsys):
-    for name in ("DEXGRASP_CACHE", "XDG_CACHE_HOME"):
-        monkeypatch.setenv(name, "/proc/nowhere")
-    monkeypatch.setattr(files.tempfile, "tempdir", "/proc/nowhere")
-    assert compiled.njit(lambda x: 2 * x)(2.0) == 4.0
-    assert capsys.readouterr().err.count("note: ") == 1
-
-
-def test_doctor_says_which_folder_and_why(nowhere, tmp_path, monkeypatch):
-    monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "own"))
-    found = doctor._check_code()
-    assert (found.level, str(tmp_path / "own") in found.problem) == ("info", True)
-    assert "where it can be written" in found.problem
-    monkeypatch.setenv("DEXGRASP_CACHE", "/proc/nowhere")
-    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
-    monkeypatch.setattr(files.tempfile, "tempdir", "/proc/nowhere")
-    found = doctor._check_code()
-    assert found.level == "warning"
-    assert "NUMBA_CACHE_DIR" in found.remedy
-
-
 NOBODY = """
 import os, sys
 os.setgroups([]); os.setgid(54321); os.setuid(54321)
@@ -107,17 +85,6 @@ def test_a_user_without_home_and_name_has_a_cache_of_temporary_files(tmp_path):
     assert said == f"{tmp_path / 'dexgrasp-54321'} True\n"
 
 
-def test_where_not_even_temporary_files_can_be_made_nothing_is_kept(monkeypatch):
-    def homeless(name):
-        raise RuntimeError("could not determine the home directory")
-
-    monkeypatch.delenv("DEXGRASP_CACHE", raising=False)
-    monkeypatch.setattr(files.platformdirs, "user_cache_dir", homeless)
-    monkeypatch.setattr(files.tempfile, "tempdir", "/proc/nowhere")
-    made = files.cached_arrays("a.npy", lambda: {"x": np.arange(3)})
-    assert made["x"].tolist() == [0, 1, 2]
-
-
 def test_code_is_read_where_it_is_kept_and_nothing_can_be_written(monkeypatch, tmp_path, capsys):
     """An image's: compiled when it was made, with a root file system that is read-only when it runs."""
     (tmp_path / "shapes.py").write_text(
@@ -136,16 +103,6 @@ def test_code_is_read_where_it_is_kept_and_nothing_can_be_written(monkeypatch, t
     assert sum(kept.stats.cache_hits.values()) == 1
     assert new(2.0) == 1.0
     assert compiled.code_folder() is None or compiled.code_folder().name == "__pycache__"
-
-
-def test_a_full_disk_is_done_without(monkeypatch, capsys):
-    def full(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    files.note_unwritable.cache_clear()
-    monkeypatch.setattr(caching.FunctionCache, "save_overload", full)
-    assert compiled.njit(lambda x: 3 * x)(2.0) == 6.0
-    assert "No space left" in capsys.readouterr().err
 
 
 def test_a_folder_of_temporary_files_that_others_can_write_is_not_used(tmp_path, monkeypatch):

@@ -119,7 +119,7 @@ def catches(process):
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc here")
 @pytest.mark.parametrize("module", ["dexgrasp.cli.main", "dexgrasp_env"])
 def test_start_up_at_many_moments(module):
-    for k, delay in enumerate((0.0, 0.02, 0.1, 0.3, 0.6)):
+    for k, delay in enumerate((0.0, 0.1, 0.5)):
         process = start("-m", module, "plan", "pear", "--seed", "1")
         while not catches(process) and process.poll() is None:
             time.sleep(0.001)

@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from cloud_accuracy import measure_accuracy
 from refusals import refused
 from robots import CELL
 
-from dexgrasp.cli.benchmarks.cloud_accuracy import measure_accuracy
 from dexgrasp_env.perception.pipeline import segment
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.sensing.perception import Perception

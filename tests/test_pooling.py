@@ -2,10 +2,8 @@
 
 import pytest
 from processes import typed
-from refusals import refused
 from trial_rows import row, write_run
 
-from dexgrasp.cli.main import main
 from dexgrasp.evaluation.pooling import rows_by_agent
 
 
@@ -47,26 +45,6 @@ def test_other_experiments_are_not(tmp_path, more):
 def test_the_same_seed_again_counts_for_itself(tmp_path):
     folders = [run_folder(tmp_path / name, 1, [True]) for name in "ab"]
     assert list(rows_by_agent(folders)) == ["x", "y", "x (b)", "y (b)"]
-
-
-def test_folders_of_one_name_stay_apart(tmp_path):
-    folders = [run_folder(tmp_path / name / "run", 1, [True], agents=("x",), code=name) for name in "abc"]
-    assert list(rows_by_agent(folders)) == ["x", "x (run)", f"x ({folders[2]})"]
-
-
-def test_trials_without_their_settings_stand_alone(tmp_path):
-    folders = [run_folder(tmp_path / "a", 1, [True]), run_folder(tmp_path / "b", 2, [True])]
-    (folders[1] / "run.json").unlink()
-    assert list(rows_by_agent(folders)) == ["x", "y", "x (b)", "y (b)"]
-    (folders[1] / "trials.jsonl").unlink()
-    with refused("no evaluation"):
-        rows_by_agent(folders)
-
-
-def test_agents_are_compared_over_seeds(tmp_path, printed):
-    folders = [run_folder(tmp_path / name, k, [True, False]) for k, name in enumerate("ab")]
-    assert main(["compare", *map(str, folders), "x", "y", "--json"]) == 0
-    assert printed()["scenes"] == 4
 
 
 def test_pushes_are_judged_in_comparisons_as_in_reports(tmp_path, printed):

@@ -12,11 +12,9 @@ from trial_rows import write_run
 
 from dexgrasp.evaluation.report.build import write_report
 from dexgrasp.evaluation.report.origin import commands, describe_run
-from dexgrasp.runs.text import seconds_words
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 VOID = {"meta", "img", "br"}
-CLIP = b"not really an mp4"
 
 
 class Page(HTMLParser):
@@ -88,22 +86,9 @@ def test_one_page_that_needs_no_other_file(folder):
     assert "14.40" not in hardcoded  # the paper's times stand beside its planner alone
     assert "14.40" in markdown
     assert sorted(p.name for p in (folder / "out").iterdir()) == [
-        "planning_times.png", "report.html", "report.md", "success_by_mass.png", "success_by_object.png",
-        "success_by_protocol.png", "success_by_set.png",
+        "planning_times.png", "report.html", "report.md", "success_by_object.png", "success_by_protocol.png",
+        "success_by_set.png",
     ]  # fmt: skip
-
-
-def test_curves_and_clips(folder):
-    (folder / "videos").mkdir()
-    (folder / "videos" / f"heavy-hardcoded-{OBJECT_SETS['seen'][0]}-0.mp4").write_bytes(CLIP)
-    markdown = write_report([folder], folder / "out")
-    page = parsed((folder / "out" / "report.html").read_text())
-    clips = [address for address in page.fetched if address.startswith("data:video/mp4;base64,")]
-    assert [base64.b64decode(clip.partition(",")[2]) for clip in clips] == [CLIP]
-    assert "1 of 8 failures" in page.text
-    assert "Success against mass" in markdown
-    assert (folder / "out" / "success_by_mass.png").stat().st_size > 5_000
-    assert not (folder / "out" / "success_by_friction.png").exists()  # one friction alone
 
 
 def test_commands_are_those_that_made_it(folder):
@@ -132,19 +117,12 @@ def test_settings_that_no_evaluation_writes_are_unknown(folder, wrong):
     assert commands(folder) == [f"dexgrasp report {folder}"]
 
 
-def test_names_that_are_no_text_are_shown_with_question_marks(folder):
-    lines = (folder / "trials.jsonl").read_text().replace("my_mesh", r"my\udcff")
-    (folder / "trials.jsonl").write_text(lines)
-    write_report([folder], folder / "out")
-    assert "my?" in (folder / "out" / "report.html").read_text()
-
-
 def test_names_are_escaped(folder):
-    lines = (folder / "trials.jsonl").read_text().replace("my_mesh", "<script>alert(1)</script>a|b")
+    lines = (folder / "trials.jsonl").read_text().replace("my_mesh", r"<script>alert(1)</script>a|b\udcff")
     (folder / "trials.jsonl").write_text(lines)
-    assert "<script>alert(1)</script>a\\|b" in write_report([folder], folder / "out")
+    assert "<script>alert(1)</script>a\\|b?" in write_report([folder], folder / "out")
     page = parsed((folder / "out" / "report.html").read_text())
-    assert "<script>alert(1)</script>a|b" in page.text
+    assert "<script>alert(1)</script>a|b?" in page.text
 
 
 def test_report_command(folder, printed):
@@ -152,11 +130,3 @@ def test_report_command(folder, printed):
     found = printed()
     assert found["html"].endswith("report.html")
     assert (folder / "report.html").is_file()
-
-
-@pytest.mark.parametrize(
-    ("seconds", "words"),
-    [(0.0312, "0.031"), (0.0501, "0.050"), (14.4, "14.40"), (0.0, "0.00"), (3e-6, "0.00")],
-)
-def test_hundredths_of_a_second_are_told_apart(seconds, words):
-    assert seconds_words(seconds) == words

@@ -33,10 +33,6 @@ def odd(task):
     return task
 
 
-def empty(task):
-    return next(iter(()))
-
-
 @pytest.mark.parametrize("workers", [1, 2])
 def test_every_task_is_done_whoever_does_it(workers):
     assert sorted(run_pool(doubled, range(7), Backend(workers=workers))) == [0, 2, 4, 6, 8, 10, 12]
@@ -75,11 +71,6 @@ def test_what_is_done_when_a_task_fails_is_had_before_that_is_said(monkeypatch):
         next(results)
 
 
-def test_a_task_that_stops_early_is_no_end_of_all():
-    with pytest.raises(RuntimeError, match="StopIteration"):
-        list(run_pool(empty, range(2), Backend()))
-
-
 def test_bars_of_workers_leave_nothing_behind_that_is_warned_of(tmp_path):
     script = tmp_path / "bars.py"
     script.write_text(
@@ -93,11 +84,6 @@ def test_bars_of_workers_leave_nothing_behind_that_is_warned_of(tmp_path):
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
     assert done.stdout == "[3, 6]\n"
     assert "leaked" not in done.stderr
-
-
-def test_an_unknown_backend_is_refused():
-    with refused("valid is processes, ray"):
-        Backend("loky")
 
 
 def test_pieces_that_are_there_are_not_made_again(tmp_path):

@@ -1,19 +1,39 @@
-"""Statistics: coverage of intervals, evidence, success within k tries, all by simulation."""
+"""Statistics: coverage of intervals by simulation, published values, exact tests."""
 
 import numpy as np
 import pytest
 from trial_rows import row
 
 from dexgrasp.evaluation.statistics import (
-    e_value,
     object_difference_interval,
     object_interval,
     paired_comparison,
     paired_difference_interval,
-    success_within,
     wilson_interval,
 )
 from dexgrasp.evaluation.summary import count, protocol_counts
+
+
+def test_wilson_interval_against_published_values():
+    # Newcombe (1998), table I, method 3: 81/263, 15/148, 0/20, 1/29.
+    for k, n, low, high in [
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ]:
+        assert wilson_interval(k, n) == pytest.approx((low, high), abs=5e-5)
+    assert wilson_interval(5, 5)[1] == 1.0
+    assert wilson_interval(0, 0) == (0.0, 1.0)
+    with pytest.raises(ValueError, match="3 successes"):
+        wilson_interval(3, 2)
+
+
+def test_scenes_that_are_met_once_are_tested_by_mcnemar():
+    found = paired_comparison((i, i < 9, 8 <= i < 10) for i in range(20))
+    assert [found[k] for k in ("both", "only_a", "only_b", "neither")] == [1, 8, 1, 10]
+    assert found["p_value"] == pytest.approx(2 * (1 + 9) / 2**9)
+    assert paired_comparison([(0, True, True), (1, False, False)])["p_value"] == 1.0
 
 
 def test_paired_difference_covers_as_it_says():
@@ -88,18 +108,3 @@ def test_the_interval_of_a_difference_covers_where_scenes_are_met_often():
         )
         inside.append(found["ci95"][0] <= 0.1 <= found["ci95"][1])
     assert 0.9 < np.mean(inside) <= 1.0
-
-
-def test_e_value_is_a_martingale():
-    for a, b in [(0, 0), (3, 1), (10, 2)]:
-        assert 0.5 * (e_value(a + 1, b) + e_value(a, b + 1)) == pytest.approx(e_value(a, b))
-    assert e_value(0, 0) == 1.0
-
-
-def test_success_within_tries():
-    counts = {"a": (2, 4), "b": (4, 4)}
-    assert success_within(counts, 1) == pytest.approx(0.75)
-    assert success_within(counts, 2) == pytest.approx(0.5 * (1 - 1 / 6 + 1.0))
-    assert success_within(counts, 4) == pytest.approx(1.0)
-    assert success_within(counts, 5) is None
-    assert success_within({"a": (0, 5)}, 3) == 0.0

@@ -9,33 +9,11 @@ from trial_rows import row, write_run
 from dexgrasp.evaluation.store import TrialStore, kept_grasps, read_rows
 
 
-def test_partial_last_line_is_dropped(tmp_path):
-    store = TrialStore(tmp_path, {"seed": 1})
-    store.append(row(trial=0))
-    store.append(row(trial=1))
-    store.close()
-    path = tmp_path / "trials.jsonl"
-    path.write_text(path.read_text()[:-20])
-    store = TrialStore(tmp_path, {"seed": 1})
-    assert store.finished == {("lift", "a", "soda", 0)}
-    store.append(row(trial=1))
-    store.close()
-    assert [r["trial"] for r in read_rows(tmp_path)] == [0, 1]
-
-
 def test_two_writers_are_refused(tmp_path):
     store = TrialStore(tmp_path, {})
     with refused("another process is writing"):
         TrialStore(tmp_path, {})
     store.close()
-
-
-def test_damaged_line_is_named(tmp_path):
-    (tmp_path / "trials.jsonl").write_text("what?\n")
-    with refused("line 1"):
-        read_rows(tmp_path)
-    with refused("no evaluation"):
-        read_rows(tmp_path / "nowhere")
 
 
 def test_a_trial_counts_once(tmp_path):

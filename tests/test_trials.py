@@ -1,7 +1,5 @@
 """Protocols and trials: seeds, what agents are told, agents that misbehave."""
 
-import json
-from types import SimpleNamespace
 from typing import ClassVar
 
 import gymnasium as gym
@@ -13,9 +11,6 @@ from dexgrasp.agent import Agent, Report, renew_report
 from dexgrasp.agents.placing import PlacingAgent
 from dexgrasp.evaluation import trial as one_trial
 from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_seeds
-from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp_env.files import jsonable
-from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 
 class Still(Agent):
@@ -77,13 +72,6 @@ class FillsIn(Still):
             self.report.failure = "no_grasp"
 
 
-class Fixed(Still):
-    report = property(lambda self: Report(planning_seconds=3.5))
-
-    def reset(self, observation, info):
-        pass
-
-
 class Duck:
     """Not a subclass of anything."""
 
@@ -131,16 +119,6 @@ def test_agents_choose_only_what_is_theirs():
         get_protocol("lift-v9")
 
 
-def test_settings_are_checked():
-    assert EvaluationSettings.of(["a", "a"], ["seen", "soda", "soda"]).objects == (
-        *OBJECT_SETS["seen"],
-        "soda",
-    )
-    for agents, objects, rest in ([], ["seen"], {}), (["a"], ["nope"], {}), (["a"], ["seen"], {"trials": 0}):
-        with refused():
-            EvaluationSettings.of(agents, objects, **rest)
-
-
 def test_agents_are_told_nothing_of_the_object(env):
     agent = Still()
     outcome = run_trial(env, agent, SEEDS)
@@ -183,15 +161,6 @@ def test_agents_without_a_plan(env):
     assert outcome.details["certificate"]["extra"] is None
 
 
-def test_a_failed_reset_does_not_bear_the_last_report(env):
-    agent = HasNoPlan()
-    run_trial(env, agent, SEEDS)
-    agent.reset = BreaksAtReset().reset
-    outcome = run_trial(env, agent, SEEDS)
-    assert outcome.planning_seconds is None
-    assert outcome.details == {}
-
-
 def test_a_plan_that_failed_is_forgotten_in_the_next_trial(env):
     agent = FillsIn()
     assert [run_trial(env, agent, SEEDS).reason for _ in range(2)] == ["no_grasp", "not_touched"]
@@ -201,22 +170,5 @@ def test_a_plan_that_failed_is_forgotten_in_the_next_trial(env):
     assert agent.report.failure is None
 
 
-def test_reports_that_are_an_agents_own_or_cannot_be_set_do(env):
-    agent = Still()
-    agent.reset = lambda *_: None
-    agent.report = SimpleNamespace(planning_seconds=2.5)
-    assert run_trial(env, agent, SEEDS).planning_seconds == 2.5
-    assert run_trial(env, Fixed(), SEEDS).planning_seconds == 3.5
-
-
 def test_duck_typed_agents_do(env):
     assert run_trial(env, Duck(), SEEDS).error is None
-
-
-def test_jsonable():
-    value = {"a": np.float32(1.5), 2: [np.int64(3), float("inf")], "c": np.eye(2), "d": Report(), "e": {1}}
-    text = json.dumps(jsonable(value), allow_nan=False)
-    assert json.loads(text) == {
-        "a": 1.5, "2": [3, None], "c": [[1, 0], [0, 1]], "e": [1],
-        "d": {"failure": None, "again": False, "planning_seconds": None, "details": {}},
-    }  # fmt: skip

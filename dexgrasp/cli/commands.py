@@ -42,7 +42,6 @@ COMMANDS = {
     "view": "a grasp in the browser, from approach to hold",
     "serve": "planner and agents over WebSocket, warm, for other programs",
     "warmup": "compile what plans and environments need, once",
-    "completion": "a script that completes commands in bash or zsh",
 }
 """Command -> what it does; `COMMAND` of the module of its name is a `Command`, or several by name."""
 

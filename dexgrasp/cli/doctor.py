@@ -5,7 +5,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Scale
 from dexgrasp.cli.output import coloured, note
@@ -127,25 +127,20 @@ def check_rendering() -> list[Finding]:
 def _renders(backend: str) -> str:
     """Return an empty text if a backend works, else why it does not."""
     with tempfile.TemporaryDirectory() as folder:  # MuJoCo logs into the current folder
-        done = _python(
-            _RENDER, 60, cwd=folder, env={**os.environ, "MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend}
+        command, surroundings = (
+            [sys.executable, "-c", _RENDER],
+            {"MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend},
         )
-    if done is None:
-        return "does not answer"
+        try:
+            done = subprocess.run(
+                command, cwd=folder, env=os.environ | surroundings, capture_output=True, text=True, timeout=60
+            )
+        except subprocess.TimeoutExpired:
+            return "does not answer"
     if done.returncode == 0:
         return ""
     last = (done.stderr.strip().splitlines() or [""])[-1][:100]
     return f"crashes (signal {-done.returncode})" if done.returncode < 0 else f"does not work ({last})"
-
-
-def _python(code: str, timeout: float, **where: Any) -> "subprocess.CompletedProcess[str] | None":
-    """Run code in a process of its own; None if it takes longer than the timeout, s."""
-    try:
-        return subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, timeout=timeout, **where
-        )
-    except subprocess.TimeoutExpired:
-        return None
 
 
 def check_machine() -> list[Finding]:
@@ -157,7 +152,6 @@ def check_machine() -> list[Finding]:
         Finding("info", f"{usable_cores()} processors" + (f" ({', '.join(limits)})" if limits else "")),
         _check_cache(),
         _check_code(),
-        *_check_torch(),
     ]
 
 
@@ -185,27 +179,8 @@ def _check_code() -> Finding:
         return Finding(
             "warning", problem, "set NUMBA_CACHE_DIR to a writable folder: each process compiles anew"
         )
-    beside = (
-        "beside the code"
-        if folder.name == "__pycache__"
-        else "or in NUMBA_CACHE_DIR, else where it can be written"
-    )
+    beside = "beside the code" if folder.name == "__pycache__" else "where it can be written"
     return Finding("info", f"compiled code is kept in {folder} ({beside})")
-
-
-def _check_torch() -> list[Finding]:
-    if package_version("torch") is None:
-        return []
-    device = "torch.cuda.get_device_name() if torch.cuda.is_available() else 'no GPU'"
-    done = _python(f"import torch; print({device}, torch.get_num_threads())", 120)
-    if done is None:
-        return [Finding("warning", "torch does not import within two minutes")]
-    if done.returncode:
-        return [
-            Finding("error", "torch does not import", "reinstall it: pip install --force-reinstall torch")
-        ]
-    device, _, threads = done.stdout.strip().rpartition(" ")
-    return [Finding("info", f"torch works: {device}, {threads} threads")]
 
 
 COMMAND = Doctor

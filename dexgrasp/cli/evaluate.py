@@ -3,7 +3,7 @@
 import json
 from typing import Annotated, Literal
 
-from dexgrasp.cli.codes import ANSWER_IS_NO, INTERRUPTED, OK
+from dexgrasp.cli.codes import INTERRUPTED, OK
 from dexgrasp.cli.command import Answer, Command, Folder, check_mesh_options
 from dexgrasp.cli.output import note, resumable
 from dexgrasp.evaluation.settings import EvaluationSettings
@@ -48,8 +48,8 @@ class Evaluate(Command):
     backend: Backend = Backend()
 
     def run(self) -> Answer | int:
-        """Evaluate; 3 if it was interrupted or a worker died, with what was finished kept, 1 if trials were lost."""
-        from dexgrasp.evaluation.evaluate import LostTrialsError, evaluate
+        """Evaluate; 3 if it was interrupted or a worker died, with what was finished kept."""
+        from dexgrasp.evaluation.evaluate import evaluate
         from dexgrasp.evaluation.protocol import get_protocol
         from dexgrasp.evaluation.report.tables import render_summary
         from dexgrasp.registry import check_name
@@ -66,16 +66,11 @@ class Evaluate(Command):
         code = OK
         try:
             with resumable(f"finished trials are kept in {folder}"):
-                evaluate(
-                    settings, folder, backend=self.backend, videos=self.video, film=self.film,
-                )  # fmt: skip
+                evaluate(settings, folder, backend=self.backend, videos=self.video, film=self.film)
         except KeyboardInterrupt as stop:
             interrupt.acknowledge()
             note(f"dexgrasp evaluate: interrupted; {stop}")
             code = INTERRUPTED
-        except LostTrialsError as lost:
-            note(f"dexgrasp evaluate: {lost}; the others are in {folder}")
-            code = ANSWER_IS_NO
         path = folder / "summary.json"
         if not path.is_file():
             return code

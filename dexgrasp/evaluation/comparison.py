@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.evaluation.protocol import AGENT_KEYS
-from dexgrasp.evaluation.statistics import e_value, object_difference_interval, paired_comparison
+from dexgrasp.evaluation.statistics import object_difference_interval, paired_comparison
 from dexgrasp.evaluation.store import Trials, read_rows
 from dexgrasp.evaluation.summary import grouped, judged, object_counts, present_sets, scene_of
 from dexgrasp.runs.text import text_table
@@ -17,8 +17,6 @@ _FOLLOWS = ("objects", "max_episode_steps")
 """Settings that follow from the trial's object, and from the agent's pace."""
 _SCENE = ("protocol", "object", "trial", "scene_seed")
 """What makes two trials the same scene."""
-_PLAYED = ("success", "steps", "total_reward", "height", "slip", "tilt")
-"""What two trials of an agent on the same object and seed have in common if their protocols changed nothing for it."""
 
 
 def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[str] = ()) -> Fields:
@@ -32,9 +30,7 @@ def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[
 
     Returns:
         Counts and statistics over all trials, of which a scene is the unit, `by_set`, `by_object` and (where there are
-        several) `by_protocol`, and `discordant`, the trials that one alone solved with the other's reason. A protocol
-        that changed nothing for either agent (other cameras, for two that are told the state) repeats trials of
-        another: `repeated` of them count in `by_protocol` only.
+        several) `by_protocol`, and `discordant`, the trials that one alone solved with the other's reason.
 
     Raises:
         InputError: if a folder holds no evaluation, or none a trial of one of the agents, or not two protocols are
@@ -81,16 +77,14 @@ def compare_rows(rows: Trials, a: str, b: str, alike: bool = True) -> Fields:
         InputError: if an agent's trials hold one scene twice, with different outcomes.
     """
     first, second = (_by_scene([row for row in rows if row["agent"] == name], alike) for name in (a, b))
-    every = [{**first[scene], "other": second[scene]} for scene in first if scene in second]
-    pairs = list({(_trial(x), _trial(x["other"])): x for x in reversed(every)}.values())[::-1]
-    by_object, by_protocol = grouped(pairs, "object"), grouped(every, "protocol")
+    pairs = [{**first[scene], "other": second[scene]} for scene in first if scene in second]
+    by_object, by_protocol = grouped(pairs, "object"), grouped(pairs, "protocol")
     by_set = {
         name: [pair for own in members for pair in by_object[own]]
         for name, members in present_sets(list(by_object)).items()
     }
     return {
         **_statistics(pairs),
-        "repeated": len(every) - len(pairs),
         "by_set": _each(by_set),
         "by_object": _each(by_object),
         **({"by_protocol": _each(by_protocol)} if len(by_protocol) > 1 else {}),
@@ -101,7 +95,7 @@ def compare_rows(rows: Trials, a: str, b: str, alike: bool = True) -> Fields:
 def _by_scene(rows: Trials, alike: bool) -> dict[tuple[object, ...], Fields]:
     found: dict[tuple[object, ...], Fields] = {}
     for row in rows:
-        key = (*_scene(row), _world(row) if alike else "")
+        key = (*map(row.get, _SCENE), _world(row) if alike else "")
         if found.setdefault(key, row)["success"] != row["success"]:
             raise InputError(
                 f"{row['agent']} met {row['object']}, trial {row['trial']}, twice and not to the same end: "
@@ -120,19 +114,8 @@ def _each(groups: Mapping[Any, Trials]) -> dict[Any, Fields]:
     return {name: _statistics(pairs) for name, pairs in groups.items()}
 
 
-def _scene(row: Fields) -> tuple[object, ...]:
-    return tuple(map(row.get, _SCENE))
-
-
-def _trial(row: Fields) -> tuple[object, ...]:
-    """Key of a trial of an agent: the scene and every number of the protocol that matters."""
-    played = tuple(map(row.get, _PLAYED))
-    # Who did not move played alike, whatever the protocol changed.
-    return _scene(row) if None in played or row["steps"] == 0 else (*_scene(row)[1:], *played)
-
-
 def _statistics(pairs: Trials) -> Fields:
-    """Return counts, rates, difference with intervals, the exact test and the e-value.
+    """Return counts, rates, difference with intervals and the exact test.
 
     Args:
         pairs: trials of one agent, each with that of another on the same scene as `other`.
@@ -145,7 +128,6 @@ def _statistics(pairs: Trials) -> Fields:
         "rate_b": (counts["both"] + counts["only_b"]) / n,
         "ci95_objects": list(object_difference_interval(object_counts(pairs), others)),
         **counts,
-        "e_value": e_value(counts["for_a"], counts["for_b"]),
     }
 
 
@@ -206,9 +188,7 @@ def _sentence(content: Fields) -> str:
     verdict = f"{better} solves more of these scenes than {worse}"
     if content["p_value"] > 0.05:
         verdict = "these scenes show no difference"
-    repeated = f" {content['repeated']} trials repeat others: their protocols change nothing for these two."
     return (
         f"{test_words(content)}: {verdict}. For new objects like these the "
-        f"difference is {100 * low:+.1f} to {100 * high:+.1f} points (objects drawn anew). Evidence that may be looked "
-        f"at any time: e-value {content['e_value']:.3g} (20 decides at 5 %).{repeated if content['repeated'] else ''}"
+        f"difference is {100 * low:+.1f} to {100 * high:+.1f} points (objects drawn anew)."
     )

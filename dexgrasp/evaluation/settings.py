@@ -10,7 +10,7 @@ import dexgrasp_env
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, TrialSeeds, get_protocol, parts
 from dexgrasp.evaluation.store import Key
 from dexgrasp.evaluation.video import VideoSettings
-from dexgrasp.registry import agent_files, agent_sources, is_server, server_identity
+from dexgrasp.registry import agent_files, agent_source, is_server, server_identity
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
@@ -121,14 +121,8 @@ class EvaluationSettings:
 
     def told(self, agent: str) -> Fields:
         """Return what `make_agent` is told of a checkpoint; nothing of other agents."""
-        keys = (
-            _TOLD[".zip"]
-            if agent.endswith(".zip")
-            else _TOLD["lerobot:"]
-            if agent.startswith("lerobot:")
-            else ()
-        )
-        return {key: getattr(self, key) for key in keys if getattr(self, key)}
+        kind = ".zip" if agent.endswith(".zip") else agent[: len("lerobot:")]
+        return {key: getattr(self, key) for key in _TOLD.get(kind, ()) if getattr(self, key)}
 
     @property
     def protocol(self) -> str:
@@ -267,7 +261,8 @@ def code_hash(agents: Sequence[str]) -> str:
     files = sorted({path.resolve() for root in roots for path in root.rglob("*.py")})
     digest = hashlib.sha256()
     assets = sorted(path for path in asset_path().rglob("*") if path.is_file() and path.suffix != ".md")
-    for path in [*files, *assets, *(path for name in agents for path in agent_sources(name))]:
+    own = [path for path in map(agent_source, agents) if path is not None]
+    for path in [*files, *assets, *own]:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 

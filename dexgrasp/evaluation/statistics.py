@@ -1,4 +1,4 @@
-"""Statistics of successes: intervals of a rate, of a set of objects and of a paired difference; success within k tries.
+"""Statistics of successes: intervals of a rate, of a set of objects and of a paired difference.
 
 Trials on the same object are not independent: what is claimed for new objects rests on the number of objects, and its
 interval comes from drawing objects, not trials. Nor are those of one scene under several conditions: the scene is the
@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 
 import numpy as np
-from scipy.special import betaln, comb
 from scipy.stats import binomtest, bootstrap, norm
 
 from dexgrasp_env.arrays import Array, Fields
@@ -70,22 +69,8 @@ def quantiles(values: Sequence[float], **named: float) -> dict[str, float]:
     return {name: float(np.quantile(np.asarray(values, dtype=float), level)) for name, level in named.items()}
 
 
-def mcnemar(outcomes: Iterable[tuple[bool, bool]]) -> dict[str, float | int]:
-    """Compare two agents on the same scenes, of which `outcomes` are the successes of the first and of the second.
-
-    Returns:
-        Counts both, only_a, only_b, neither, and p_value of the exact two-sided McNemar test: how likely so uneven a
-        split of the scenes that only one of them solved is if both are equally good.
-    """
-    found = Counter(outcomes)
-    only_a, only_b = found[True, False], found[False, True]
-    return {
-        "both": found[True, True], "only_a": only_a, "only_b": only_b, "neither": found[False, False],
-        "p_value": _sign_test(only_a, only_b),
-    }  # fmt: skip
-
-
 def _sign_test(a: int, b: int) -> float:
+    """Return the p value of the exact two-sided test that one side wins as often as the other."""
     return float(binomtest(a, a + b, 0.5).pvalue) if a + b else 1.0
 
 
@@ -105,18 +90,18 @@ def paired_comparison(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields
     for scene, a, b in outcomes:
         scenes.setdefault(scene, []).append((a, b))
     met = scenes.values()
-    found = mcnemar(pair for own in met for pair in own)
-    cells = [found[key] for key in ("both", "only_a", "only_b", "neither")]
+    counts = Counter(pair for own in met for pair in own)
+    cells = [counts[pair] for pair in ((True, True), (True, False), (False, True), (False, False))]
     by_scene = [sum(a - b for a, b in own) for own in met]
     for_a, for_b = sum(d > 0 for d in by_scene), sum(d < 0 for d in by_scene)
     trials = sum(cells)
     each = max(trials, 1) / max(len(scenes), 1)
     difference = sum(by_scene) / max(trials, 1)
     # What trials of a scene share makes them scatter more than independent ones.
-    alone = found["only_a"] + found["only_b"] - trials * difference**2
+    alone = cells[1] + cells[2] - trials * difference**2
     off = sum((d - len(own) * difference) ** 2 for d, own in zip(by_scene, met, strict=True))
     fewer = max(min(off / alone, each) if alone > 1e-9 else each, 1.0)
-    return found | {
+    return dict(zip(("both", "only_a", "only_b", "neither"), cells, strict=True)) | {
         "trials": trials, "scenes": len(scenes), "for_a": for_a, "for_b": for_b, "p_value": _sign_test(for_a, for_b),
         "difference": difference, "ci95": list(paired_difference_interval(*(n / fewer for n in cells))),
     }  # fmt: skip
@@ -206,25 +191,3 @@ def _bootstrap(columns: tuple[Array, ...], statistic: object) -> Interval:
         method="percentile", rng=np.random.default_rng(0),
     ).confidence_interval  # fmt: skip
     return float(found.low), float(found.high)
-
-
-def success_within(counts: Counts, tries: int) -> float | None:
-    """Return the chance that one of `tries` independent tries at an object succeeds, the mean over objects.
-
-    The unbiased estimate of Chen et al. (2021), 1 - C(n - k, t) / C(n, t); None where an object has fewer trials.
-    """
-    if not counts or any(n < tries for _, n in counts.values()):
-        return None
-    k, n = _columns(counts)
-    return float(np.mean(1.0 - comb(n - k, tries) / comb(n, tries)))
-
-
-def e_value(only_a: int, only_b: int) -> float:
-    """Return the evidence against two agents that are equally good, of scenes that one of them alone solved.
-
-    2^(a+b) B(a + 1/2, b + 1/2) / B(1/2, 1/2): a bettor's capital by the mixture of Krichevsky and Trofimov. With equal
-    agents it reaches 1 / level with a chance of at most level, however often one looks (Ville 1939; Ramdas et al. 2023,
-    "Game-theoretic statistics and safe anytime-valid inference").
-    """
-    log = (only_a + only_b) * np.log(2.0) + betaln(only_a + 0.5, only_b + 0.5) - betaln(0.5, 0.5)
-    return float(np.exp(min(log, 700.0)))

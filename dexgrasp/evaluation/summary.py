@@ -13,14 +13,12 @@ from dexgrasp.evaluation.statistics import (
     object_interval,
     paired_comparison,
     quantiles,
-    success_within,
 )
 from dexgrasp.evaluation.store import Trials, row_key
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 
 SCHEMA = 1
-_TRIES = (1, 2, 3)  # success within so many tries, each a fresh scene and a fresh plan
 TEST_SETS = ("seen", "familiar", "novel")
 DISTANCE_BOUNDS_CM = (-0.68, -0.32)  # supplementary, section 1.2
 _FIGURES = (
@@ -100,13 +98,9 @@ def summarise_agent(rows: Trials) -> Fields:
         name: [row for row in rows if row["object"] in own]
         for name, own in present_sets(list(by_object)).items()
     }
-    conditions = [object_counts(own) for own in grouped(rows, "protocol").values()]
     constraints = {name: own for name, of in sets.items() if (own := _constraints(of))}
     return {
         **count(rows),
-        "within_tries": {
-            str(n): chance for n in _TRIES if (chance := _mean_chance(conditions, n)) is not None
-        },
         "by_set": {name: count(own) for name, own in sets.items()},
         "by_object": {name: bare_count(own) for name, own in by_object.items()},
         "by_protocol": protocol_counts(by_protocol),
@@ -119,13 +113,6 @@ def summarise_agent(rows: Trials) -> Fields:
         "clutter": {name: found for name, own in by_protocol.items() if (found := _neighbours(own))},
         "stages": {name: found for name, own in {"overall": rows, **sets}.items() if (found := _stages(own))},
     }
-
-
-def _mean_chance(conditions: Sequence[Counts], tries: int) -> float | None:
-    """Return the success within so many tries, the mean over conditions: under each of them scenes are fresh."""
-    chances = [success_within(counts, tries) for counts in conditions]
-    known = [chance for chance in chances if chance is not None]
-    return sum(known) / len(known) if chances and known == chances else None
 
 
 def grouped(rows: Trials, key: str) -> dict[Any, list[Fields]]:

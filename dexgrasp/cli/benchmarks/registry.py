@@ -8,7 +8,7 @@ from dexgrasp_env.files import jsonable
 
 BENCHMARKS = {
     "stepping": "environment steps a second against a raw mj_step loop with the same controls and contacts",
-    "perception": "depth to segmented cloud, time and accuracy",
+    "perception": "depth to segmented cloud",
     "planning": "seconds to a certified grasp",
 }
 """Name, which is that of its module -> what it measures."""

@@ -7,7 +7,6 @@ both, and medians over many rounds count.
 
 import itertools
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -15,21 +14,17 @@ from typing import Any
 import gymnasium as gym
 import mujoco
 import numpy as np
-from mujoco.rollout import Rollout
 from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp.cli.benchmarks.timing import seconds_of
 from dexgrasp.motion.timing import ramp
 from dexgrasp_env.arrays import Array, Fields
-from dexgrasp_env.cores import usable_cores
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 
 _ID = "DexGrasp/Lift-v2"
 _TURN = 5  # control steps
-_ENVS, _MANY = 16, 64
-_THREADS = (1, 2, 4)
+_ENVS = 16
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -57,7 +52,7 @@ class Recording:
 
 
 def run(quick: bool = False) -> Fields:
-    """Return raw / environment time by object and motion, of the vector environment, and beside Gymnasium's.
+    """Return raw / environment time by object and motion, of the vector environment.
 
     `random` moves all joints at random; `grasp` reaches for the object, closes the hand on it and lifts.
 
@@ -83,12 +78,6 @@ def run(quick: bool = False) -> Fields:
         **cases,
         "all": {"ratio": np.median(ratios), "least_ratio": min(ratios)},
         f"vector, {_ENVS} environments, 1 thread": many,
-        f"wall steps a second, {_ENVS} environments": _beside_wrappers(objects, 3 if quick else 9),
-        **{
-            f"vector, {_MANY} environments, {threads} threads, wall": _beside_rollout(threads, rounds)
-            for threads in _THREADS
-            if threads <= usable_cores()
-        },
     }
 
 
@@ -158,8 +147,6 @@ def _ramp(start: Array, end: Array) -> Array:
 class _Loop:
     """Physics alone, as a loop over simulations, from the states that a recording begins with."""
 
-    clock = staticmethod(time.process_time)
-
     def __init__(self, recording: Recording) -> None:
         self.models = recording.models
         self.datas = [mujoco.MjData(model) for model in self.models]
@@ -183,32 +170,8 @@ class _Loop:
                 raise RuntimeError("the raw loop and the environment do not end in the same state")
 
 
-class _Rolled(_Loop):
-    """The same by `mujoco.rollout`, timed by the clock; it begins without what warms the solver: ends may differ."""
-
-    clock = staticmethod(time.perf_counter)
-
-    def __init__(self, recording: Recording, rollout: Rollout, threads: int) -> None:
-        super().__init__(recording)
-        kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
-        self._states = np.empty((len(self.datas), mujoco.mj_stateSize(self.models[0], kind)))
-        for model, data, state in zip(self.models, self.datas, self._states, strict=True):
-            mujoco.mj_getState(model, data, state, kind)
-        self._roll = partial(rollout.rollout, self.models, self.datas[:threads])
-
-    def run(self, controls: Array) -> None:
-        """As the loop does."""
-        rows = controls.swapaxes(0, 1).reshape(len(self.models), -1, controls.shape[-1])
-        self._states = self._roll(self._states, rows)[0][:, -1]
-
-    def check(self, env: Any) -> None:
-        """Nothing."""
-
-
-def _compare(
-    recording: Recording, rounds: int, raw: Callable[[Recording], _Loop] = _Loop
-) -> dict[str, float]:
-    times = np.array([_round(recording, raw(recording)) for _ in range(rounds)])
+def _compare(recording: Recording, rounds: int) -> dict[str, float]:
+    times = np.array([_round(recording) for _ in range(rounds)])
     env, loop = np.median(times, axis=0)
     steps = len(recording.actions) * len(recording.models)
     return {
@@ -219,9 +182,9 @@ def _compare(
     }
 
 
-def _round(recording: Recording, raw: _Loop) -> list[float]:
+def _round(recording: Recording) -> list[float]:
     """Seconds of the environment and of physics alone over one run, taking turns every few control steps."""
-    env, actions = recording.env, recording.actions
+    env, actions, raw = recording.env, recording.actions, _Loop(recording)
     env.reset(seed=recording.seed)
     sides = (partial(_run_env, env), actions), (raw.run, recording.controls)
     seconds = [0.0, 0.0]
@@ -229,9 +192,9 @@ def _round(recording: Recording, raw: _Loop) -> list[float]:
         # Who comes first finds the caches cold: that alternates too.
         for which in (0, 1) if turn % 2 else (1, 0):
             run_part, rows = sides[which]
-            start = raw.clock()
+            start = time.process_time()
             run_part(rows[first : first + _TURN])
-            seconds[which] += raw.clock() - start
+            seconds[which] += time.process_time() - start
     raw.check(env)
     return seconds
 
@@ -239,32 +202,3 @@ def _round(recording: Recording, raw: _Loop) -> list[float]:
 def _run_env(env: Any, actions: NDArray[Any]) -> None:
     for action in actions:
         env.step(action)
-
-
-def _beside_rollout(threads: int, rounds: int) -> dict[str, float]:
-    """Time by the clock of `mujoco.rollout` over the native environment's, on as many threads, taking turns."""
-    env = gym.make_vec(_ID, num_envs=_MANY, objects=["sugar_box"], threads=threads)
-    recording = _record(env, _random(4 * _TURN, _MANY))
-    with Rollout(nthread=threads) as rollout:
-        found = _compare(recording, rounds, partial(_Rolled, rollout=rollout, threads=threads))
-    env.close()
-    return found
-
-
-def _beside_wrappers(objects: tuple[str, ...], rounds: int) -> dict[str, float]:
-    """Steps a second by the clock of the native environment on all cores and of Gymnasium's two, taking turns."""
-    kinds = {"native": None, "SyncVectorEnv": "sync", "AsyncVectorEnv": "async"}
-    envs = {
-        name: gym.make_vec(_ID, num_envs=_ENVS, vectorization_mode=kind, objects=list(objects))
-        for name, kind in kinds.items()
-    }
-    actions = _random(_TURN, _ENVS).astype(np.float32)
-    for each in envs.values():
-        each.reset(seed=0)
-        _run_env(each, actions)
-    rows = [
-        [seconds_of(partial(_run_env, each, actions), 1) for each in envs.values()] for _ in range(rounds)
-    ]
-    for each in envs.values():
-        each.close()
-    return dict(zip(envs, _TURN * _ENVS / np.median(rows, axis=0)[:, 0], strict=True))

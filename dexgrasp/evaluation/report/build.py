@@ -9,7 +9,6 @@ from pathlib import Path
 from dexgrasp.evaluation.pooling import rows_by_agent
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL
 from dexgrasp.evaluation.report import figures, tables
-from dexgrasp.evaluation.report.clips import clips
 from dexgrasp.evaluation.report.origin import commands, describe_run, replay_commands
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import summarise_agent
@@ -72,7 +71,7 @@ def contents(folders: Sequence[Path]) -> Fields:
         "runs": [describe_run(folder) for folder in folders],
         "where": f" (protocol {only})" if only else "",
         "by_set": tables.set_table(plain),
-        "tries": tables.tries_table(plain),
+        "over_objects": tables.objects_table(plain),
         "by_protocol": tables.protocol_table(agents, counted),
         "clutter": tables.clutter_table(agents),
         "by_object": tables.object_tables(plain),
@@ -80,7 +79,6 @@ def contents(folders: Sequence[Path]) -> Fields:
         "where_objects_fail": tables.where_objects_fail(rows, met),
         "paired": tables.paired_table(rows),
         "failures": tables.failure_table(agents),
-        "clips": clips(folders),
         "constraints": [
             table for name, agent in agents.items() for table in tables.constraint_tables(name, agent)
         ],
@@ -89,7 +87,6 @@ def contents(folders: Sequence[Path]) -> Fields:
             "protocol": [figures.success("by_protocol", "protocol", agents, counted)]
             if len(counted) > 1
             else [],
-            "hardness": figures.success_by_hardness(agents),
             "object": [figures.success("by_object", "object", plain, tables.ordered_objects(plain))],
             "times": figures.planning_times(agents),
         },

@@ -9,16 +9,6 @@ from dexgrasp.evaluation.report.tables import PLANNER, Agents
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp_env.arrays import Fields
 
-CURVES: dict[str, tuple[str, dict[float, str]]] = {
-    "friction": ("friction coefficient", {0.35: "slippery@0.35", 0.5: "slippery@0.5", 0.7: "lift"}),
-    "mass": ("mass, of the object's own", {1.0: "lift", 1.5: "heavy"}),
-    "push": (
-        "push at friction 0.5, of the weight",
-        {0.0: "slippery@0.5", 0.5: "pushed@0.5", 1.0: "pushed@1"},
-    ),
-}
-"""What is varied -> what the axis says, and the protocol of each of its values."""
-
 _STAGES = {
     "cvae": "proposals (CVAE)",
     "ik": "postures (IK)",
@@ -35,20 +25,6 @@ def success(key: str, words: str, agents: Agents, rows: Sequence[str]) -> Figure
     printed = {name: _rates(paper.successes(name), rows) for name in agents}
     shown = {row: row.replace("_", " ") for row in rows}
     return Figure(f"success_{key}", f"Success by {words}", SUCCESS, ours, printed, shown)
-
-
-def success_by_hardness(agents: Agents) -> list[Figure]:
-    """Return a figure for each quantity that at least two protocols of the evaluation vary."""
-    figures = []
-    for name, (label, parts) in CURVES.items():
-        counted = {part for agent in agents.values() for part in agent["by_protocol"]} & set(parts.values())
-        if len(counted) > 1:
-            rates = {}
-            for agent, content in agents.items():
-                found = _rates(content["by_protocol"], parts.values())
-                rates[agent] = {value: found[part] for value, part in parts.items() if part in found}
-            figures.append(Figure(f"success_by_{name}", f"Success against {label}", label, rates))
-    return figures
 
 
 def planning_times(agents: Agents) -> list[Figure]:

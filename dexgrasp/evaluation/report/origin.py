@@ -77,23 +77,10 @@ def commands(folder: Path) -> list[str]:
 
 def replay_commands(folder: Path, rows: Sequence[Fields]) -> list[str]:
     """Return the commands that show the first failures of an evaluation again."""
-    return [
-        _typed(
-            "replay",
-            folder,
-            "--agent",
-            row["agent"],
-            "--object",
-            row["object"],
-            "--trial",
-            row["trial"],
-            "--protocol",
-            row["protocol"],
-            "--video",
-        )
-        for row in rows
-        if not row["success"]
-    ][:_MOST_REPLAYS]
+    failed = [row for row in rows if not row["success"]][:_MOST_REPLAYS]
+    keys = ("agent", "object", "trial", "protocol")
+    named = ([word for key in keys for word in (f"--{key}", row[key])] for row in failed)
+    return [_typed("replay", folder, *words, "--video") for words in named]
 
 
 def _typed(*words: object) -> str:

@@ -8,13 +8,13 @@ import numpy as np
 
 from dexgrasp_env.arrays import Fields
 
-Points = Mapping[Any, Sequence[float]]
-"""Row's name, or value along the axis -> middle, low and high."""
+Points = Mapping[str, Sequence[float]]
+"""Row's name -> middle, low and high."""
 
 SUCCESS = "success, % (95 % interval)"
 _ROW, _WIDTH = 0.34, 8.2  # inches
 _BESIDE = 0.7  # of a row, which points of several agents take
-_STYLE = {"ms": 5, "capsize": 3, "lw": 1.3}
+_STYLE = {"fmt": "o", "ms": 5, "capsize": 3, "lw": 1.3}
 _HOLLOW = {"fmt": "D", "mfc": "none", "ms": 6.5, "zorder": 3}
 
 
@@ -27,8 +27,7 @@ class Figure(NamedTuple):
         label: what the horizontal axis says.
         agents: agent -> its points; a colour for each agent.
         printed: agent -> the paper's points, of which only the middle is drawn.
-        rows: names of the rows from the top, as points call them -> as people read them; without them success is drawn
-            upwards against a quantity.
+        rows: names of the rows from the top, as points call them -> as people read them.
         log: whether the horizontal axis is logarithmic; else points are percentages.
     """
 
@@ -36,8 +35,8 @@ class Figure(NamedTuple):
     caption: str
     label: str
     agents: Mapping[str, Points]
-    printed: Mapping[str, Points] = {}
-    rows: Mapping[str, str] = {}
+    printed: Mapping[str, Points]
+    rows: Mapping[str, str]
     log: bool = False
 
     def draw(self, kind: str) -> bytes:
@@ -45,11 +44,11 @@ class Figure(NamedTuple):
         from matplotlib.figure import Figure as Canvas
 
         rows = self.rows
-        height = 1.0 + _ROW * len(rows) * (0.55 + 0.45 * len(self.agents)) if rows else 3.2
+        height = 1.0 + _ROW * len(rows) * (0.55 + 0.45 * len(self.agents))
         figure = Canvas(figsize=(_WIDTH, max(2.0, height)), layout="constrained")
         axes = figure.add_subplot()
         for k, (agent, points) in enumerate(self.agents.items()):
-            self._add(axes, k, agent, points, _STYLE | {"fmt": "o" if rows else "o-"})
+            self._add(axes, k, agent, points, _STYLE)
             printed = {
                 key: [value[0]] * 3 for key, value in self.printed.get(agent, {}).items() if key in rows
             }
@@ -57,23 +56,19 @@ class Figure(NamedTuple):
                 self._add(axes, k, f"{agent}, paper", printed, _HOLLOW)
         axes.set(xlabel=self.label, xscale="log" if self.log else "linear")
         if not self.log:
-            axes.set(**{"xlim" if rows else "ylim": (-2, 102)})
-        axes.grid(axis="x" if rows else "both", color="0.9", lw=0.8)
-        if rows:
-            axes.set_yticks(range(len(rows)), rows.values())
-            axes.set_ylim(len(rows) - 0.45, -0.55)
-        else:
-            axes.set_ylabel(SUCCESS)
+            axes.set(xlim=(-2, 102))
+        axes.grid(axis="x", color="0.9", lw=0.8)
+        axes.set_yticks(range(len(rows)), rows.values())
+        axes.set_ylim(len(rows) - 0.45, -0.55)
         return _finished(figure, axes, kind)
 
     def _add(self, axes: Any, k: int, label: str, points: Points, style: Fields) -> None:
         offset = (k - 0.5 * (len(self.agents) - 1)) * _BESIDE / len(self.agents)
         places = {name: y + offset for y, name in enumerate(self.rows)}
-        at = [places.get(key, key) for key in points]
+        at = [places[key] for key in points]
         middle, low, high = np.array(list(points.values())).reshape(-1, 3).T
         ends = np.maximum([middle - low, high - middle], 0.0)
-        bars = {"x": middle, "y": at, "xerr": ends} if self.rows else {"x": at, "y": middle, "yerr": ends}
-        axes.errorbar(**bars, **style, color=f"C{k}", label=label)
+        axes.errorbar(middle, at, xerr=ends, **style, color=f"C{k}", label=label)
 
 
 def _finished(figure: Any, axes: Any, kind: str) -> bytes:

@@ -71,14 +71,10 @@ def set_table(agents: Agents) -> Table:
     return Table(["agent", "all", *sets, "stable", "planning s"], rows)
 
 
-def tries_table(agents: Agents) -> Table:
-    """Return intervals for claims about other objects, and the success within one to three tries."""
-    rows = []
-    for name, agent in agents.items():
-        tries = map(agent["within_tries"].get, ("1", "2", "3"))
-        words = ["-" if p is None else f"{100 * p:.1f} %" for p in tries]
-        rows.append([name, _interval(agent["ci95_objects"]), *words])
-    return Table(("agent", "95 % over objects", "first try", "within 2", "within 3"), rows)
+def objects_table(agents: Agents) -> Table:
+    """Return intervals for claims about other objects."""
+    rows = [[name, _interval(agent["ci95_objects"])] for name, agent in agents.items()]
+    return Table(("agent", "95 % over objects"), rows)
 
 
 def protocol_table(agents: Agents, names: Sequence[str]) -> Table:
