@@ -12,7 +12,7 @@ from dexgrasp.evaluation.store import TrialStore, check_folder, failed_or_distur
 from dexgrasp.evaluation.summary import bare_count, grouped, summarise
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.evaluation.video import VideoSettings, check_rendering
-from dexgrasp.runs.interrupt import held, kept
+from dexgrasp.runs.interrupt import held
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import progress_bar, warn
 from dexgrasp_env.arrays import Fields
@@ -56,9 +56,8 @@ def evaluate(
     run = _Run(planned, TrialStore(folder, identity, robot=settings.robot_path), runner, backend, progress)
     run.check_rows()
     try:
-        with kept():
-            run.play()
-            run.record(videos, film)
+        run.play()
+        run.record(videos, film)
     finally:
         summary = run.close()
     return summary

@@ -1,9 +1,9 @@
 """SIGINT and SIGTERM as one request to stop: raised where it is safe, asked for again where it was swallowed.
 
 Libraries swallow exceptions while they are imported (trimesh wraps its imports in `except BaseException`) or crash, and
-destructors and callbacks of native code swallow them too. A request that comes during an import therefore ends the
-process on the spot, or waits where results are `kept`; one that was raised is raised again until somebody says
-`acknowledge`. This module imports nothing heavy: it comes before everything else.
+destructors and callbacks of native code swallow them too. A request that comes during an import is therefore raised
+after it; one that was raised is raised again until somebody says `acknowledge`. This module imports nothing heavy: it
+comes before everything else.
 """
 
 import os
@@ -24,7 +24,6 @@ _DEBOUNCE = 1.0  # s: `timeout` and terminals send one wish to stop twice
 _active = False  # whether requests may be raised
 _requested = False
 _held = 0  # depth of `held`
-_kept = 0  # depth of `kept`
 
 
 def catch() -> None:
@@ -60,17 +59,6 @@ def requested() -> bool:
 
 
 @contextmanager
-def kept() -> Iterator[None]:
-    """Work whose results are to be summed up when it is interrupted."""
-    global _kept
-    _kept += 1
-    try:
-        yield
-    finally:
-        _kept -= 1
-
-
-@contextmanager
 def held() -> Iterator[None]:
     """Finish what saves results; a request that comes meanwhile is raised afterwards."""
     global _held
@@ -96,10 +84,7 @@ def _on_signal(number: int, frame: FrameType | None) -> None:
     if not _active or (number == signal.SIGALRM and not _requested):
         return
     _requested = True
-    importing = _importing(frame)
-    if importing and not _kept:
-        _exit("interrupted")
-    if importing or _held:
+    if _held or _importing(frame):
         signal.setitimer(signal.ITIMER_REAL, _RETRY)
         return
     signal.setitimer(signal.ITIMER_REAL, _PATIENCE)
@@ -140,9 +125,5 @@ def _watch(reader: int) -> None:
             if first is None:
                 first = now
             elif now - first > _DEBOUNCE:
-                _exit("stopped at once")
-
-
-def _exit(message: str) -> None:
-    os.write(2, f"dexgrasp: {message}\n".encode())
-    os._exit(EXIT_CODE)
+                os.write(2, b"dexgrasp: stopped at once\n")
+                os._exit(EXIT_CODE)

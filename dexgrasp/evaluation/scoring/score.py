@@ -5,7 +5,7 @@ import zlib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -53,42 +53,33 @@ def score_files(
     names = tuple(dict.fromkeys(protocols))
     for name in names:
         get_grasp_protocol(name)
-    found = {path: _read(path, options) for path in dict.fromkeys(paths)}
-    grasps = [(path, k) for path, own in found.items() for k in range(len(own))]
-    if not grasps:
+    candidates = [one for path in dict.fromkeys(paths) for one in read_candidates(path, options)]
+    if not candidates:
         raise InputError("no grasps to score")
-    scored = dict[tuple[Path, int], Scored]()
-    work = partial(score_grasp, protocols=names, options=options, seed=seed)
+    scored = dict[int, Scored]()
+    work = partial(score_grasp, protocols=names, seed=seed)
     with progress_bar("grasp", "score") as show:
-        for grasp, result in run_pool(work, grasps, Backend(workers=workers)):
-            scored[grasp] = result
-            show(len(scored), len(grasps))
-    by_protocol, metrics = zip(*(scored[grasp] for grasp in grasps), strict=True)
+        for number, result in run_pool(work, list(enumerate(candidates)), Backend(workers=workers)):
+            scored[number] = result
+            show(len(scored), len(candidates))
+    by_protocol, metrics = zip(*(scored[k] for k in range(len(candidates))), strict=True)
     rows = [row for own in by_protocol for row in own]
     measured = [name for name, value in metrics[0].items() if isinstance(value, float)]
     return {
         "schema": SCHEMA,
         "seed": seed,
-        "grasps": len(grasps),
+        "grasps": len(candidates),
         "protocols": {name: _summary(own) for name, own in grouped(rows, "protocol").items()},
         "metrics_mean": {name: float(np.mean([row[name] for row in metrics])) for name in measured},
-        "diversity": diversity([candidate for own in found.values() for candidate in own]),
+        "diversity": diversity(candidates),
         "rows": rows,
         "metrics": list(metrics),
     }
 
 
-@lru_cache(maxsize=32)
-def _read(path: Path, options: ReadOptions) -> tuple[Candidate, ...]:
-    return tuple(read_candidates(path, options))
-
-
-def score_grasp(
-    grasp: tuple[Path, int], protocols: Sequence[str], options: ReadOptions, seed: int
-) -> tuple[tuple[Path, int], Scored]:
-    """Return which grasp it was, by its file and its number there, and what came of it."""
-    path, number = grasp
-    candidate = _read(path, options)[number]
+def score_grasp(numbered: tuple[int, Candidate], protocols: Sequence[str], seed: int) -> tuple[int, Scored]:
+    """Return the number of a grasp, and what came of it."""
+    number, candidate = numbered
     about = {"grasp": candidate.source, "object": candidate.object.name}
     rows = []
     for name in protocols:
@@ -96,7 +87,7 @@ def score_grasp(
         # The same noise for every grasp, so that grasps are compared under the same draws.
         verdict = get_grasp_protocol(name).judge(candidate, seed + zlib.crc32(name.encode()))
         rows.append({**about, "protocol": name, **asdict(verdict), "seconds": time.perf_counter() - start})
-    return grasp, (rows, {**about, **contact_metrics(candidate)})
+    return number, (rows, {**about, **contact_metrics(candidate)})
 
 
 def _summary(rows: Sequence[Fields]) -> Fields:
