@@ -1,5 +1,6 @@
 """`dexgrasp score`: grasp files, ours or others', under published protocols."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -90,13 +91,9 @@ def render_scores(content: Fields) -> str:
 
 
 def short_names(paths: Sequence[str]) -> dict[str, str]:
-    """Return path -> its last parts, as many as it takes to tell all of them apart."""
-    names = dict[str, str]()
-    for count in range(1, max((len(Path(path).parts) for path in paths), default=0) + 1):
-        names = {path: "/".join(Path(path).parts[-count:]) for path in paths}
-        if len(set(names.values())) == len(names):
-            break
-    return names
+    """Return path -> what tells it from the others: the path from the folder that holds all of them."""
+    common = os.path.commonpath([os.path.dirname(os.path.abspath(path)) for path in paths])
+    return {path: os.path.relpath(path, common) for path in paths}
 
 
 COMMAND = Score

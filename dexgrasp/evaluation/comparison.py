@@ -172,7 +172,7 @@ def difference_words(cell: Fields) -> tuple[str, str]:
     return f"{100 * cell['difference']:+.1f}", f"[{100 * low:+.0f}, {100 * high:+.0f}]"
 
 
-def test_words(cell: Fields) -> str:
+def _test_words(cell: Fields) -> str:
     """Return the test of a comparison, as people read it."""
     if cell["trials"] == cell["scenes"]:
         return f"Exact McNemar test, two-sided: p = {cell['p_value']:.3g}"
@@ -189,6 +189,6 @@ def _sentence(content: Fields) -> str:
     if content["p_value"] > 0.05:
         verdict = "these scenes show no difference"
     return (
-        f"{test_words(content)}: {verdict}. For new objects like these the "
+        f"{_test_words(content)}: {verdict}. For new objects like these the "
         f"difference is {100 * low:+.1f} to {100 * high:+.1f} points (objects drawn anew)."
     )

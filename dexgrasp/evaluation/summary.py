@@ -1,8 +1,7 @@
 """The summary of an evaluation, as documented in docs: schema 1."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import combinations
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from dexgrasp.evaluation.protocol import GROUPS, OTHER_PHYSICS
@@ -11,7 +10,6 @@ from dexgrasp.evaluation.statistics import (
     Counts,
     cluster_interval,
     object_interval,
-    paired_comparison,
     quantiles,
 )
 from dexgrasp.evaluation.store import Trials, row_key
@@ -57,10 +55,6 @@ def summarise(
         "versions": versions(),
         "complete": len(rows) == asked,
         "agents": {agent: summarise_agent(own) for agent, own in by_agent.items()},
-        "paired": [
-            {"a": a, "b": b, **paired_comparison(_paired(by_agent[a], by_agent[b]))}
-            for a, b in combinations(settings.agents, 2)
-        ],
     }
 
 
@@ -78,15 +72,6 @@ def judged(rows: Trials) -> list[Fields]:
 def scene_of(row: Fields) -> tuple[Any, ...]:
     """Return what a trial shares with those of the same scene under other conditions."""
     return row["object"], row["trial"], row.get("scene_seed")
-
-
-def _paired(a: Trials, b: Trials) -> Iterator[tuple[Any, bool, bool]]:
-    """Yield scenes with the successes of two agents, of the conditions that both met, in MuJoCo's physics."""
-    others = {(row["protocol"], *scene_of(row)): row["success"] for row in b}
-    for row in a:
-        condition = row["protocol"], *scene_of(row)
-        if condition in others and row["protocol"] != OTHER_PHYSICS:
-            yield scene_of(row), row["success"], others[condition]
 
 
 def summarise_agent(rows: Trials) -> Fields:

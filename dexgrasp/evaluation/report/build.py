@@ -71,12 +71,9 @@ def contents(folders: Sequence[Path]) -> Fields:
         "runs": [describe_run(folder) for folder in folders],
         "where": f" (protocol {only})" if only else "",
         "by_set": tables.set_table(plain),
-        "over_objects": tables.objects_table(plain),
         "by_protocol": tables.protocol_table(agents, counted),
         "clutter": tables.clutter_table(agents),
         "by_object": tables.object_tables(plain),
-        "several_protocols": len(met) > 1,
-        "where_objects_fail": tables.where_objects_fail(rows, met),
         "paired": tables.paired_table(rows),
         "failures": tables.failure_table(agents),
         "constraints": [

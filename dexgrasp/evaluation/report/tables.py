@@ -4,11 +4,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
-from dexgrasp.evaluation.comparison import compare_rows, difference_words, test_words
+from dexgrasp.evaluation.comparison import compare_rows, difference_words
 from dexgrasp.evaluation.pooling import Rows
 from dexgrasp.evaluation.reasons import sentence
 from dexgrasp.evaluation.report import paper
-from dexgrasp.evaluation.summary import bare_count, grouped
 from dexgrasp.runs.text import seconds_words, text_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
@@ -40,14 +39,8 @@ def render_summary(summary: Fields) -> str:
         parts = [text_table(*set_table(agents)), text_table(*object_table(agents))]
     if (clutter := clutter_table(agents)).rows:
         parts.append(text_table(*clutter))
-    if (failures := failure_table(agents, codes=True)).rows:
+    if (failures := failure_table(agents)).rows:
         parts.append(text_table(*failures, words=True))
-    parts += [
-        f"{pair['a']} against {pair['b']} on the same scenes: {pair['only_a']} solved by {pair['a']} alone, "
-        f"{pair['only_b']} by {pair['b']} alone. {test_words(pair)}"
-        for pair in summary["paired"]
-        if pair["only_a"] + pair["only_b"] > 0
-    ]
     return "\n\n".join(parts)
 
 
@@ -62,19 +55,14 @@ def set_table(agents: Agents) -> Table:
     for name, agent in agents.items():
         cells = (agent, *map(agent["by_set"].get, sets))
         rates = [f"{rate_words(cell)} {_count(cell)}" if cell else "-" for cell in cells]
+        rates.insert(1, _interval(agent["ci95_objects"]))
         stable, times = f"{agent['stable']}/{agent['successes']}", agent["planning_seconds"]
         rows.append([name, *rates, stable, seconds_words(times["median"]) if times else "-"])
         theirs = list(map(paper.successes(name).get, sets))
         if any(theirs):
             printed = [f"{100 * c['successes'] / c['trials']:.1f} % {_count(c)}" if c else "" for c in theirs]
-            rows.append(["  paper (real robot)", "", *printed, "", ""])
-    return Table(["agent", "all", *sets, "stable", "planning s"], rows)
-
-
-def objects_table(agents: Agents) -> Table:
-    """Return intervals for claims about other objects."""
-    rows = [[name, _interval(agent["ci95_objects"])] for name, agent in agents.items()]
-    return Table(("agent", "95 % over objects"), rows)
+            rows.append(["  paper (real robot)", "", "", *printed, "", ""])
+    return Table(["agent", "all", "95 % over objects", *sets, "stable", "planning s"], rows)
 
 
 def protocol_table(agents: Agents, names: Sequence[str]) -> Table:
@@ -139,21 +127,6 @@ def object_tables(agents: Agents) -> list[tuple[str, Table]]:
     ]
 
 
-def where_objects_fail(rows: Rows, protocols: Sequence[str]) -> list[tuple[str, Table]]:
-    """Return objects by protocols for each agent that failed; cells without a failure are left empty."""
-    tables = []
-    for agent, own in rows.items():
-        body = []
-        for target, trials in grouped(own, "object").items():
-            if not all(row["success"] for row in trials):
-                counts = {name: bare_count(part) for name, part in grouped(trials, "protocol").items()}
-                whole = [name for name, cell in counts.items() if cell["successes"] == cell["trials"]]
-                body.append([target, *("" if p in whole else _count(counts.get(p)) for p in protocols)])
-        if body:
-            tables.append((agent, Table(("object", *protocols), body)))
-    return tables
-
-
 def paired_table(rows: Rows) -> Table:
     """Return agents two by two on the same scenes; across evaluations those of equal seeds."""
     body = []
@@ -166,10 +139,10 @@ def paired_table(rows: Rows) -> Table:
     return Table(header, body)
 
 
-def failure_table(agents: Agents, *, codes: bool = False) -> Table:
-    """Return how often each agent failed, and why, in words; `codes` adds what trials.jsonl calls it."""
+def failure_table(agents: Agents) -> Table:
+    """Return how often each agent failed, and why: in words, and what trials.jsonl calls it."""
     rows = [
-        (name, str(n), f"{sentence(why)} [{why}]" if codes and sentence(why) != why else sentence(why))
+        (name, str(n), f"{sentence(why)} [{why}]" if sentence(why) != why else why)
         for name, agent in agents.items()
         for why, n in agent["failures"].items()
     ]
