@@ -6,7 +6,7 @@ from dexgrasp.cli.command import Answer, Argument, Command, Folder
 
 
 class Compare(Command):
-    """Compare two agents scene by scene: what one alone solves, an exact test, the difference.
+    """Compare two agents scene by scene: what one alone solves, the difference, its interval and test.
 
     examples:
       dexgrasp evaluate --agents bilevel hardcoded --objects all20 --trials 6 --out runs/tables
@@ -14,9 +14,8 @@ class Compare(Command):
       dexgrasp compare runs/seed_0 runs/seed_1 bilevel hardcoded
       dexgrasp compare runs/gap runs/ppo runs/ppo --protocols lift lift@warp
 
-    Both have met the same scenes, so only those count that one alone solved: an exact McNemar test over them.
-    Differences are in points of a hundred, with Newcombe's interval for paired rates; what is said of new objects comes
-    from drawing objects anew.
+    Differences are in points of a hundred, with Newcombe's interval for paired rates, once with the scene and once with
+    the object as the unit; p is the level at which the interval ends at 0.
 
     Attributes:
         folders: the --out of evaluations.

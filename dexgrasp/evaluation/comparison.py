@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from dexgrasp.evaluation.protocol import AGENT_KEYS
-from dexgrasp.evaluation.statistics import object_difference_interval, paired_comparison
+from dexgrasp.evaluation.statistics import paired_comparison
 from dexgrasp.evaluation.store import Trials, read_rows
-from dexgrasp.evaluation.summary import grouped, judged, object_counts, present_sets, scene_of
+from dexgrasp.evaluation.summary import grouped, judged, present_sets, scene_of
 from dexgrasp.runs.text import text_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
@@ -115,18 +116,22 @@ def _each(groups: Mapping[Any, Trials]) -> dict[Any, Fields]:
 
 
 def _statistics(pairs: Trials) -> Fields:
-    """Return counts, rates, difference with intervals and the exact test.
+    """Return counts, rates, and the difference with its interval and test on these scenes and on new objects.
 
     Args:
         pairs: trials of one agent, each with that of another on the same scene as `other`.
     """
     n = max(len(pairs), 1)
-    others = object_counts([row["other"] for row in pairs])
-    counts = paired_comparison((scene_of(row), row["success"], row["other"]["success"]) for row in pairs)
+    counts, drawn = (
+        paired_comparison((unit(row), row["success"], row["other"]["success"]) for row in pairs)
+        for unit in (scene_of, itemgetter("object"))
+    )
     return {
         "rate_a": (counts["both"] + counts["only_a"]) / n,
         "rate_b": (counts["both"] + counts["only_b"]) / n,
-        "ci95_objects": list(object_difference_interval(object_counts(pairs), others)),
+        "scenes": counts.pop("units"),
+        "ci95_objects": drawn["ci95"],
+        "p_value_objects": drawn["p_value"],
         **counts,
     }
 
@@ -172,23 +177,18 @@ def difference_words(cell: Fields) -> tuple[str, str]:
     return f"{100 * cell['difference']:+.1f}", f"[{100 * low:+.0f}, {100 * high:+.0f}]"
 
 
-def _test_words(cell: Fields) -> str:
-    """Return the test of a comparison, as people read it."""
-    if cell["trials"] == cell["scenes"]:
-        return f"Exact McNemar test, two-sided: p = {cell['p_value']:.3g}"
-    split = f"{cell['for_a']} and {cell['for_b']} of {cell['scenes']} scenes for either"
-    return f"Exact sign test by scene, two-sided ({split}): p = {cell['p_value']:.3g}"
+def _claim(content: Fields, interval: str, p_value: str) -> str:
+    """Return a difference as people read it: interval, test and what they say."""
+    low, high = content[interval]
+    better, worse = (content[key] for key in ("ab" if content["difference"] > 0 else "ba"))
+    verdict = f"{better} solves more than {worse}" if content[p_value] <= 0.05 else "no difference is shown"
+    return f"{100 * low:+.1f} to {100 * high:+.1f} points, p = {content[p_value]:.3g}: {verdict}"
 
 
 def _sentence(content: Fields) -> str:
-    a, b, (low, high) = content["a"], content["b"], content["ci95_objects"]
     if not content["scenes"]:
-        return f"{a} and {b} have no scene in common."
-    better, worse = (a, b) if content["difference"] > 0 else (b, a)
-    verdict = f"{better} solves more of these scenes than {worse}"
-    if content["p_value"] > 0.05:
-        verdict = "these scenes show no difference"
+        return f"{content['a']} and {content['b']} have no scene in common."
     return (
-        f"{_test_words(content)}: {verdict}. For new objects like these the "
-        f"difference is {100 * low:+.1f} to {100 * high:+.1f} points (objects drawn anew)."
+        f"On these objects, a scene being the unit: {_claim(content, 'ci95', 'p_value')}.\n"
+        f"On objects like these, the object being the unit: {_claim(content, 'ci95_objects', 'p_value_objects')}."
     )
