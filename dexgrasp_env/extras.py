@@ -20,6 +20,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "demos": ("h5py", "minari", "pyarrow"),
     "formats": ("collada", "laspy", "lxml", "rosbags"),
     "lerobot": ("lerobot",),
+    "season": ("py_ecc",),
     "gpu": ("mujoco_warp", "warp"),
 }  # fmt: skip
 """Extra -> the modules that it brings and the plain installation lacks."""

@@ -1,141 +1,49 @@
-"""A season: agents scored once, on seeds that nobody could know, published with every trial, and shown on pages.
+"""A season: agents scored once, on seeds that nobody could choose, published with every trial, and shown on pages.
 
-    python scripts/season.py seeds seasons/2026-12.json                  which seeds a tagged release gives it
-    python scripts/season.py run seasons/2026-12.json --workers 4        score it, publish it below docs/results
-    python scripts/season.py write                                       put the tables of all into README and docs
+    python scripts/season.py commit seasons/2027-01.json --round 9000000     say what is scored, before the seeds exist
+    python scripts/season.py play seasons/2027-01.json --signature HEX       score it, publish it below docs/results
+    python scripts/season.py verify seasons/2027-01.json --trials 20         check it: seeds, pages, trials made again
+    python scripts/season.py show 2027-01/robust                             one of its tables, from its trials
+    python scripts/season.py write                                           put the tables of all into README and docs
 
-Run it in the repository's root. The file says what is scored; it is committed before the release that it names is
-tagged. A seed is a hash of the tagged commit, of the file, of the entry's name and of a number, so that it exists only
-when neither planner nor season can change any more. A run that was interrupted goes on; a second scoring is refused
-without --again REASON, and `docs/results/SEASON/season.json` keeps every reason.
-
-A page shows an entry between `<!-- results:SEASON/ENTRY -->` and `<!-- /results:SEASON/ENTRY -->`, or some of its rows
-alone (`results:SEASON/ENTRY ROW ...`); a figure in a sentence stands between `<!-- rate:SEASON/ENTRY AGENT ROW -->` and
-`<!-- /rate -->`. A test holds every page against the trials.
+Run it in the repository's root. The season's file says what is scored. `commit` writes SEASON.commit.json beside it:
+for each entry the settings with hashes of code, weights, cell, meshes and versions, and a round of a public randomness
+beacon that lies ahead. Published before that round, it leaves nothing to choose: a seed is a hash of this file, of the
+round's signature, of the entry's name and of a number. `--entropy WORDS` takes the place of a signature where no beacon
+is to be had; it is recorded, and weaker, as whoever plays could have chosen it. `play` refuses whatever is not as it
+was committed to, goes on where it was interrupted, and keeps every start and its --again REASON in
+`docs/results/SEASON/season.json`.
 """
 
 import gzip
-import hashlib
-import json
 import os
-import re
+import random
+import secrets
 import shutil
-import subprocess
 import sys
 import tempfile
-import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
+from season_commitment import Season, commit, committed, entropy_of, read_season
+from season_pages import ROOT, TRIALS, pages, render, rewritten, unpack
+
 from dexgrasp.cli.command import Argument, File, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.evaluate import evaluate
-from dexgrasp.evaluation.report.build import read_agents
-from dexgrasp.evaluation.report.tables import rate_words
-from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.replay import replay
+from dexgrasp.evaluation.store import read_rows, trial_name
 from dexgrasp.runs.pool import Backend
-from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.files import read_json_object, write_atomically, write_json
-from dexgrasp_env.valid import Count
-
-ROOT = Path(__file__).resolve().parents[1]
-SCHEMA = 1
-SCORED = ("dexgrasp_env", "dexgrasp", "agents", "assets")
-"""What outcomes rest on: as released while a season is scored."""
-TRIALS = "trials.jsonl"
-_MARKS = re.compile(
-    r"<!-- results:(?P<name>[\w/-]+)(?P<rows>[^>]*) -->\n(?P<text>.*?)<!-- /results:(?P=name) -->", re.DOTALL
-)
-_RATES = re.compile(
-    r"<!-- rate:(?P<name>[\w/-]+) (?P<agent>\S+) (?P<row>\S+) -->.*?<!-- /rate -->", re.DOTALL
-)
-
-
-@dataclass(frozen=True)
-class Season:
-    """Content of a season.
-
-    Attributes:
-        name: of the season, the file's stem.
-        release: the tag whose code is scored.
-        entries: settings of evaluations by name, with `seeds` (how many of each), a `title` and a `note` for readers.
-        digest: of the file.
-    """
-
-    name: str
-    release: str
-    entries: Mapping[str, Mapping[str, Any]]
-    digest: str
-
-    def folders(self, entry: str) -> list[str]:
-        """Return the names of an entry's evaluations, one a seed.
-
-        Raises:
-            InputError: for an entry that there is not.
-        """
-        if entry not in self.entries:
-            raise unknown_name(f"entry of season {self.name}", entry, self.entries)
-        return [f"{entry}-{number}" for number in range(self.entries[entry].get("seeds", 1))]
-
-    def scorings(self, commit: str) -> Iterator[tuple[str, EvaluationSettings]]:
-        """Yield every evaluation by the name of its folder, with its settings.
-
-        Raises:
-            InputError: for settings that are none.
-        """
-        for name, entry in self.entries.items():
-            words = {key: value for key, value in entry.items() if key not in ("seeds", "title", "note")}
-            for number, folder in enumerate(self.folders(name)):
-                seed = season_seed(commit, self.digest, name, number)
-                yield folder, EvaluationSettings.of(**words, seed=seed)
-
-
-def season_seed(commit: str, digest: str, entry: str, number: int) -> int:
-    """Return a seed below 2^31 that follows from the release, the season's file, the entry and a number."""
-    words = f"{commit} {digest} {entry} {number}"
-    return int.from_bytes(hashlib.sha256(words.encode()).digest()[:4], "big") >> 1
-
-
-def read_season(path: Path) -> Season:
-    """Read a season's file.
-
-    Raises:
-        InputError: if it is none.
-    """
-    content = read_json_object(path, "name a file of seasons/")
-    entries, release = content.get("entries"), content.get("release")
-    known = isinstance(entries, dict) and all(isinstance(entry, dict) for entry in entries.values())
-    if content.get("schema") != SCHEMA or not known or not isinstance(release, str):
-        raise InputError(f"{path} is no season: it has schema {SCHEMA}, a release's tag and entries by name")
-    return Season(path.stem, release, entries, hashlib.sha256(path.read_bytes()).hexdigest())
-
-
-def released(season: Season, path: Path, root: Path = ROOT) -> str:
-    """Return the commit of the release, with which the code and the file that are here agree.
-
-    Raises:
-        InputError: if the tag does not exist, or something differs from it.
-    """
-    commit = _git(root, "rev-parse", "--verify", "--quiet", f"{season.release}^{{commit}}").strip()
-    if not commit:
-        raise InputError(f"{season.name} is of release {season.release}: there is no such tag yet")
-    rests_on = [*SCORED, str(path.resolve().relative_to(root.resolve()))]
-    changed = _git(root, "diff", "--name-only", commit, "--", *rests_on).split()
-    changed += _git(root, "ls-files", "--others", "--exclude-standard", "--", *rests_on).split()
-    if changed:
-        raise InputError(f"{changed[0]} is not as it was released ({season.release}): check that release out")
-    return commit
-
-
-def _git(root: Path, *words: str) -> str:
-    return subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True).stdout
+from dexgrasp_env.arrays import Fields
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import file_hash, read_json_object, write_atomically, write_json
+from dexgrasp_env.valid import Count, number
 
 
 class Record:
-    """Record of a scoring: time, source, machine, and the reason for a repeated one."""
+    """Record of the scorings of a season: time, what its seeds were drawn with, machine, reasons for repeated ones."""
 
     def __init__(self, season: Season, results: Path) -> None:
         """Read it, where there is one."""
@@ -145,19 +53,19 @@ class Record:
         if self.path.is_file():
             self.scorings = read_json_object(self.path, "restore it from git")["scorings"]
 
-    def begin(self, commit: str, again: str | None) -> int:
+    def begin(self, drawn: Fields, again: str | None) -> int:
         """Begin a scoring, or go on with one; return its number.
 
         Raises:
             InputError: if the season was scored before and no reason is given.
         """
         last = self.scorings[-1] if self.scorings else None
-        ours = {"commit": commit, "file": self.season.digest}
+        ours = {"commitment": file_hash(self.season.commitment), **drawn}
         if last and last["finished"] is None and ours.items() <= last.items():
             return len(self.scorings)
         if last and not again:
             raise InputError(
-                f"season {self.season.name} was scored from {last['begun']} on, at {last['commit'][:10]}: "
+                f"season {self.season.name} was scored from {last['begun']} on: "
                 "a second scoring needs --again REASON, which its record shows"
             )
         self.scorings.append({**ours, "begun": _now(), "finished": None, "again": again, "load": os.getloadavg()[0],
@@ -171,30 +79,89 @@ class Record:
         self._write()
 
     def _write(self) -> None:
-        write_json(self.path, {"schema": SCHEMA, "season": self.season.name, "scorings": self.scorings})
+        write_json(self.path, {"schema": 2, "season": self.season.name, "scorings": self.scorings})
 
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="minutes")
 
 
-def run(path: Path, workers: int, again: str | None = None, root: Path = ROOT) -> Path:
+def play(
+    path: Path,
+    workers: int,
+    signature: str | None = None,
+    words: str | None = None,
+    again: str | None = None,
+    root: Path = ROOT,
+) -> Path:
     """Score what is missing of a season and publish it; return the folder of its results.
 
     Raises:
-        InputError: if it may not be scored: not released, changed since, or scored before.
+        InputError: if it may not be scored: not committed to, changed since, or scored before.
     """
     season = read_season(path)
-    commit = released(season, path, root)
-    scorings = list(season.scorings(commit))  # mistakes in any entry show before the record is begun
+    entropy, drawn = entropy_of(committed(season)["beacon"], signature, words)
     record = Record(season, root / "docs" / "results")
-    number = record.begin(commit, again)
-    for name, settings in scorings:
-        folder = root / "runs" / f"{season.name}-{number}" / name
+    scoring = record.begin(drawn, again)
+    for name, settings in season.scorings(entropy).items():
+        folder = root / "runs" / f"{season.name}-{scoring}" / name
         evaluate(settings, folder, backend=Backend(workers=workers))
         publish(folder, record.path.parent / name)
     record.finish()
     return record.path.parent
+
+
+def lacking(season: Season) -> dict[str, str]:
+    """Return the entries that cannot be made again here, as files of theirs are missing, each with the reason."""
+    found = {}
+    for entry in season.entries:
+        try:
+            season.settings(entry)
+        except InputError as error:
+            found[entry] = str(error)
+    return found
+
+
+def verify(path: Path, trials: int, seed: int, root: Path = ROOT) -> Iterator[tuple[bool, str]]:
+    """Check a season: seeds and commitment, and trials made again; yield whether each is right, in words.
+
+    Args:
+        path: of the season.
+        trials: to make again.
+        seed: that draws them.
+        root: of the repository.
+
+    Raises:
+        InputError: if it was not scored, or is not as it was committed to.
+    """
+    season, results = read_season(path), root / "docs" / "results"
+    folders = {
+        name: results / season.name / name for entry in season.entries for name in season.folders(entry)
+    }
+    if missing := next((folder for folder in folders.values() if not folder.is_dir()), None):
+        raise InputError(f"{missing} is not there: score season {season.name} first")
+    if season.commitment.is_file():
+        last = Record(season, results).scorings[-1]
+        entropy, _ = entropy_of(committed(season)["beacon"], last.get("signature"), last.get("entropy"))
+        for name, settings in season.scorings(entropy).items():
+            told = read_json_object(folders[name] / "run.json", "score the season first")["seed"]
+            yield told == settings.seed, f"seed of {name} is {told}, and follows from commitment and entropy"
+    with tempfile.TemporaryDirectory() as place:
+        unpacked = {name: unpack(folder, Path(place)) for name, folder in folders.items()}
+        away = lacking(season)
+        rows = [
+            (name, row)
+            for entry in season.entries
+            for name in season.folders(entry)
+            if entry not in away
+            for row in read_rows(unpacked[name])
+        ]
+        for name, row in random.Random(seed).sample(rows, min(trials, len(rows))):
+            again = replay(
+                unpacked[name], row["agent"], row["object"], row["trial"], protocol=row["protocol"]
+            )
+            words = f"differs in {', '.join(again.changed)}" if again.changed else "the same to the last bit"
+            yield not again.changed, f"{name}: {trial_name(row)}: {words}"
 
 
 def publish(folder: Path, out: Path) -> None:
@@ -207,118 +174,82 @@ def publish(folder: Path, out: Path) -> None:
     write_atomically(out / f"{TRIALS}.gz", gzip.compress(trials, mtime=0))
 
 
-def unpack(published: Path, folder: Path) -> Path:
-    """Make a published evaluation one that `dexgrasp report` reads; return its folder."""
-    out = folder / published.name
-    out.mkdir(parents=True, exist_ok=True)
-    shutil.copy(published / "run.json", out / "run.json")
-    (out / TRIALS).write_bytes(gzip.decompress((published / f"{TRIALS}.gz").read_bytes()))
-    return out
+class Commit(Script):
+    """Says what is scored, before there are seeds.
 
-
-def published(folder: Path, season: Season, entry: str) -> list[Path]:
-    """Return the evaluations that a season published of an entry, in the order of their seeds.
-
-    Raises:
-        InputError: for an entry that there is not, or one that is not there with all its seeds; where the folder holds
-            what the season does not name, as an older scoring leaves it.
+    Attributes:
+        season: a file of seasons/.
+        round: of the beacon, ahead of now; none: entropy is entered by hand, which is weaker.
+        again: commit anew, and say why.
     """
-    own, known = season.folders(entry), {name for each in season.entries for name in season.folders(each)}
-    there = {path.parent.name for path in folder.glob("*/run.json")}
-    if stale := sorted(there - known):
-        raise InputError(f"{folder / stale[0]} is no evaluation of season {season.name}: remove it")
-    if missing := [name for name in own if name not in there]:
-        raise InputError(f"{folder / missing[0]} is not there: score season {season.name} first")
-    return [folder / name for name in own]
-
-
-def agents_of(name: str, root: Path = ROOT) -> tuple[dict[str, Any], Mapping[str, Any]]:
-    """Return the agents' summaries that follow from the published trials of SEASON/ENTRY, and the entry."""
-    season, _, entry = name.partition("/")
-    scored = read_season(root / "seasons" / f"{season}.json")
-    folders = published(root / "docs" / "results" / season, scored, entry)
-    with tempfile.TemporaryDirectory() as folder:
-        return read_agents([unpack(run, Path(folder)) for run in folders]), scored.entries[entry]
-
-
-def render(name: str, only: Sequence[str] = (), root: Path = ROOT) -> str:
-    """Return the markdown that a page shows of SEASON/ENTRY: all rows of it, or those named."""
-    agents, entry = agents_of(name, root)
-    several = any(len(_cells(agent, "by_protocol")) > 1 for agent in agents.values())
-    kind, key = ("protocol", "by_protocol") if several else ("set", "by_set")
-    body = []
-    for row in only or dict.fromkeys(row for agent in agents.values() for row in _cells(agent, key)):
-        cells = [_cells(agent, key).get(row) for agent in agents.values()]
-        trials = " / ".join(dict.fromkeys(str(cell["trials"]) for cell in cells if cell))
-        body.append([row, trials, *(rate_words(cell).replace(" %", "") for cell in cells)])
-    header = [kind, "trials", *(f"`{agent}`, %" for agent in agents)]
-    ruler = ["---", *["---:"] * (len(header) - 1)]
-    table = "\n".join("| " + " | ".join(cells) + " |" for cells in [header, ruler, *body])
-    words = f"**{entry.get('title', name)}** {entry.get('note', '')}"
-    command = f"python scripts/season.py run seasons/{name.partition('/')[0]}.json"
-    return f"{textwrap.fill(words, 116, break_on_hyphens=False)}\n\n{table}\n\n```bash\n{command}\n```\n"
-
-
-def _cells(agent: Mapping[str, Any], key: str) -> dict[str, Any]:
-    """Return the rows of a table of an agent; of clutter, clean lifts and hits besides."""
-    cells = dict(agent[key])
-    if key == "by_protocol":
-        cells |= {
-            f"{row}:{what}": own[what] for row, own in agent["clutter"].items() for what in ("clean", "hit")
-        }
-    return cells
-
-
-def rewritten(text: str, root: Path = ROOT) -> str:
-    """Return a page with its results as they were published."""
-
-    def table(found: re.Match[str]) -> str:
-        """Return a table anew, between its marks."""
-        name, rows = found["name"], found["rows"]
-        return f"<!-- results:{name}{rows} -->\n{render(name, rows.split(), root)}<!-- /results:{name} -->"
-
-    def rate(found: re.Match[str]) -> str:
-        """Return a rate anew, between its marks."""
-        name, row = found["name"], found["row"]
-        agent = agents_of(name, root)[0][found["agent"]]
-        cell = {**agent["by_set"], **_cells(agent, "by_protocol")}[row]
-        words = f"{cell['successes']:,} of {cell['trials']:,}, {rate_words(cell)}"
-        return f"<!-- rate:{name} {found['agent']} {row} -->{words}<!-- /rate -->"
-
-    return _RATES.sub(rate, _MARKS.sub(table, text))
-
-
-def pages() -> list[Path]:
-    """Return the pages that may show results."""
-    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-
-
-class Seeds(Script):
-    """Says the seeds of a season."""
 
     season: Argument[File]
+    round: Annotated[int | None, number(ge=1)] = None
+    again: Annotated[str | None, "REASON"] = None
 
     def run(self) -> int:
-        season = read_season(self.season)
-        seeds = {name: own.seed for name, own in season.scorings(released(season, self.season))}
-        print(json.dumps(seeds, indent=1))
+        print(commit(self.season, self.round, datetime.now(UTC), self.again))
         return 0
 
 
-class Run(Script):
+class Play(Script):
     """Scores a season.
 
     Attributes:
         season: a file of seasons/.
+        signature: of the round that was committed to.
+        entropy: entered by hand, where no round was.
         again: score a second time, and say why.
     """
 
     season: Argument[File]
     workers: Count = 1
+    signature: Annotated[str | None, "HEX"] = None
+    entropy: Annotated[str | None, "WORDS"] = None
     again: Annotated[str | None, "REASON"] = None
 
     def run(self) -> int:
-        print(run(self.season, self.workers, self.again))
+        print(play(self.season, self.workers, self.signature, self.entropy, self.again))
+        return 0
+
+
+class Verify(Script):
+    """Checks a season that was published; exits with 1 where something is not as it says.
+
+    Attributes:
+        season: a file of seasons/.
+        trials: to make again.
+        seed: that draws them (default: one of its own, which is printed).
+    """
+
+    season: Argument[File]
+    trials: Count = 20
+    seed: int | None = None
+
+    def run(self) -> int:
+        seed = secrets.randbits(31) if self.seed is None else self.seed
+        print(f"trials are drawn with --seed {seed}")
+        for entry, reason in lacking(read_season(self.season)).items():
+            print(f"left out: {entry}: {reason}")
+        found = []
+        for right, words in verify(self.season, self.trials, seed):
+            print("right: " if right else "WRONG: ", words, sep="", flush=True)
+            found.append(right)
+        print(f"{sum(found)} of {len(found)} right")
+        return int(not all(found))
+
+
+class Show(Script):
+    """Prints the table of an entry, from its trials.
+
+    Attributes:
+        name: SEASON/ENTRY.
+    """
+
+    name: Argument[str]
+
+    def run(self) -> int:
+        print(render(self.name))
         return 0
 
 
@@ -332,4 +263,4 @@ class Write(Script):
 
 
 if __name__ == "__main__":
-    sys.exit(run_script({"seeds": Seeds, "run": Run, "write": Write}))
+    sys.exit(run_script({"commit": Commit, "play": Play, "verify": Verify, "show": Show, "write": Write}))

@@ -1,15 +1,18 @@
 """Seasons: seeds that only a release gives, one scoring, trials published, pages written from them."""
 
 import dataclasses
+import gzip
 import json
-import subprocess
+from datetime import UTC, datetime
 
 import pytest
 from project_scripts import load_script
 
 from dexgrasp_env.errors import InputError
 
-season = load_script("season")
+beacon, commitment, pages, season = map(
+    load_script, ("beacon", "season_commitment", "season_pages", "season")
+)
 
 ENTRY = {
     "agents": ["random"],
@@ -19,137 +22,164 @@ ENTRY = {
     "seeds": 2,
     "title": "Two.",
 }
-
-
-def git(root, *words):
-    who = ("-c", "user.name=a", "-c", "user.email=a@b.c")
-    subprocess.run(["git", "-C", str(root), *who, *words], check=True, capture_output=True)
+ROUND = 657413
+SIGNATURE = "b713718a38ae728dfd477991af2822e08d2f305e47718cef9f7848ce4050e7be41076862b98fad56e91a6b85b89cd97b"
+"""Of that round, as published."""
+BEFORE = datetime(2023, 9, 1, tzinfo=UTC)
 
 
 @pytest.fixture
 def house(tmp_path):
-    """A repository with a little code, a season and a tagged release."""
-    (tmp_path / "agents").mkdir()
-    (tmp_path / "agents" / "random.py").write_text("")
-    path = tmp_path / "seasons" / "2026-12.json"
+    """A folder with a season, and the repository's code."""
+    path = tmp_path / "seasons" / "2027-01.json"
     path.parent.mkdir()
-    path.write_text(json.dumps({"schema": 1, "release": "v1", "entries": {"small": ENTRY}}))
-    git(tmp_path, "init", "-q")
-    git(tmp_path, "add", ".")
-    git(tmp_path, "commit", "-qm", "one")
-    git(tmp_path, "tag", "v1")
+    path.write_text(json.dumps({"schema": 2, "entries": {"small": ENTRY}}))
     return tmp_path, path
 
 
-def seeds(root, path):
-    found = season.read_season(path)
-    return [settings.seed for _, settings in found.scorings(season.released(found, path, root))]
+def test_a_signature_is_checked_without_a_network():
+    assert beacon.randomness(ROUND, SIGNATURE).startswith("fc1873a13f3545aeade84015")
+    for number, signature in (
+        (ROUND + 1, SIGNATURE),
+        (ROUND, SIGNATURE[:-1] + "c"),
+        (ROUND, "b7"),
+        (ROUND, "x"),
+    ):
+        with pytest.raises(InputError, match="not the signature of round"):
+            beacon.randomness(number, signature)
+    assert f"{beacon.round_time(ROUND):%Y-%m-%d}" == "2023-09-15"
 
 
-def test_seeds_follow_from_release_and_file(house):
-    root, path = house
-    first = seeds(root, path)
-    assert first == seeds(root, path)
+def test_a_commitment_is_one_and_ahead_of_its_round(house):
+    _, path = house
+    with pytest.raises(InputError, match=r"round 657413 was 2023-09-15 .* lies ahead"):
+        commitment.commit(path, ROUND, datetime(2026, 11, 29, tzinfo=UTC))
+    commitment.commit(path, ROUND, BEFORE)
+    with pytest.raises(InputError, match="needs --again REASON"):
+        commitment.commit(path, ROUND + 1, BEFORE)
+    again = commitment.commit(path, ROUND + 1, BEFORE, "a typing error")
+    assert json.loads(again.read_text())["again"] == ["a typing error"]
+
+
+def test_seeds_follow_from_commitment_and_beacon(house):
+    _, path = house
+    commitment.commit(path, ROUND, BEFORE)
+    found = commitment.read_season(path)
+    first = [own.seed for own in found.scorings("ab").values()]
+    assert first == [own.seed for own in found.scorings("ab").values()]
     assert len(set(first)) == 2
     assert all(0 <= seed < 2**31 for seed in first)
-    path.write_text(path.read_text() + "\n")
-    git(root, "commit", "-qam", "another file")
-    git(root, "tag", "-f", "v1")
-    assert not set(first) & set(seeds(root, path))
+    assert not set(first) & {own.seed for own in found.scorings("ac").values()}
+    commitment.commit(path, ROUND, BEFORE, "another")
+    assert not set(first) & {own.seed for own in found.scorings("ab").values()}
 
 
-def test_nothing_is_scored_but_what_was_released(house):
+def test_nothing_is_scored_but_what_was_committed_to(house):
     root, path = house
-    (root / "agents" / "another.py").write_text("")
-    with pytest.raises(InputError, match=r"agents/another\.py is not as it was released"):
-        season.run(path, 1, root=root)
-    (root / "agents" / "another.py").unlink()
+    with pytest.raises(InputError, match="commit to it first"):
+        season.play(path, 1, SIGNATURE, root=root)
+    mesh = root / "a.obj"
+    mesh.write_text("v 0 0 0\nv .05 0 0\nv 0 .05 0\nv 0 0 .05\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
+    path.write_text(json.dumps({"schema": 2, "entries": {"small": {**ENTRY, "objects": [str(mesh)]}}}))
+    commitment.commit(path, ROUND, BEFORE)
+    with pytest.raises(InputError, match=r"give --signature HEX of round 657413, of 2023-09-15"):
+        season.play(path, 1, root=root)
+    mesh.write_text(mesh.read_text().replace(".05", ".06"))
+    with pytest.raises(InputError, match="files of small is not as"):
+        season.play(path, 1, SIGNATURE, root=root)
     path.write_text(path.read_text().replace('"trials": 1', '"trials": 2'))
-    with pytest.raises(InputError, match=r"2026-12\.json is not as it was released"):
-        season.run(path, 1, root=root)
-    git(root, "tag", "-d", "v1")
-    with pytest.raises(InputError, match="no such tag"):
-        season.run(path, 1, root=root)
+    with pytest.raises(InputError, match="is not as"):
+        season.play(path, 1, SIGNATURE, root=root)
     assert not (root / "docs").exists()
 
 
-def test_a_season_is_scored_once_and_pages_show_its_trials(house):
+def test_a_season_is_played_once_shown_by_its_trials_and_verified(house):
     root, path = house
-    out = season.run(path, 1, root=root)
+    commitment.commit(path, ROUND, BEFORE)
+    out = season.play(path, 1, SIGNATURE, root=root)
     page = (
-        "<!-- results:2026-12/small -->\n<!-- /results:2026-12/small -->\n"
-        "<!-- rate:2026-12/small random lift --><!-- /rate -->"
+        "<!-- results:2027-01/small -->\n<!-- /results:2027-01/small -->\n"
+        "<!-- rate:2027-01/small random lift --><!-- /rate -->"
     )
-    shown = season.rewritten(page, root)
+    shown = pages.rewritten(page, root)
     assert "| 2 | 0.0 [0, 66] |" in shown
     assert "0 of 2, 0.0 % [0, 66]<!-- /rate -->" in shown
-    assert "python scripts/season.py run seasons/2026-12.json" in shown
+    assert "python scripts/season.py show 2027-01/small" in shown
+    found = list(season.verify(path, 2, 0, root))
+    assert [right for right, _ in found] == [True] * 4
     with pytest.raises(InputError, match="needs --again REASON"):
-        season.run(path, 1, root=root)
-    before = (out / "small-0" / "trials.jsonl.gz").read_bytes()
-    season.run(path, 1, "to see the bits", root)
-    assert [scoring["again"] for scoring in json.loads((out / "season.json").read_text())["scorings"]] == [
-        None,
-        "to see the bits",
-    ]
-    rows = [
-        json.loads(line)
-        for data in (before, (out / "small-0" / "trials.jsonl.gz").read_bytes())
-        for line in season.gzip.decompress(data).splitlines()
-    ]
-    assert rows[0]["scene_seed"] == rows[1]["scene_seed"]
-    assert rows[0]["height"] == rows[1]["height"]
+        season.play(path, 1, SIGNATURE, root=root)
+    rows = gzip.decompress((out / "small-0" / "trials.jsonl.gz").read_bytes()).replace(
+        b'"steps": ', b'"steps": 1'
+    )
+    (out / "small-0" / "trials.jsonl.gz").write_bytes(gzip.compress(rows))
+    wrong = [words for right, words in season.verify(path, 2, 0, root) if not right]
+    assert len(wrong) == 1
+    assert "differs in steps" in wrong[0]
+    season.play(path, 1, SIGNATURE, again="to see the bits", root=root)
+    record = json.loads((out / "season.json").read_text())["scorings"]
+    assert [scoring["again"] for scoring in record] == [None, "to see the bits"]
+
+
+def test_without_a_beacon_entropy_is_entered_and_recorded_as_unchecked(house):
+    root, path = house
+    commitment.commit(path, None, BEFORE)
+    with pytest.raises(InputError, match="give --entropy WORDS"):
+        season.play(path, 1, SIGNATURE, root=root)
+    drawn = commitment.entropy_of(None, None, "the lottery of 2 January")
+    assert drawn == ("the lottery of 2 January", {"entropy": "the lottery of 2 January", "checked": False})
 
 
 def test_pages_show_the_evaluations_that_the_season_names(tmp_path):
-    known = season.Season("2026-12", "v1", {"small": {"seeds": 2}, "small-view": {}}, "")
+    known = commitment.Season("2026-12", tmp_path, {"small": {"seeds": 2}, "small-view": {}})
     for name in ("small-0", "small-1", "small-view-0"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "run.json").touch()
-    found = season.published(tmp_path, known, "small")
+    found = pages.published(tmp_path, known, "small")
     assert [path.name for path in found] == ["small-0", "small-1"]
     with pytest.raises(InputError, match="unknown entry"):
-        season.published(tmp_path, known, "large")
+        pages.published(tmp_path, known, "large")
     more = dataclasses.replace(known, entries={"small": {"seeds": 3}, "small-view": {}})
     with pytest.raises(InputError, match="small-2 is not there"):
-        season.published(tmp_path, more, "small")
+        pages.published(tmp_path, more, "small")
     fewer = dataclasses.replace(known, entries={"small": {"seeds": 1}, "small-view": {}})
     with pytest.raises(InputError, match="small-1 is no evaluation of season 2026-12: remove it"):
-        season.published(tmp_path, fewer, "small")
+        pages.published(tmp_path, fewer, "small")
 
 
 def test_what_was_interrupted_goes_on(house):
     root, path = house
-    found = season.read_season(path)
+    commitment.commit(path, ROUND, BEFORE)
+    found = commitment.read_season(path)
     record = season.Record(found, root / "docs" / "results")
-    assert record.begin("c" * 40, None) == 1
+    assert record.begin({"signature": "c"}, None) == 1
     again = season.Record(found, root / "docs" / "results")
-    assert again.begin("c" * 40, None) == 1
+    assert again.begin({"signature": "c"}, None) == 1
     assert len(again.scorings) == 1
     with pytest.raises(InputError, match="second scoring"):
-        season.Record(found, root / "docs" / "results").begin("d" * 40, None)
+        season.Record(found, root / "docs" / "results").begin({"signature": "d"}, None)
 
 
 def test_every_page_shows_what_was_published():
     shown = set()
-    for path in season.pages():
+    for path in pages.pages():
         text = path.read_text()
-        shown |= {found["name"] for found in season._MARKS.finditer(text)}
-        assert season.rewritten(text) == text, f"{path.name}: run scripts/season.py write"
-    runs = (season.ROOT / "docs" / "results").glob("*/*/run.json")
+        shown |= {found["name"] for found in pages._MARKS.finditer(text)}
+        assert pages.rewritten(text) == text, f"{path.name}: run scripts/season.py write"
+    runs = (pages.ROOT / "docs" / "results").glob("*/*/run.json")
     assert shown == {f"{run.parents[1].name}/{run.parent.name.rpartition('-')[0]}" for run in runs}
 
 
 def test_the_season_to_come_can_be_scored():
-    for path in (season.ROOT / "seasons").glob("*.json"):
-        for entry in season.read_season(path).entries.values():
+    for path in (pages.ROOT / "seasons").glob("[0-9]*-[0-9][0-9].json"):
+        for entry in commitment.read_season(path).entries.values():
             assert entry["title"]
             assert set(entry) >= {"agents", "objects", "protocols", "trials"}
 
 
 def test_a_file_that_is_no_season_is_refused(tmp_path):
     path = tmp_path / "a.json"
-    for content in ("{}", '{"schema": 1, "release": "v1", "entries": []}', '{"schema": 2}'):
+    for content in ("{}", '{"schema": 1, "entries": []}', '{"schema": 2}', '{"schema": 3, "entries": {}}'):
         path.write_text(content)
         with pytest.raises(InputError, match="is no season"):
-            season.read_season(path)
+            commitment.read_season(path)
