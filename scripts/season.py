@@ -125,6 +125,8 @@ def lacking(season: Season) -> dict[str, str]:
 def verify(path: Path, trials: int, seed: int, root: Path = ROOT) -> Iterator[tuple[bool, str]]:
     """Check a season: seeds and commitment, and trials made again; yield whether each is right, in words.
 
+    A trial is right if it ends in success as it did; on the same processor and versions all of it is equal bit for bit.
+
     Args:
         path: of the season.
         trials: to make again.
@@ -160,8 +162,9 @@ def verify(path: Path, trials: int, seed: int, root: Path = ROOT) -> Iterator[tu
             again = replay(
                 unpacked[name], row["agent"], row["object"], row["trial"], protocol=row["protocol"]
             )
-            words = f"differs in {', '.join(again.changed)}" if again.changed else "the same to the last bit"
-            yield not again.changed, f"{name}: {trial_name(row)}: {words}"
+            words = f"other {', '.join(again.changed)}" if again.changed else "the same to the last bit"
+            stale = f" (made with other {', '.join(again.stale)})" if again.stale else ""
+            yield "success" not in again.changed, f"{name}: {trial_name(row)}: {words}{stale}"
 
 
 def publish(folder: Path, out: Path) -> None:
