@@ -35,4 +35,3 @@ class Benchmark(Command):
 
 _LINES = (f"  {name:<12} {line}" for name, line in BENCHMARKS.items())
 Benchmark.__doc__ = str(Benchmark.__doc__).format(available="\n    ".join(_LINES))
-COMMAND = Benchmark

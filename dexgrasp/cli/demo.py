@@ -154,6 +154,3 @@ def _sentence(outcome: Fields) -> str:
         f"lifted {100 * outcome['object_height']:.0f} cm and held for {outcome['held_seconds']:.1f} s, {stable} "
         f"(slip {1000 * outcome['object_slip']:.1f} mm)"
     )
-
-
-COMMAND = Demo

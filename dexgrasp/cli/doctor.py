@@ -20,7 +20,6 @@ _OPTIONAL = {
     "torch": "the learned agents and training need it: pip install 'dexgrasp[learning]'",
     "stable-baselines3": "reinforcement learning needs it: pip install 'dexgrasp[learning]'",
 }
-_BACKENDS = ("egl", "osmesa", "glfw")
 _RENDER = """
 import mujoco
 model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><light pos='0 0 3'/><geom size='1'/></worldbody></mujoco>")
@@ -104,7 +103,7 @@ def _judged(package: str) -> Finding:
 
 def check_rendering() -> list[Finding]:
     """Render a picture with every backend, each in a process of its own: a bad driver may crash it."""
-    faults = {backend: _renders(backend) for backend in _BACKENDS}
+    faults = {backend: _renders(backend) for backend in ("egl", "osmesa", "glfw")}
     working = [backend for backend, why in faults.items() if not why]
     unneeded = "cannot be used here, and need not" if working else ""
     findings = [
@@ -181,6 +180,3 @@ def _check_code() -> Finding:
         )
     beside = "beside the code" if folder.name == "__pycache__" else "where it can be written"
     return Finding("info", f"compiled code is kept in {folder} ({beside})")
-
-
-COMMAND = Doctor

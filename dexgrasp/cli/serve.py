@@ -54,6 +54,3 @@ class Serve(Command, InCell):
         asyncio.run(server.run(ready))
         counted = dict(server.counters)
         return Answer({"counters": counted}, f"served {counted.get('requests', 0)} requests")
-
-
-COMMAND = Serve

@@ -18,7 +18,6 @@ Counts = Mapping[str, tuple[int, int]]
 """Object -> (successes, trials)."""
 Interval = tuple[float, float]
 
-_RESAMPLES = 9999
 _LEVEL = 0.95
 _QUANTILE = float(norm.ppf(0.5 + 0.5 * _LEVEL))
 
@@ -187,7 +186,7 @@ def _columns(counts: Counts) -> tuple[Array, Array]:
 
 def _bootstrap(columns: tuple[Array, ...], statistic: object) -> Interval:
     found = bootstrap(
-        columns, statistic, paired=True, vectorized=True, n_resamples=_RESAMPLES, confidence_level=_LEVEL,
+        columns, statistic, paired=True, vectorized=True, n_resamples=9999, confidence_level=_LEVEL,
         method="percentile", rng=np.random.default_rng(0),
     ).confidence_interval  # fmt: skip
     return float(found.low), float(found.high)

@@ -16,7 +16,6 @@ _STAGES = {
     "total": "total",
 }
 """Stages as Table 6 has them -> what they are here."""
-_LEAST_SECONDS = 1e-4  # what a logarithmic axis shows of nothing
 
 
 def success(key: str, words: str, agents: Agents, rows: Sequence[str]) -> Figure:
@@ -33,8 +32,8 @@ def planning_times(agents: Agents) -> list[Figure]:
     for name, agent in agents.items():
         if total := agent["planning_seconds"]:
             stages = agent["stages"].get("overall", {}).get("stage_seconds", {}) | {"total": total}
-            shown[name] = {
-                stage: [max(times[key], _LEAST_SECONDS) for key in ("median", "p25", "p75")]
+            shown[name] = {  # 1e-4 s stands for nothing on a logarithmic axis
+                stage: [max(times[key], 1e-4) for key in ("median", "p25", "p75")]
                 for stage, times in stages.items()
                 if stage in _STAGES
             }

@@ -17,7 +17,6 @@ Agents = Mapping[str, Fields]
 
 SETS = ("seen", "familiar", "novel", "ycb6", "meshes")
 """Sets in the order of their columns."""
-_MOST_HIT = 3  # neighbours that are named
 PLANNER = "bilevel"
 """The agent whose times stand beside Table 6, which is of the paper's planner alone."""
 
@@ -78,7 +77,7 @@ def clutter_table(agents: Agents) -> Table:
         for protocol, found in agent["clutter"].items():
             cells = (agent["by_protocol"][protocol], found["clean"], found["hit"])
             moved = f"{100 * found['moved']['median']:.1f} (up to {100 * found['moved']['max']:.1f})"
-            most = ", ".join(f"{what} {n}" for what, n in list(found["hit_objects"].items())[:_MOST_HIT])
+            most = ", ".join(f"{what} {n}" for what, n in list(found["hit_objects"].items())[:3])
             rows.append([protocol, name, *map(rate_words, cells), moved, most])
     header = (
         "protocol",
