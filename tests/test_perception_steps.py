@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from cloud_accuracy import covered_share, surface_distance
 from robots import CELL, HOME
 from scipy.spatial import ConvexHull
 
-from dexgrasp.cli.benchmarks.cloud_accuracy import covered_share, surface_distance
 from dexgrasp.geometry.hull import cloud_corners, trim_extremes
 from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.perception.cloud import (
