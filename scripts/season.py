@@ -27,6 +27,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -232,6 +233,7 @@ def published(folder: Path, season: Season, entry: str) -> list[Path]:
     return [folder / name for name in own]
 
 
+@cache
 def agents_of(name: str, root: Path = ROOT) -> tuple[dict[str, Any], Mapping[str, Any]]:
     """Return the agents' summaries that follow from the published trials of SEASON/ENTRY, and the entry."""
     season, _, entry = name.partition("/")
