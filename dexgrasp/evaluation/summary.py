@@ -26,7 +26,6 @@ _FIGURES = (
 )
 """Numbers of a certificate, beside its distances."""
 _QUARTILES = {"median": 0.5, "p25": 0.25, "p75": 0.75}
-_WEAKER, _STRONGER = "pushed@0.5", "pushed@1"
 
 
 def summarise(
@@ -56,10 +55,10 @@ def summarise(
 
 def judged(rows: Trials) -> list[Fields]:
     """Return the trials with `pushed@1` a failure where the same scene was one under `pushed@0.5`."""
-    lost = {row_key(row)[1:] for row in rows if row["protocol"] == _WEAKER and not row["success"]}
+    lost = {row_key(row)[1:] for row in rows if row["protocol"] == "pushed@0.5" and not row["success"]}
     return [
         {**row, "success": False, "reason": "failed_pushed@0.5"}
-        if row["protocol"] == _STRONGER and row["success"] and row_key(row)[1:] in lost
+        if row["protocol"] == "pushed@1" and row["success"] and row_key(row)[1:] in lost
         else row
         for row in rows
     ]

@@ -39,7 +39,10 @@ def planning_times(agents: Agents) -> list[Figure]:
             }
     rows = {stage: words for stage, words in _STAGES.items() if any(stage in own for own in shown.values())}
     caption = "Planning time by stage; the paper's is of its planner"
-    label, printed = "seconds: median, 25th and 75th percentile", {PLANNER: paper.SECONDS["overall"]}
+    label, printed = (
+        "seconds: median, 25th and 75th percentile",
+        {PLANNER: paper.PRINTED["seconds"]["overall"]},
+    )
     return [Figure("planning_times", caption, label, shown, printed, rows, log=True)] if shown else []
 
 
