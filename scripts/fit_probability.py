@@ -4,7 +4,7 @@
     python scripts/fit_probability.py DATA --held-out TEST --out assets/weights/probability.json
 
 Judged by cross-validation over shapes: every row is foretold by a model that met no episode of its shape, within each
-cell of friction and mass, beside `load` alone. The model that is written is fitted on all of DATA, and judged on TEST,
+cell of friction and mass. The model that is written is fitted on all of DATA, and judged on TEST,
 of other shapes. DATA/judged.json has the figures and the reliability diagrams.
 """
 
@@ -44,9 +44,8 @@ _TREES: dict[str, Any] = {
 
 
 class Rows(NamedTuple):
-    """Episodes: `load` (N,), features and outcomes by name (N,), shapes, masses over the objects' own (N,)."""
+    """Episodes: features and outcomes by name (N,), shapes, masses over the objects' own (N,)."""
 
-    load: Array
     features: dict[str, Array]
     held: dict[str, NDArray[np.bool_]]
     shapes: NDArray[np.str_]
@@ -72,11 +71,9 @@ def read_rows(folder: Path) -> Rows:
             guessed = float(arrays["spread_errors"][nearest].max())
         for row in scene["rows"]:
             features = features_of(record, row["friction"], row["mass_factor"] * scene["mass"], guessed)
-            of = {"row": row, "job": scene["job"], "load": record.certificate.load}
-            found.append({"features": features, **of})
+            found.append({"features": features, "row": row, "job": scene["job"]})
     names = list(found[0]["features"])
     return Rows(
-        np.array([one["load"] for one in found]),
         {name: np.array([one["features"][name] for one in found]) for name in names},
         {name: np.array([one["row"][of]["success"] for one in found]) for name, of in LABELS.items()},
         np.array([one["job"]["target"].split("/")[-1] for one in found]),
@@ -184,28 +181,24 @@ def calibration(chance: Array, held: NDArray[np.bool_], bins: int) -> tuple[floa
 
 
 def judged(rows: Rows, outcome: str, chance: Array) -> dict[str, Any]:
-    """Return how good probabilities are, over all rows and within cells of friction and mass, beside `load` alone."""
-    from sklearn.metrics import brier_score_loss, roc_auc_score
+    """Return how good probabilities are, over all rows and within cells of friction and mass."""
+    from sklearn.metrics import roc_auc_score
 
     held = rows.held[outcome]
     own = [inside for inside in cells(rows) if inside.any()]
-    told = [inside for inside in own if LEAST <= held[inside].sum() <= inside.sum() - LEAST]
+    areas = [
+        roc_auc_score(held[inside], chance[inside])
+        for inside in own
+        if LEAST <= held[inside].sum() <= inside.sum() - LEAST
+    ]
     error, diagram = calibration(chance, held, 10)
     return {
         "episodes": len(held),
         "failed": int((~held).sum()),
         "shapes": len(np.unique(rows.shapes)),
-        "area": roc_auc_score(held, chance),
-        **{
-            f"{name}_of_cells": float(
-                np.mean([roc_auc_score(held[inside], score[inside]) for inside in told])
-            )
-            for name, score in (("area", chance), ("area_load", rows.load))
-            if told
-        },
+        "area_of_cells": float(np.mean(areas)) if areas else None,
         "calibration_error": error,
         "calibration_error_of_cells": float(np.mean([calibration(chance[i], held[i], 5)[0] for i in own])),
-        "brier": brier_score_loss(held, chance),
         "diagram": diagram,
     }
 

@@ -3,7 +3,6 @@
     python scripts/object_sets.py outside sets/outside      a thousand shapes: develop.json (700) and final.json (300)
     python scripts/object_sets.py kitchen sets/kitchen      flat.json, handled.json and wide.json, of kitchen.yaml
     python scripts/object_sets.py ycb sets/ycb.json --yes   scans of the YCB set, from their publisher, once
-    python scripts/object_sets.py folder ~/gso sets/gso.json --source "Google Scanned Objects, CC-BY 4.0"
     dexgrasp evaluate --agents bilevel --objects sets/outside/develop.json --trials 1
 
 `outside` and `kitchen` are frozen by hashes (outside.json, `KITCHEN`): a mesh that differs is named and the exit code
@@ -14,8 +13,6 @@ own (https://www.ycbbenchmarks.com).
 import hashlib
 import io
 import json
-import os
-import re
 import sys
 import tarfile
 import urllib.request
@@ -34,9 +31,8 @@ from tqdm import tqdm
 from dexgrasp.cli.command import Argument, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.files import cache_dir, file_hash, write_atomically, write_json
-from dexgrasp_env.objects.sets import MESH_SUFFIXES, SCHEMA, read_set
-from dexgrasp_env.valid import Positive
+from dexgrasp_env.files import cache_dir, write_atomically, write_json
+from dexgrasp_env.objects.sets import SCHEMA, read_set
 
 HERE = Path(__file__).parent
 HASHES = HERE / "outside.json"
@@ -166,7 +162,7 @@ class Kitchen(Script):
         return _differing(found, KITCHEN)
 
 
-# -- scans and folders of meshes ---------------------------------------------------------------------------------
+# -- scans ---------------------------------------------------------------------------------------------------------
 
 
 def fetch(name: str, publisher: str) -> Path:
@@ -227,42 +223,6 @@ class Ycb(Script):
         return 0
 
 
-class FolderSet(Script):
-    """Writes a set file of a folder's meshes, which stay where they are.
-
-    Attributes:
-        folder: searched with its folders.
-        out: the set file.
-        scale: factor to metres.
-        mass: kg, of each (default: by volume).
-        source: where they are from, under which licence; the hash of each mesh is added.
-    """
-
-    folder: Argument[Folder]
-    out: Argument[Annotated[Path, "SET.json"]]
-    scale: Positive = 1.0
-    mass: Positive | None = None
-    source: str = "unknown terms"
-
-    def run(self) -> int:
-        root = self.folder.resolve()
-        paths = sorted(p for p in root.rglob("*") if p.suffix.lower() in MESH_SUFFIXES and p.is_file())
-        if not paths:
-            raise InputError(f"{self.folder}: no mesh ({', '.join(MESH_SUFFIXES)})")
-        members = [
-            {
-                "name": re.sub(r"[^A-Za-z0-9_.-]+", "_", str(path.relative_to(root).with_suffix("")))[-100:],
-                "mesh": os.path.relpath(path, self.out.resolve().parent),
-                "scale": self.scale,
-                **({} if self.mass is None else {"mass": self.mass}),
-                "source": f"{self.source}; sha256 {file_hash(path)}",
-            }
-            for path in paths
-        ]
-        write_set(self.out, members)
-        return 0
-
-
 if __name__ == "__main__":
-    kinds = {"outside": Outside, "kitchen": Kitchen, "ycb": Ycb, "folder": FolderSet}
+    kinds = {"outside": Outside, "kitchen": Kitchen, "ycb": Ycb}
     sys.exit(run_script(kinds))

@@ -11,6 +11,7 @@ import shutil
 import tempfile
 import textwrap
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,7 @@ def published(folder: Path, season: Season, entry: str) -> list[Path]:
     return [folder / name for name in own]
 
 
+@cache
 def agents_of(name: str, root: Path = ROOT) -> tuple[dict[str, Any], Mapping[str, Any]]:
     """Return the agents' summaries that follow from the published trials of SEASON/ENTRY, and the entry."""
     season, _, entry = name.partition("/")

@@ -1,10 +1,9 @@
-"""Random actions or plans on every object, for long, in one process: nothing may raise, go wrong or grow.
+"""Random actions on every object, for long, in one process: nothing may raise, go wrong or grow.
 
     python scripts/soak.py [--steps 12000] [--objects all20 ycb6] [--vector 16]
-    python scripts/soak.py --plans 10000 [--robots default FILE]
 
-A round is every environment, or every object with every robot, once. Exits with 1 if a number was not finite, or if the
-process held 50 MB more after the last round than in the middle, when caches are full.
+A round is every environment once. Exits with 1 if a number was not finite, or if the process held 50 MB more after the
+last round than in the middle, when caches are full.
 """
 
 import ctypes
@@ -14,7 +13,6 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import cycle, islice, product
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +23,6 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.command import Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.valid import Count, Natural
 
 GROWTH_MB = 50.0
@@ -41,7 +38,7 @@ class Soak:
     """Result of a run.
 
     Attributes:
-        steps: or plans.
+        steps: of all environments.
         not_finite: how many environments had a number gone wrong, once a step.
         memory_mb: resident after each round.
     """
@@ -98,23 +95,6 @@ def run(
     return soak
 
 
-def run_plans(plans: int, objects: list[str], robots: list[str], *, scenes: int = 2) -> Soak:
-    """Look and plan, with objects and robots in turns; every object in `scenes` scenes, then the same again."""
-    from dexgrasp.planning.scene_setup import look_at
-    from dexgrasp.registry import make_agent
-
-    agents = {robot: make_agent("bilevel") for robot in robots}
-    turns, soak = list(product(range(scenes), resolve_targets(objects), robots)), Soak()
-    for seed, name, robot in islice(cycle(turns), plans):
-        look = look_at(name, agents[robot], seed, robot=None if robot == "default" else robot)
-        found = agents[robot].plan(look.observation, look.info)  # type: ignore[attr-defined]
-        soak.steps += 1
-        soak.endings["planned" if found.success else str(found.shortfall)] += 1
-        if soak.steps % len(turns) == 0:
-            soak.end_round()
-    return soak
-
-
 def act(envs: Any, steps: int, rng: np.random.Generator, soak: Soak) -> None:
     """Take random actions in running environments, and note what comes up."""
     centre = rng.uniform(-1, 1, envs.action_space.shape)
@@ -149,22 +129,15 @@ class Soaking(Script):
     Attributes:
         steps: at least, in whole rounds.
         vector: environments beside each other.
-        plans: plans instead of steps.
-        robots: of the plans, in turns.
     """
 
     steps: Count = 12_000
     objects: tuple[str, ...] = ("all20", "ycb6")
     seed: Natural = 0
     vector: Count = 1
-    plans: Count | None = None
-    robots: tuple[str, ...] = ("default",)
 
     def run(self) -> int:
-        if self.plans:
-            soak = run_plans(self.plans, list(self.objects), list(self.robots))
-        else:
-            soak = run(self.steps, list(self.objects), self.vector, seed=self.seed)
+        soak = run(self.steps, list(self.objects), self.vector, seed=self.seed)
         print(f"{soak.steps} steps, {soak.endings.total()} ends {dict(soak.endings)}")
         print(f"numbers gone wrong {soak.not_finite}; warnings {dict(soak.warnings) or 'none'}")
         print(f"memory {soak.growth_mb:+.1f} MB from the middle round to the last")

@@ -229,9 +229,6 @@ def test_evaluate_prints_json_alone(tmp_path):
     runs = list((tmp_path / "runs").iterdir())
     assert len(runs) == 1
     assert len((runs[0] / "trials.jsonl").read_text().splitlines()) == 2
-    changed = run(*command, "--seed", "1", "--out", str(runs[0]), cwd=tmp_path)
-    assert changed.returncode == BAD_INPUT
-    assert "seed: 0 there, 1 now" in changed.stderr
 
 
 def test_exceptions_and_interrupts(monkeypatch, capsys):

@@ -102,20 +102,11 @@ def test_printed_commands_run_and_a_cell_is_its_content(tmp_path, monkeypatch, c
 
 
 def test_killed_run_keeps_what_is_finished(tmp_path):
-    command = [
-        sys.executable,
-        "-m",
-        "dexgrasp.cli.main",
-        "evaluate",
-        "--agents",
-        "random",
-        "--objects",
-        "sugar_box",
-    ]
-    command += ["--trials", "400", "--out", str(tmp_path / "out"), "--json", "--workers", "2"]
+    words = "-m dexgrasp.cli.main evaluate --agents random --objects sugar_box --trials 400 --json --workers 2 --out"
+    command = [sys.executable, *words.split(), str(tmp_path / "out")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     trials = tmp_path / "out" / "trials.jsonl"
-    for _ in range(300):
+    for _ in range(900):
         if trials.is_file() and trials.read_text().count("\n") >= 3:
             break
         time.sleep(0.1)

@@ -211,12 +211,6 @@ def test_no_environment_is_excused_by_another_that_diverged():
     assert found.not_finite == 2
 
 
-def test_short_soak_of_plans():
-    found = load_script("soak").run_plans(6, ["soda", "pear"], ["default"], scenes=1)
-    assert found.endings == {"planned": 6}
-    assert len(found.memory_mb) == 3
-
-
 def test_what_lies_alike_is_settled_once_and_put_where_it_was_drawn():
     rests, rng = SettleCache(), np.random.default_rng(0)
     for name, apart in (

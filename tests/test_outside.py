@@ -40,17 +40,3 @@ def test_what_lies_in_a_kitchen_is_frozen(tmp_path):
     assert (len(flat), len(handled), len(wide)) == (19, 8, 10)
     for member in (*flat.values(), *handled.values(), *wide.values()):
         assert trimesh.load(member.mesh, process=False).is_watertight, member.name
-
-
-def test_a_folder_of_meshes_becomes_a_set_file(tmp_path, capsys):
-    (tmp_path / "mine" / "deep").mkdir(parents=True)
-    trimesh.creation.box((10.0, 20.0, 40.0)).export(tmp_path / "mine" / "deep" / "a box.stl")
-    out = tmp_path / "sets" / "mine.json"
-    words = [str(tmp_path / "mine"), str(out), "--scale", "0.002", "--mass", "0.2", "--source", "me"]
-    assert run_script(object_sets.FolderSet, words) == 0
-    members = read_set(str(out))
-    assert list(members) == ["deep_a_box"]
-    assert (members["deep_a_box"].scale, members["deep_a_box"].mass) == (0.002, 0.2)
-    assert members["deep_a_box"].source.startswith("me; sha256 ")
-    assert run_script(object_sets.FolderSet, [str(tmp_path / "sets"), str(out)]) == 2
-    assert "no mesh" in capsys.readouterr().err

@@ -7,13 +7,9 @@ from importlib.metadata import entry_points, packages_distributions, version
 from pathlib import Path
 
 import pytest
-from packaging.requirements import Requirement
-from packaging.specifiers import SpecifierSet
 
 import dexgrasp_env
-from dexgrasp.cli.doctor import check_versions
-from dexgrasp_env.assets import asset_path
-from dexgrasp_env.extras import EXTRAS, NO_WHEEL
+from dexgrasp_env.extras import EXTRAS
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("dexgrasp_env", "dexgrasp", "agents")
@@ -83,11 +79,6 @@ def test_console_script_resolves():
     assert script.load()(["--version"]) == 0
 
 
-def test_missing_asset_says_what_to_do():
-    with pytest.raises(FileNotFoundError, match=r"robot/no\.xml is missing .* reinstall"):
-        asset_path("robot", "no.xml")
-
-
 RUN_TIME = ("planner", "learning", "viewer", "serve", "cluster", "dm", "demos", "formats", "gpu", "lerobot")
 """Extras that the code imports; docs and dev are for developers."""
 
@@ -120,27 +111,6 @@ def test_extras_say_what_they_bring(project):
         "gpu",
         "lerobot",
     }
-
-
-PYTHONS = ("3.11", "3.12", "3.13", "3.14")
-
-
-def test_what_has_no_wheel_is_left_out_and_said(project, monkeypatch, capsys):
-    extras = {extra: [*map(Requirement, lines)] for extra, lines in project["optional-dependencies"].items()}
-    for python in (python for python in PYTHONS if python in SpecifierSet(project["requires-python"])):
-        version = tuple(map(int, python.split(".")))
-        left_out = {
-            extra
-            for extra, wants in extras.items()
-            if any(want.marker and not want.marker.evaluate({"python_version": python}) for want in wants)
-        }
-        left_out -= {"dev", "lerobot"}  # the latter wants a newer Python, and is in no aggregate
-        assert left_out == {extra for extra, (first, _) in NO_WHEEL.items() if version >= first}
-        monkeypatch.setattr(sys, "version_info", (*version, 1))
-        said = [finding.remedy for finding in check_versions() if "is not whole" in finding.problem]
-        assert len(said) == len(left_out)
-        assert all(f"no wheel for Python {python}" in line for line in said)
-    assert {line.rpartition(" :: ")[2] for line in project["classifiers"]} >= set(PYTHONS[:3])
 
 
 WITHOUT = """

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from dexgrasp.cli.benchmarks.cloud_accuracy import covered_share, surface_distance
+from cloud_accuracy import covered_share, surface_distance
 from robots import CELL, HOME
 from scipy.spatial import ConvexHull
 

@@ -82,8 +82,7 @@ def pressing(folder, total, pads, protocol):
     return force
 
 
-@pytest.mark.parametrize("pads", [2, 3])
-@pytest.mark.parametrize(("name", "push"), [("dgb_fc", 1.0), ("frogger_pick", None)])
+@pytest.mark.parametrize(("name", "push", "pads"), [("dgb_fc", 1.0, 3), ("frogger_pick", None, 2)])
 def test_holds_up_to_the_friction_limit_and_not_beyond(tmp_path, name, push, pads):
     protocol = get_grasp_protocol(name)
     mu = protocol.physics.friction[0]

@@ -110,7 +110,7 @@ def test_a_season_is_played_once_shown_by_its_trials_and_verified(house):
     with pytest.raises(InputError, match="needs --again REASON"):
         season.play(path, 1, SIGNATURE, root=root)
     rows = gzip.decompress((out / "small-0" / "trials.jsonl.gz").read_bytes()).replace(
-        b'"steps": ', b'"steps": 1'
+        b'"success": false', b'"success": true'
     )
     (out / "small-0" / "trials.jsonl.gz").write_bytes(gzip.compress(rows))
     wrong = [words for right, words in season.verify(path, 2, 0, root) if not right]
@@ -168,13 +168,6 @@ def test_every_page_shows_what_was_published():
         assert pages.rewritten(text) == text, f"{path.name}: run scripts/season.py write"
     runs = (pages.ROOT / "docs" / "results").glob("*/*/run.json")
     assert shown == {f"{run.parents[1].name}/{run.parent.name.rpartition('-')[0]}" for run in runs}
-
-
-def test_the_season_to_come_can_be_scored():
-    for path in (pages.ROOT / "seasons").glob("[0-9]*-[0-9][0-9].json"):
-        for entry in commitment.read_season(path).entries.values():
-            assert entry["title"]
-            assert set(entry) >= {"agents", "objects", "protocols", "trials"}
 
 
 def test_a_file_that_is_no_season_is_refused(tmp_path):

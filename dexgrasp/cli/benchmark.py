@@ -33,6 +33,6 @@ class Benchmark(Command):
         return Answer({"benchmark": self.name, "quick": self.quick, "figures": figures}, tables(figures))
 
 
-_LINES = (f"  {name:<12} {line}" for name, line in BENCHMARKS.items())
-Benchmark.__doc__ = str(Benchmark.__doc__).format(available="\n    ".join(_LINES))
-COMMAND = Benchmark
+Benchmark.__doc__ = str(Benchmark.__doc__).format(
+    available="\n    ".join(f"  {name:<12} {line}" for name, line in BENCHMARKS.items())
+)

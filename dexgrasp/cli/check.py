@@ -10,8 +10,6 @@ from dexgrasp.cli.output import check_lines, coloured
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Natural, Rule
 
-_HELD = "held in {} of {} open-loop replays, the object 3 mm and 1 deg off"
-
 
 def _share(value: Any) -> str:
     """Return a share K/N of replays as it was written; raise for one that is none."""
@@ -74,11 +72,11 @@ class Check(Command, InCell):
         ]
         need = self.need or "9/10"
         enough = sum(held) >= Fraction(need) * len(held)
-        said = [_HELD.format(sum(held), len(held)) + f", {need} are needed" * (not enough)] * bool(held)
+        said = [
+            f"held in {sum(held)} of {len(held)} open-loop replays, the object 3 mm and 1 deg off"
+            + f", {need} are needed" * (not enough)
+        ] * bool(held)
         good = fit and enough
         words = coloured("every check holds", "good") if good else coloured("NOT fit to run", "bad")
         content = {"holds": good, "checks": checks, "replays": len(held), "held": sum(held), "need": need}
         return Answer(content, [*check_lines(checks), "; ".join([words, *said])], not good)
-
-
-COMMAND = Check

@@ -43,7 +43,7 @@ COMMANDS = {
     "serve": "planner and agents over WebSocket, warm, for other programs",
     "warmup": "compile what plans and environments need, once",
 }
-"""Command -> what it does; `COMMAND` of the module of its name is a `Command`, or several by name."""
+"""Command -> what it does; the module of its name has a `Command` of that name, or several in `COMMANDS`."""
 
 _SURROUNDINGS = (
     errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.EFBIG, errno.EMFILE,
@@ -130,7 +130,8 @@ def make_parser(*named: str) -> Parser:
     for name, line in COMMANDS.items():
         if name in named:
             module = importlib.import_module(f"dexgrasp.cli.{name}")
-            _add_command(commands, name, line, module.COMMAND, module)
+            command = vars(module).get("COMMANDS") or vars(module)[name.capitalize()]
+            _add_command(commands, name, line, command, module)
         else:
             commands.add_parser(name, help=line)
     return parser

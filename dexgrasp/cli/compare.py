@@ -35,6 +35,3 @@ class Compare(Command):
 
         content = compare_agents(self.folders, self.a, self.b, self.protocols)
         return Answer(content, render_comparison(content))
-
-
-COMMAND = Compare

@@ -91,4 +91,4 @@ def describe(figures: Fields) -> str:
     return tables({named.get(name, name): value for name, value in (figures | readable).items()})
 
 
-COMMAND = {"generate": Generate, "info": Info}
+COMMANDS = {"generate": Generate, "info": Info}

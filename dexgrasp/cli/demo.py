@@ -17,10 +17,6 @@ if TYPE_CHECKING:
     from dexgrasp.planning.result import PlanResult
     from dexgrasp.planning.scene_setup import Look
 
-_OUTCOME = (
-    "is_success", "is_stable", "failure", "stage", "object_height", "object_slip", "object_tilt", "held_seconds",
-)  # fmt: skip
-
 
 class Demo(Command, Scene):
     """Put an object on the table, plan a grasp from four depth cameras, lift it, save a video.
@@ -114,7 +110,10 @@ def _execute(agent: "Agent", seen: "Look", folder: Path) -> Fields:
                 frames.append(picture)
     if frames:
         _contact_sheet(folder / "demo.png", frames)
-    return {key: info[key] for key in _OUTCOME} | {
+    kept = (
+        "is_success", "is_stable", "failure", "stage", "object_height", "object_slip", "object_tilt", "held_seconds",
+    )  # fmt: skip
+    return {key: info[key] for key in kept} | {
         "failure": info["failure"] or None,
         "simulated_seconds": round(0.05 * steps, 2),
     }
@@ -154,6 +153,3 @@ def _sentence(outcome: Fields) -> str:
         f"lifted {100 * outcome['object_height']:.0f} cm and held for {outcome['held_seconds']:.1f} s, {stable} "
         f"(slip {1000 * outcome['object_slip']:.1f} mm)"
     )
-
-
-COMMAND = Demo

@@ -95,4 +95,4 @@ class Replay(Command, InCell):
         return Answer(figures, lines, figures["successes"] < figures["replayed"])
 
 
-COMMAND = {"generate": Generate, "info": Info, "replay": Replay}
+COMMANDS = {"generate": Generate, "info": Info, "replay": Replay}

@@ -15,12 +15,10 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import NO_WHEEL, remedy
 from dexgrasp_env.findings import Finding
 
-_NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "gymnasium", "numba", "trimesh", "manifold3d")
 _OPTIONAL = {
     "torch": "the learned agents and training need it: pip install 'dexgrasp[learning]'",
     "stable-baselines3": "reinforcement learning needs it: pip install 'dexgrasp[learning]'",
 }
-_BACKENDS = ("egl", "osmesa", "glfw")
 _RENDER = """
 import mujoco
 model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><light pos='0 0 3'/><geom size='1'/></worldbody></mujoco>")
@@ -30,7 +28,6 @@ with mujoco.Renderer(model, 32, 32) as renderer:
     renderer.update_scene(data)
     assert renderer.render().max() > 0, "the picture is black"
 """
-_MARKS = {"info": ("ok   ", "good"), "warning": ("look ", "look"), "error": ("WRONG", "bad")}
 
 
 class Doctor(Command):
@@ -73,15 +70,17 @@ class Doctor(Command):
 
 def finding_line(finding: Finding) -> str:
     """Return what is printed of a finding: its mark, what is the matter, and what to do about it."""
+    marks = {"info": ("ok   ", "good"), "warning": ("look ", "look"), "error": ("WRONG", "bad")}
     remedy = f" -> {finding.remedy}" if finding.remedy not in ("", "nothing to do") else ""
-    return f"  {coloured(*_MARKS[finding.level])} {finding.problem}{remedy}"
+    return f"  {coloured(*marks[finding.level])} {finding.problem}{remedy}"
 
 
 def check_versions() -> list[Finding]:
     """Look at Python and the packages."""
+    needed = ("dexgrasp", "numpy", "scipy", "mujoco", "gymnasium", "numba", "trimesh", "manifold3d")
     return [
         Finding("info", f"python {'.'.join(map(str, sys.version_info[:3]))}"),
-        *map(_judged, (*_NEEDED, *_OPTIONAL)),
+        *map(_judged, (*needed, *_OPTIONAL)),
         *(
             Finding("info", f"the extra {extra} is not whole", remedy(extra))
             for extra, (first, _) in NO_WHEEL.items()
@@ -104,7 +103,7 @@ def _judged(package: str) -> Finding:
 
 def check_rendering() -> list[Finding]:
     """Render a picture with every backend, each in a process of its own: a bad driver may crash it."""
-    faults = {backend: _renders(backend) for backend in _BACKENDS}
+    faults = {backend: _renders(backend) for backend in ("egl", "osmesa", "glfw")}
     working = [backend for backend, why in faults.items() if not why]
     unneeded = "cannot be used here, and need not" if working else ""
     findings = [
@@ -181,6 +180,3 @@ def _check_code() -> Finding:
         )
     beside = "beside the code" if folder.name == "__pycache__" else "where it can be written"
     return Finding("info", f"compiled code is kept in {folder} ({beside})")
-
-
-COMMAND = Doctor

@@ -77,6 +77,3 @@ class Evaluate(Command):
         summary = json.loads(path.read_text())
         floors = [get_protocol(name).floor_line for name in settings.parts]
         return Answer(summary, "\n".join([render_summary(summary), *filter(None, floors)]), code)
-
-
-COMMAND = Evaluate

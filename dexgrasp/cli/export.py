@@ -60,6 +60,3 @@ class Export(Command, InCell):
         if rejected:
             lines.insert(0, f"verify rejects this grasp, and the files say so: {', '.join(rejected)}")
         return Answer({"object": record.object.name, "files": files, "rejected": rejected}, lines)
-
-
-COMMAND = Export

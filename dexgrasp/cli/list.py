@@ -124,6 +124,3 @@ class List(Command, InCell):
         return Answer(
             {"objects": rows, "sets": OBJECT_SETS}, f"{record_table(rows)}\n\nSets: {sets}\n{meshes}"
         )
-
-
-COMMAND = List

@@ -285,6 +285,3 @@ def _import_mujoco() -> None:
 def scan_name(path: Path) -> str:
     """Return what a scan is called: a file without its suffix, a folder whole (`scan0.08` has none)."""
     return path.resolve().name if path.is_dir() else path.stem
-
-
-COMMAND = Plan

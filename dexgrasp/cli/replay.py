@@ -65,6 +65,3 @@ class Replay(Command, InCell):
         if found.video is not None:
             lines.append(f"video: {found.video}")
         return Answer(content, lines, bool(found.changed))
-
-
-COMMAND = Replay

@@ -33,6 +33,3 @@ class Report(Command):
             "agents": read_agents(self.folders),
         }
         return Answer(content, text.rstrip("\n"))
-
-
-COMMAND = Report

@@ -210,4 +210,4 @@ def _draw(cell: Any, path: Path) -> list[str]:
     return missed
 
 
-COMMAND = {"list": ListRobots, "make": Make, "check": CheckRobot}
+COMMANDS = {"list": ListRobots, "make": Make, "check": CheckRobot}

@@ -94,6 +94,3 @@ def short_names(paths: Sequence[str]) -> dict[str, str]:
     """Return path -> what tells it from the others: the path from the folder that holds all of them."""
     common = os.path.commonpath([os.path.dirname(os.path.abspath(path)) for path in paths])
     return {path: os.path.relpath(path, common) for path in paths}
-
-
-COMMAND = Score

@@ -12,8 +12,6 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.cores import usable_cores
 from dexgrasp_env.extras import require_extra
 
-_TOKEN = "DEXGRASP_TOKEN"
-
 
 class Serve(Command, InCell):
     """Answer requests for grasps, and act as a policy, until a signal ends it.
@@ -44,7 +42,7 @@ class Serve(Command, InCell):
         _ = self.cell  # a file that is none is refused before processes are started
         served = {"agent": self.agent, "robot": self.robot}
         workers = self.server.workers or usable_cores()
-        server = Server(self.server, workers, served, os.environ.get(_TOKEN) or None)
+        server = Server(self.server, workers, served, os.environ.get("DEXGRASP_TOKEN") or None)
 
         def ready(port: int, metadata: Fields) -> None:
             """Say where it listens, and what it serves."""
@@ -54,6 +52,3 @@ class Serve(Command, InCell):
         asyncio.run(server.run(ready))
         counted = dict(server.counters)
         return Answer({"counters": counted}, f"served {counted.get('requests', 0)} requests")
-
-
-COMMAND = Serve

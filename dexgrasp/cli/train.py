@@ -328,4 +328,4 @@ class Sac(_Rl):
     settings: Annotated[RlSettings, {"algorithm", "seed", *_OF_PPO}]
 
 
-COMMAND = {"cvae": Cvae, "bc": Bc, "grip": Grip, "ppo": Ppo, "sac": Sac}
+COMMANDS = {"cvae": Cvae, "bc": Bc, "grip": Grip, "ppo": Ppo, "sac": Sac}

@@ -54,6 +54,3 @@ class Verify(Command, InCell):
 def _sentence(found: Fields) -> str:
     failed = [check.name for check in found["checks"] if not check.holds]
     return f"NOT verified: {', '.join(failed)}" if failed else "every constraint holds"
-
-
-COMMAND = Verify

@@ -10,8 +10,6 @@ from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.valid import Count
 
-_MOST = 6  # trials of a run that are shown side by side
-
 
 class View(Command, Scene):
     """Look at a grasp: on a local server, or as one self-contained page.
@@ -46,7 +44,7 @@ class View(Command, Scene):
             make_folder(self.html.parent)
         path, cell = Path(self.target), self.cell
         if path.is_dir() or (path.suffix.lower() == ".json" and path.is_file()):
-            files = kept_grasps(path)[:_MOST] if path.is_dir() else [path]
+            files = kept_grasps(path)[:6] if path.is_dir() else [path]  # side by side
             films = [film_of(read_grasp(file, cell)) for file in files]
         else:
             look, found = plan_target(self.target, "bilevel", self)
@@ -66,6 +64,3 @@ class View(Command, Scene):
         write_atomically(self.html, page(films).encode())
         note(f"wrote {self.html}")
         return Answer({"file": self.html, "films": [film.title for film in films]}, "")
-
-
-COMMAND = View

@@ -26,6 +26,3 @@ class Warmup(Command, InCell):
         for fingers in ((), *self.cell.robot.hand.grasps):
             warm_up(self.cell.grasping(fingers))
         return Answer({"ready": True}, "everything that plans and environments need is compiled")
-
-
-COMMAND = Warmup

@@ -14,8 +14,6 @@ from dexgrasp.runs.text import text_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
 
-_FOLLOWS = ("objects", "max_episode_steps")
-"""Settings that follow from the trial's object, and from the agent's pace."""
 _SCENE = ("protocol", "object", "trial", "scene_seed")
 """What makes two trials the same scene."""
 
@@ -107,7 +105,8 @@ def _by_scene(rows: Trials, alike: bool) -> dict[tuple[object, ...], Fields]:
 
 def _world(row: Fields) -> str:
     """Return the settings of a scene: friction, robot, disturbance, but not the files that meshes lie in."""
-    own = {key: value for key, value in (row.get("env") or {}).items() if key not in (*AGENT_KEYS, *_FOLLOWS)}
+    chosen = (*AGENT_KEYS, "objects", "max_episode_steps")  # by the agent, its pace, and the trial's object
+    own = {key: value for key, value in (row.get("env") or {}).items() if key not in chosen}
     return json.dumps(own, sort_keys=True)
 
 

@@ -13,9 +13,6 @@ from dexgrasp_env.errors import InputError
 Rows = dict[str, list[Fields]]
 """Agent, as a report calls it -> its trials."""
 
-_OWN = ("agents", "seed")  # what evaluations of one sample may differ in
-_NAMES = ("agent", "object", "protocol", "reason")  # of a trial, that reports write and draw
-
 
 def rows_by_agent(folders: Sequence[Path]) -> Rows:
     """Return the trials of every agent, judged by their protocols.
@@ -48,9 +45,8 @@ def rows_by_agent(folders: Sequence[Path]) -> Rows:
 
 def _legible(row: Fields) -> Fields:
     """Make names text that can be drawn: those of files need not be."""
-    return row | {
-        key: row[key].encode(errors="replace").decode() for key in _NAMES if isinstance(row.get(key), str)
-    }
+    names = [key for key in ("agent", "object", "protocol", "reason") if isinstance(row.get(key), str)]
+    return row | {key: row[key].encode(errors="replace").decode() for key in names}
 
 
 def _sample(folder: Path) -> tuple[str, Any]:
@@ -59,6 +55,5 @@ def _sample(folder: Path) -> tuple[str, Any]:
         run = read_run(folder)
     except InputError:  # trials without their run.json are a sample of their own
         return str(folder), None
-    return json.dumps({key: value for key, value in run.items() if key not in _OWN}, sort_keys=True), run.get(
-        "seed"
-    )
+    shared = {key: value for key, value in run.items() if key not in ("agents", "seed")}
+    return json.dumps(shared, sort_keys=True), run.get("seed")

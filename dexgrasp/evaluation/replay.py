@@ -15,8 +15,6 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
 
-_COMPARED = ("success", "stable", "reason", "stage", "steps", "height", "slip", "tilt")
-
 
 @dataclass(frozen=True)
 class Replay:
@@ -112,7 +110,8 @@ def video_path(folder: Path, row: Fields) -> Path:
 
 def changes(row: Fields, again: Fields) -> tuple[str, ...]:
     """Return what came out otherwise, to the last bit."""
-    return tuple(key for key in _COMPARED if key in row and row[key] != again[key])
+    compared = ("success", "stable", "reason", "stage", "steps", "height", "slip", "tilt")
+    return tuple(key for key in compared if key in row and row[key] != again[key])
 
 
 def _find(rows: Trials, agent: str, target: str, trial: int, protocol: str | None) -> Fields:

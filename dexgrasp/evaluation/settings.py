@@ -21,10 +21,8 @@ from dexgrasp_env.objects.load import Objects, object_name, target_files
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.valid import TEXT, CellFile, Count, Friction, Mass, Mount, Natural, Positive, Rule, read
 
-_BOUNDED = ".zip", ".obj", ".ply", ".stl", ".glb"  # of ours; what agents of somebody's own read is theirs
 _TOLD = {".zip": ("env_kwargs", "wrappers"), "lerobot:": ("env_kwargs",)}
 """Kind of checkpoint -> settings that it is told."""
-_PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
 
 
 def _unique(names: Iterable[str]) -> tuple[str, ...]:
@@ -182,7 +180,7 @@ class EvaluationSettings:
         named += [path for name in self.agents for path in agent_files(name)]
         found = [path for path in dict.fromkeys(map(expand, named)) if path.is_file()]
         for path in found:
-            if path.suffix in _BOUNDED:
+            if path.suffix in (".zip", ".obj", ".ply", ".stl", ".glb"):  # what users' agents read is theirs
                 check_file(path)
         return found
 
@@ -248,7 +246,7 @@ def object_labels(targets: Sequence[str]) -> dict[str, str]:
 
 def versions() -> dict[str, str]:
     """Return the versions of the packages that outcomes depend on."""
-    return package_versions(_PACKAGES)
+    return package_versions(("dexgrasp", "mujoco", "numpy", "gymnasium"))
 
 
 def code_hash(agents: Sequence[str]) -> str:

@@ -26,7 +26,6 @@ SERVER_GONE = "server_gone"
 """Reason of a trial whose policy server was not there: not a trial of the policy, so the next run makes it again."""
 
 _RUN, _TRIALS = "run.json", "trials.jsonl"
-_UNITS = ("_percent", "_margin", "_m", "_rad", "_fraction")
 _Seed = Annotated[int, number(ge=0, lt=2**32, whole=True)]
 
 
@@ -83,7 +82,8 @@ def _are_numbers(values: Iterable[Any]) -> None:
 
 def _certificate(value: Any) -> None:
     _are_numbers(value.get("distances_cm") or ())
-    _are_numbers(each for name, each in value.items() if name.endswith(_UNITS))
+    units = ("_percent", "_margin", "_m", "_rad", "_fraction")
+    _are_numbers(each for name, each in value.items() if name.endswith(units))
 
 
 _Stages = Annotated[Fields | None, Rule("numbers by stage", lambda value: _are_numbers(value.values()))]

@@ -16,9 +16,6 @@ from dexgrasp.evaluation.store import Trials, row_key
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 
-SCHEMA = 1
-TEST_SETS = ("seen", "familiar", "novel")
-DISTANCE_BOUNDS_CM = (-0.68, -0.32)  # supplementary, section 1.2
 _FIGURES = (
     "force_ratio_percent",
     "torque_ratio_percent",
@@ -29,8 +26,6 @@ _FIGURES = (
 )
 """Numbers of a certificate, beside its distances."""
 _QUARTILES = {"median": 0.5, "p25": 0.25, "p75": 0.75}
-_WEAKER, _STRONGER = "pushed@0.5", "pushed@1"
-NOT_HELD_BEFORE = "failed_pushed@0.5"
 
 
 def summarise(
@@ -49,7 +44,7 @@ def summarise(
     by_agent = {agent: [row for row in ordered if row["agent"] == agent] for agent in settings.agents}
     asked = len(settings.agents) * len(settings.objects) * len(settings.parts) * settings.trials
     return {
-        "schema": SCHEMA,
+        "schema": 1,
         "protocol": settings.protocol,
         "seed": settings.seed,
         "versions": versions(),
@@ -60,10 +55,10 @@ def summarise(
 
 def judged(rows: Trials) -> list[Fields]:
     """Return the trials with `pushed@1` a failure where the same scene was one under `pushed@0.5`."""
-    lost = {row_key(row)[1:] for row in rows if row["protocol"] == _WEAKER and not row["success"]}
+    lost = {row_key(row)[1:] for row in rows if row["protocol"] == "pushed@0.5" and not row["success"]}
     return [
-        {**row, "success": False, "reason": NOT_HELD_BEFORE}
-        if row["protocol"] == _STRONGER and row["success"] and row_key(row)[1:] in lost
+        {**row, "success": False, "reason": "failed_pushed@0.5"}
+        if row["protocol"] == "pushed@1" and row["success"] and row_key(row)[1:] in lost
         else row
         for row in rows
     ]
@@ -179,7 +174,8 @@ def present_sets(objects: Sequence[str]) -> dict[str, list[str]]:
 
     The training set counts only if more of it is there than what the seen test objects share with it.
     """
-    sets = {name: [o for o in objects if o in OBJECT_SETS[name]] for name in (*TEST_SETS, "ycb6")}
+    names = ("seen", "familiar", "novel", "ycb6")
+    sets = {name: [o for o in objects if o in OBJECT_SETS[name]] for name in names}
     if set(sets["ycb6"]) <= set(sets["seen"]):
         sets["ycb6"] = []
     sets["meshes"] = [o for o in objects if o not in CATALOGUE]
@@ -197,7 +193,7 @@ def _constraints(rows: Trials) -> Fields:
     }
     spreads = {key: quantiles(own, **_QUARTILES, min=0.0, max=1.0) for key, own in columns.items() if own}
     if spread := spreads.get("distance_cm"):
-        low, high = DISTANCE_BOUNDS_CM
+        low, high = -0.68, -0.32  # supplementary, section 1.2
         spreads["distance_cm"] = {key: spread[key] for key in ("median", "min", "max")} | {
             "max_violation": max(0.0, low - spread["min"], spread["max"] - high)
         }

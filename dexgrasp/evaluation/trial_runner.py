@@ -21,8 +21,6 @@ from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.constants import at_pace
 from dexgrasp_env.tasks.settings import OF_CAMERAS
 
-_MOST_ENVS = 4  # each holds a compiled scene
-
 
 class TrialRunner:
     """Runs cells one after the other; every process has its own."""
@@ -63,7 +61,7 @@ class TrialRunner:
         key = spec.protocol, spec.agent, spec.target, spec.film if spec.video else None
         envs = self._envs
         if key not in envs:
-            while len(envs) >= _MOST_ENVS:
+            while len(envs) >= 4:  # each holds a compiled scene
                 envs.pop(next(iter(envs))).close()
             envs[key] = self.make_env(spec)
         return envs[key]

@@ -18,8 +18,6 @@ from types import FrameType
 EXIT_CODE = 3
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _RETRY = 0.05  # s until it is tried again while it may not be raised
-_PATIENCE = 3.0  # s until a request that was raised, and not acknowledged, is raised again
-_DEBOUNCE = 1.0  # s: `timeout` and terminals send one wish to stop twice
 
 _active = False  # whether requests may be raised
 _requested = False
@@ -87,7 +85,7 @@ def _on_signal(number: int, frame: FrameType | None) -> None:
     if _held or _importing(frame):
         signal.setitimer(signal.ITIMER_REAL, _RETRY)
         return
-    signal.setitimer(signal.ITIMER_REAL, _PATIENCE)
+    signal.setitimer(signal.ITIMER_REAL, 3.0)  # s until it is raised again, unless acknowledged
     raise KeyboardInterrupt
 
 
@@ -124,6 +122,6 @@ def _watch(reader: int) -> None:
                 continue
             if first is None:
                 first = now
-            elif now - first > _DEBOUNCE:
+            elif now - first > 1.0:  # s: `timeout` and terminals send one wish to stop twice
                 os.write(2, b"dexgrasp: stopped at once\n")
                 os._exit(EXIT_CODE)

@@ -27,11 +27,6 @@ R = TypeVar("R")
 BACKENDS = ("processes", "ray")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Variables that say how many threads a library takes."""
-_LOOK = 0.5  # s between two looks of a worker for the process that started it
-_AHEAD = 4
-"""Tasks in flight for each processor of a cluster: enough that none waits for the driver."""
-_RETRIES = 10
-"""Lost nodes of a cluster that a task may outlive."""
 
 
 class WorkerDiedError(RuntimeError):
@@ -121,7 +116,7 @@ def _on_cluster(packed: bytes, tasks: Sequence[Any], address: str | None, worker
 
     Args:
         packed: sent once.
-        tasks: in flight are `_AHEAD` for each processor; they are cancelled where one raises.
+        tasks: in flight are four for each processor, so that none waits for the driver; cancelled where one raises.
         address: of a running cluster: "auto" for the one that this machine belongs to, or host:port; None for the
             cluster that is connected already, else a new one on this machine alone.
         workers: processes of a new cluster.
@@ -132,9 +127,9 @@ def _on_cluster(packed: bytes, tasks: Sequence[Any], address: str | None, worker
     import ray
 
     connected = _connect(address, workers)
-    remote = ray.remote(_do).options(num_cpus=1, max_retries=_RETRIES)
+    remote = ray.remote(_do).options(num_cpus=1, max_retries=10)  # lost nodes that a task may outlive
     sent = ray.put(packed)
-    most = _AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
+    most = 4 * max(1, int(ray.cluster_resources().get("CPU", 1)))
     waiting = list[Any]()
     try:
         for number, task in enumerate(tasks, start=1):
@@ -215,7 +210,7 @@ def _begin(parent: int) -> None:
     def end_with_parent() -> None:
         """End soon after the parent is gone, even if that is killed: there is nothing to do."""
         while os.getppid() == parent:
-            time.sleep(_LOOK)
+            time.sleep(0.5)
         os._exit(1)
 
     threading.Thread(target=end_with_parent, daemon=True).start()

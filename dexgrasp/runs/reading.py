@@ -12,8 +12,6 @@ from typing import Any
 import dexgrasp_env
 from dexgrasp_env.files import cache_dir
 
-_SYSTEM = "/proc", "/sys", "/dev", "/etc", "/usr/share", "/usr/lib"
-_WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 _watches: list[dict[Path, None]] = []
 
 
@@ -44,9 +42,9 @@ def _begin_watching() -> None:
 def _note(event: str, args: tuple[Any, ...]) -> None:
     if not _watches or event != "open" or not isinstance(args[0], str | bytes | os.PathLike):
         return
-    path, flags = os.fsdecode(args[0]), args[2]
+    path, flags, writes = os.fsdecode(args[0]), args[2], os.O_WRONLY | os.O_RDWR | os.O_CREAT
     # A module's source is read or not as its compiled form is there or not: `files_read` looks for the module instead.
-    if not (isinstance(flags, int) and flags & _WRITES) and not path.endswith((".py", ".pyc")):
+    if not (isinstance(flags, int) and flags & writes) and not path.endswith((".py", ".pyc")):
         for found in _watches:
             found[Path(path)] = None
 
@@ -54,8 +52,9 @@ def _note(event: str, args: tuple[Any, ...]) -> None:
 @cache
 def _others() -> tuple[Path, ...]:
     """Return the folders of what is installed, or kept to save time."""
+    system = "/proc", "/sys", "/dev", "/etc", "/usr/share", "/usr/lib"
     libraries = sysconfig.get_path("stdlib"), Path(__file__).parents[1], Path(dexgrasp_env.__file__).parent
-    return tuple(Path(place).resolve() for place in (*libraries, *_SYSTEM, os.path.expanduser("~/.cache")))
+    return tuple(Path(place).resolve() for place in (*libraries, *system, os.path.expanduser("~/.cache")))
 
 
 def _is_own(path: Path) -> bool:

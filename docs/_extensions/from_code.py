@@ -33,11 +33,7 @@ def filled(page: str, kinds: dict[str, Callable[..., str]] | None = None) -> str
     """Return a page with what the code says now between its marks."""
 
     def written(found: "re.Match[str]") -> str:
-        mark = (
-            found[0].partition("\n")[0]
-            if "\n" not in found["names"]
-            else found[0].partition("-->")[0] + "-->"
-        )
+        mark = found[0].partition("-->")[0] + "-->"
         text = (kinds or _KINDS)[found["kind"]](*found["names"].split())
         return f"{mark}\n\n{text.strip()}\n\n<!-- /from code -->"
 

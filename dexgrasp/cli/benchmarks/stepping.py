@@ -25,7 +25,6 @@ from dexgrasp_env.scene.constants import CONTROL_STEPS
 _ID = "DexGrasp/Lift-v2"
 _TURN = 5  # control steps
 _ENVS = 16
-_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 @dataclass(frozen=True)
@@ -151,7 +150,7 @@ class _Loop:
         self.models = recording.models
         self.datas = [mujoco.MjData(model) for model in self.models]
         for model, data, state in zip(self.models, self.datas, recording.states, strict=True):
-            mujoco.mj_setState(model, data, state, _STATE)
+            mujoco.mj_setState(model, data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
 
     def run(self, controls: Array) -> None:
         """Go on with set-points (T, N, 25, 23)."""

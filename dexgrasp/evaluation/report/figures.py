@@ -16,7 +16,6 @@ _STAGES = {
     "total": "total",
 }
 """Stages as Table 6 has them -> what they are here."""
-_LEAST_SECONDS = 1e-4  # what a logarithmic axis shows of nothing
 
 
 def success(key: str, words: str, agents: Agents, rows: Sequence[str]) -> Figure:
@@ -33,14 +32,17 @@ def planning_times(agents: Agents) -> list[Figure]:
     for name, agent in agents.items():
         if total := agent["planning_seconds"]:
             stages = agent["stages"].get("overall", {}).get("stage_seconds", {}) | {"total": total}
-            shown[name] = {
-                stage: [max(times[key], _LEAST_SECONDS) for key in ("median", "p25", "p75")]
+            shown[name] = {  # 1e-4 s stands for nothing on a logarithmic axis
+                stage: [max(times[key], 1e-4) for key in ("median", "p25", "p75")]
                 for stage, times in stages.items()
                 if stage in _STAGES
             }
     rows = {stage: words for stage, words in _STAGES.items() if any(stage in own for own in shown.values())}
     caption = "Planning time by stage; the paper's is of its planner"
-    label, printed = "seconds: median, 25th and 75th percentile", {PLANNER: paper.SECONDS["overall"]}
+    label, printed = (
+        "seconds: median, 25th and 75th percentile",
+        {PLANNER: paper.PRINTED["seconds"]["overall"]},
+    )
     return [Figure("planning_times", caption, label, shown, printed, rows, log=True)] if shown else []
 
 

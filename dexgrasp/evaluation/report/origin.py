@@ -14,9 +14,6 @@ from dexgrasp_env.objects.sets import is_set, set_targets
 from dexgrasp_env.robot.cell import SIMULATED
 from dexgrasp_env.valid import read
 
-_MOST_REPLAYS = 12
-
-
 _Names = tuple[str, ...]
 
 
@@ -77,7 +74,7 @@ def commands(folder: Path) -> list[str]:
 
 def replay_commands(folder: Path, rows: Sequence[Fields]) -> list[str]:
     """Return the commands that show the first failures of an evaluation again."""
-    failed = [row for row in rows if not row["success"]][:_MOST_REPLAYS]
+    failed = [row for row in rows if not row["success"]][:12]
     keys = ("agent", "object", "trial", "protocol")
     named = ([word for key in keys for word in (f"--{key}", row[key])] for row in failed)
     return [_typed("replay", folder, *words, "--video") for words in named]

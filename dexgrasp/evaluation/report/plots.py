@@ -12,10 +12,6 @@ Points = Mapping[str, Sequence[float]]
 """Row's name -> middle, low and high."""
 
 SUCCESS = "success, % (95 % interval)"
-_ROW, _WIDTH = 0.34, 8.2  # inches
-_BESIDE = 0.7  # of a row, which points of several agents take
-_STYLE = {"fmt": "o", "ms": 5, "capsize": 3, "lw": 1.3}
-_HOLLOW = {"fmt": "D", "mfc": "none", "ms": 6.5, "zorder": 3}
 
 
 class Figure(NamedTuple):
@@ -44,16 +40,18 @@ class Figure(NamedTuple):
         from matplotlib.figure import Figure as Canvas
 
         rows = self.rows
-        height = 1.0 + _ROW * len(rows) * (0.55 + 0.45 * len(self.agents))
-        figure = Canvas(figsize=(_WIDTH, max(2.0, height)), layout="constrained")
+        height = 1.0 + 0.34 * len(rows) * (0.55 + 0.45 * len(self.agents))  # inches
+        figure = Canvas(figsize=(8.2, max(2.0, height)), layout="constrained")
+        style = {"fmt": "o", "ms": 5, "capsize": 3, "lw": 1.3}
+        hollow = {"fmt": "D", "mfc": "none", "ms": 6.5, "zorder": 3}
         axes = figure.add_subplot()
         for k, (agent, points) in enumerate(self.agents.items()):
-            self._add(axes, k, agent, points, _STYLE)
+            self._add(axes, k, agent, points, style)
             printed = {
                 key: [value[0]] * 3 for key, value in self.printed.get(agent, {}).items() if key in rows
             }
             if printed:
-                self._add(axes, k, f"{agent}, paper", printed, _HOLLOW)
+                self._add(axes, k, f"{agent}, paper", printed, hollow)
         axes.set(xlabel=self.label, xscale="log" if self.log else "linear")
         if not self.log:
             axes.set(xlim=(-2, 102))
@@ -63,7 +61,8 @@ class Figure(NamedTuple):
         return _finished(figure, axes, kind)
 
     def _add(self, axes: Any, k: int, label: str, points: Points, style: Fields) -> None:
-        offset = (k - 0.5 * (len(self.agents) - 1)) * _BESIDE / len(self.agents)
+        # The points of all agents share 0.7 of a row.
+        offset = (k - 0.5 * (len(self.agents) - 1)) * 0.7 / len(self.agents)
         places = {name: y + offset for y, name in enumerate(self.rows)}
         at = [places[key] for key in points]
         middle, low, high = np.array(list(points.values())).reshape(-1, 3).T

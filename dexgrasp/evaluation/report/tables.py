@@ -17,7 +17,6 @@ Agents = Mapping[str, Fields]
 
 SETS = ("seen", "familiar", "novel", "ycb6", "meshes")
 """Sets in the order of their columns."""
-_MOST_HIT = 3  # neighbours that are named
 PLANNER = "bilevel"
 """The agent whose times stand beside Table 6, which is of the paper's planner alone."""
 
@@ -78,7 +77,7 @@ def clutter_table(agents: Agents) -> Table:
         for protocol, found in agent["clutter"].items():
             cells = (agent["by_protocol"][protocol], found["clean"], found["hit"])
             moved = f"{100 * found['moved']['median']:.1f} (up to {100 * found['moved']['max']:.1f})"
-            most = ", ".join(f"{what} {n}" for what, n in list(found["hit_objects"].items())[:_MOST_HIT])
+            most = ", ".join(f"{what} {n}" for what, n in list(found["hit_objects"].items())[:3])
             rows.append([protocol, name, *map(rate_words, cells), moved, most])
     header = (
         "protocol",
@@ -118,7 +117,8 @@ def object_table(agents: Agents, among: Collection[str] | None = None) -> Table:
 def object_tables(agents: Agents) -> list[tuple[str, Table]]:
     """Return titles and tables of the objects of the paper's Tables 1-3, and of all others."""
     groups: dict[str, Collection[str]] = {
-        f"{s.capitalize()} objects ({number})": OBJECT_SETS[s] for s, number in paper.TABLES.items()
+        f"{s.capitalize()} objects ({number})": OBJECT_SETS[s]
+        for s, number in paper.PRINTED["tables"].items()
     }
     of_sets = {o for members in groups.values() for o in members}
     groups["Other objects"] = [o for o in ordered_objects(agents) if o not in of_sets]
@@ -160,7 +160,7 @@ def constraint_tables(name: str, agent: Fields) -> list[tuple[str, Table]]:
         tables.append((f"Force and torque ratio, percent, {name} (Table 5)", _ratios(groups)))
     if agent["planning_seconds"]:
         title = f"Planning time, s, {name}{' (Table 6)' if name == PLANNER else ''}"
-        tables.append((title, _times(agent, paper.SECONDS if name == PLANNER else {})))
+        tables.append((title, _times(agent, paper.PRINTED["seconds"] if name == PLANNER else {})))
     return tables
 
 
@@ -169,7 +169,7 @@ def _distances(groups: Fields) -> Table:
     rows = []
     for group, content in groups.items():
         own = content.get("distance_cm")
-        printed = ", ".join(f"{value:.2f}" for value in paper.DISTANCES_CM.get(group, ()))
+        printed = ", ".join(f"{value:.2f}" for value in paper.PRINTED["distances_cm"].get(group, ()))
         rows.append([group, *(f"{own[key]:.2f}" if own else "-" for key in keys), printed])
     return Table(("set", "median", "min.", "max.", "max. violation", "paper"), rows)
 
@@ -177,7 +177,7 @@ def _distances(groups: Fields) -> Table:
 def _ratios(groups: Fields) -> Table:
     rows = []
     for group, content in groups.items():
-        printed = paper.RATIOS.get(group, {})
+        printed = paper.PRINTED["ratios"].get(group, {})
         cells = [
             cell
             for kind in ("force", "torque")
@@ -191,7 +191,7 @@ def _times(agent: Fields, printed: Mapping[str, Mapping[str, Sequence[float]]]) 
     ours = _quartiles(agent["planning_seconds"], seconds_words)
     theirs = _range_words(printed.get("overall", {}).get("total"), seconds_words)
     rows = [["total, overall", ours, "", theirs]]
-    for group in paper.SECONDS:
+    for group in paper.PRINTED["seconds"]:
         own = agent["stages"].get(group, {})
         for stage, seconds in own.get("stage_seconds", {}).items():
             ours, repeats = _quartiles(seconds, seconds_words), own.get("stage_repeats", {}).get(stage)

@@ -11,7 +11,6 @@ from dexgrasp.grasp.variety import component_shares
 from dexgrasp_env.arrays import Array
 
 _MARGIN = 0.010  # m: further apart than this is this far
-_TOUCH = 0.002  # m: a link this near touches
 
 
 def contact_metrics(candidate: Candidate) -> dict[str, float]:
@@ -32,7 +31,7 @@ def contact_metrics(candidate: Candidate) -> dict[str, float]:
     touching, deepest = set(), 0.0
     for body, distance, _ in scene.hand_contacts():
         deepest = max(deepest, -distance)
-        if abs(distance) < _TOUCH:
+        if abs(distance) < 0.002:  # m: a link this near touches
             touching.add(body)
         if body in fingers:
             distances[fingers[body]] = min(distances[fingers[body]], distance)

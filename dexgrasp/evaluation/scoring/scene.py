@@ -16,7 +16,6 @@ from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import matrix_to_quat, pose_matrix
 
-_PREFIX = "hand/"
 BASE, _MOCAP = "hand_base", "hand_target"
 
 
@@ -72,7 +71,7 @@ def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: Physics) -> None:
         geom.solref[:2] = 0.005, 1.0
     base = spec.worldbody.add_body(name=BASE)
     base.add_freejoint(name=BASE)
-    spec.attach(child, frame=base.add_frame(), prefix=_PREFIX)
+    spec.attach(child, frame=base.add_frame(), prefix="hand/")
     spec.worldbody.add_body(name=_MOCAP, mocap=True)
     same_pose = np.zeros(12)  # anchor 3, position 3, quaternion 4, torque scale, unused
     same_pose[[6, 10]] = 1.0

@@ -20,9 +20,6 @@ from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 
-SCHEMA = 1
-
-
 Scored = tuple[list[Fields], Fields]
 """What came of one grasp: a row for each protocol, and its metrics."""
 
@@ -66,7 +63,7 @@ def score_files(
     rows = [row for own in by_protocol for row in own]
     measured = [name for name, value in metrics[0].items() if isinstance(value, float)]
     return {
-        "schema": SCHEMA,
+        "schema": 1,
         "seed": seed,
         "grasps": len(candidates),
         "protocols": {name: _summary(own) for name, own in grouped(rows, "protocol").items()},

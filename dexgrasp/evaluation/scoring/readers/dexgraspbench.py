@@ -22,8 +22,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_file, readable
 from dexgrasp_env.poses import pose_matrix
 
-_NPY = b"\x93NUMPY"
-STAGES = ("pregrasp", "grasp", "squeeze")
 _ROOT_TO_PALM = pose_matrix(np.zeros(3), np.array([0.0, 0.5**0.5, 0.0, 0.5**0.5]))
 """The palm in the root frame of its Allegro file; the poses in BODex's own layout are the palm's."""
 
@@ -64,7 +62,7 @@ def _configurations(data: FileFields, hand: HandModel) -> tuple[Array, Array]:
             )
         return rows.reshape(-1, *rows.shape[-2:])[:, :3], np.eye(4)
     stages = []
-    for name in STAGES:
+    for name in ("pregrasp", "grasp", "squeeze"):
         row = data.numbers(f"{name}_qpos")
         if f"{name}_pose" in data:
             row = np.concatenate([data.numbers(f"{name}_pose"), row], axis=-1)
@@ -105,7 +103,7 @@ def read_dictionary(path: Path) -> Fields:
 
 def _pickled(data: bytes) -> bytes:
     """The pickle that an .npy file of an object holds; None's where it holds plain numbers."""
-    if not data.startswith(_NPY):
+    if not data.startswith(b"\x93NUMPY"):
         return data
     file, npy = io.BytesIO(data), np.lib.format
     major, _ = npy.read_magic(file)

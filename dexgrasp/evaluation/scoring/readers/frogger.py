@@ -20,9 +20,6 @@ from dexgrasp_env.files import read_npz, readable
 from dexgrasp_env.poses import rigid
 
 PALM = "algr_rh_palm"
-_PALM_HEIGHT = (
-    0.095  # m: its palm frame is at the bottom of the palm, ours at the finger bases; axes are the same
-)
 JOINTS = {
     **{f"algr_rh_{f}_{j}_q": f"{finger}_{i}" for f, finger in (("if", "index"), ("mf", "middle"), ("rf", "ring"))
        for i, j in enumerate(("axl", "mcp", "pip", "dip"))},
@@ -47,7 +44,8 @@ def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
     bodies, poses = data.words("body_names"), data.numbers("body_poses_W")
     if PALM not in bodies or len(bodies) != len(poses):
         raise InputError(f"{path}: body_names with body_poses_W must have {PALM}")
-    to_ours = rigid(np.eye(3), (0.0, 0.0, _PALM_HEIGHT))
+    # Its palm frame is at the bottom of the palm, ours at the finger bases; axes are the same.
+    to_ours = rigid(np.eye(3), (0.0, 0.0, 0.095))
     T_palm = as_pose(poses[bodies.index(PALM)], f"{path}: pose of {PALM}") @ to_ours
     target = find_object(str(data.get("object")), 1.0, options, path)
     T_world_object = pose_of_centre(data.pose("X_WO"), target)
