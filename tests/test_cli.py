@@ -154,7 +154,7 @@ def every_action(parser):
         ("plan", "target", None),
         ("doctor", "meshes", ()),
         ("train cvae --data d --out o --latent 3", "settings.network.latent", 3),
-        ("train grip --objects pear --from a --out o --mass 1 2", "settings.mass", (1.0, 2.0)),
+        ("train ppo --objects pear --out o --hold 4", "settings.hold", 4),
         ("train bc --data d e --out o --seed 1 2", "seeds", (1, 2)),
     ],
 )
@@ -168,7 +168,6 @@ def test_options_fill_the_fields_they_are_declared_by(line, field, value):
     ("line", "words"),
     [
         ("train bc --data d --out o --epochs 3 --minutes 4", "not allowed with"),
-        ("train grip --objects pear --from a --out o --mass 2 1", "low <= high"),
         ("train bc --data d --out o --execute 9", "1 to 8, the chunk"),
         ("plan pear --object-near 1 2", "expected 3"),
         ("replay runs/x --agent a --object b", "--trial"),

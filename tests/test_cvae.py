@@ -27,11 +27,10 @@ from dexgrasp.data.dataset.generate import generate  # noqa: E402
 from dexgrasp.data.dataset.settings import DatasetSettings  # noqa: E402
 from dexgrasp.geometry.target import GraspTarget  # noqa: E402
 from dexgrasp.learning.cvae.cvae_network import Cvae, losses  # noqa: E402
-from dexgrasp.learning.cvae.cvae_task import CvaeTask  # noqa: E402
+from dexgrasp.learning.cvae.cvae_training import CvaeTraining  # noqa: E402
 from dexgrasp.learning.cvae.grasp_batches import split, training_batch  # noqa: E402
 from dexgrasp.learning.cvae.settings import TrainingSettings  # noqa: E402
 from dexgrasp.learning.training.checkpoint import write_tensors  # noqa: E402
-from dexgrasp.learning.training.gradient_training import GradientTraining  # noqa: E402
 from dexgrasp.mechanics.margin import margins  # noqa: E402
 from dexgrasp.planning.cvae_source import CvaeProposals, decode, on_surface, shipped_weights  # noqa: E402
 from dexgrasp.planning.decoder import (  # noqa: E402
@@ -60,7 +59,7 @@ def data(tmp_path_factory):
 @pytest.fixture(scope="module")
 def trained(data, tmp_path_factory):
     out = tmp_path_factory.mktemp("trained") / "run"
-    state = GradientTraining(CvaeTask(data, TRAINING), out).run()
+    state = CvaeTraining(data, TRAINING, out).run()
     return out, state
 
 
@@ -115,9 +114,10 @@ def test_batches_depend_on_the_step_alone_and_keep_contacts_on_the_cloud(data):
 
 def test_the_wrench_layer_adds_the_residual_of_the_forces_to_the_loss(data, tmp_path):
     plain, wrench = (replace(TRAINING, epochs=1, wrench_layer=on) for on in (False, True))
-    torch.manual_seed(0)
-    net = Cvae(NETWORK)
-    one, other = (CvaeTask(data, settings).losses(net, 0, 1.0) for settings in (plain, wrench))
+    trainings = [CvaeTraining(data, settings, tmp_path) for settings in (plain, wrench)]
+    trainings[0].build()
+    net = trainings[1].net = trainings[0].net
+    one, other = (training.losses(0, 1.0) for training in trainings)
     assert float(other.total.detach()) > float(one.total.detach())
     (other.total - one.total).backward()
     assert net.decoder[-1].weight.grad[:9].abs().sum() > 0
@@ -142,7 +142,7 @@ def test_a_finished_training_without_its_weights_says_so(data, trained, tmp_path
     out = copied(trained, tmp_path)
     (out / "cvae.safetensors").unlink()
     with refused(r"weights of epoch .* are gone"):
-        GradientTraining(CvaeTask(data, TRAINING), out).run()
+        CvaeTraining(data, TRAINING, out).run()
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_damaged_metadata_of_a_checkpoint_is_refused(data, trained, tmp_path, no
         tensors = {name: tensor for name, tensor in tensors.items() if not name.startswith("model.")}
     save_file(tensors, path, {"dexgrasp": note})
     with refused("damaged"):
-        GradientTraining(CvaeTask(data, TRAINING), out).run()
+        CvaeTraining(data, TRAINING, out).run()
 
 
 def test_command_line(data, tmp_path, capsys, printed):
