@@ -32,8 +32,6 @@ ALGORITHMS = {
     **dict.fromkeys(("tqc", "recurrentppo", "trpo", "crossq", "ars"), "sb3_contrib"),
 }
 """Algorithm -> the library that has it."""
-_CLASSES = {"recurrentppo": "RecurrentPPO", "crossq": "CrossQ"}
-_CAMERAS = {"pointcloud": "cloud", "rgbd": "rgb", "depth": "depth"}
 _DEFAULTS = {key: LiftSettings.__dataclass_fields__[key].default for key in AGENT_KEYS}
 
 
@@ -149,10 +147,10 @@ class CheckpointAgent(Agent):
         cell, policy, record = info.get("cell"), self._policy, self._record
         here = {"robot": cell.robot.stamp if isinstance(cell, Cell) else None, "mount": info.get("mount")}
         for part, value in here.items():
-            if value is not None and getattr(record, part) not in (None, value):
+            theirs = getattr(record, part)
+            if None not in (value, theirs) and theirs != value:
                 raise InputError(
-                    f"{self._path} was trained with {part} {getattr(record, part)}: here it is {value}, give its own "
-                    f"with --{part}"
+                    f"{self._path} was trained with {part} {theirs}: here it is {value}, give its own with --{part}"
                 )
         if record.wrappers and "action_space" not in info:
             raise InputError(
@@ -272,7 +270,8 @@ def _open(path: Path, algorithm: str) -> Any:
     require_extra("learning", f"checkpoint {path}")
     objects = harmless_objects(path, settings)
     try:
-        kind = getattr(importlib.import_module(library), _CLASSES.get(algorithm, algorithm.upper()))
+        module = importlib.import_module(library)
+        kind = next(getattr(module, name) for name in module.__all__ if name.lower() == algorithm)
         policy = kind.load(path, device="cpu", custom_objects=objects)
     except ImportError:
         raise InputError(f"checkpoint {path} needs {library}: pip install 'dexgrasp[learning]'") from None
@@ -289,7 +288,8 @@ def _of_spaces(policy: Any) -> Fields:
     """Return the environment settings that the spaces of a policy tell."""
     seen = policy.observation_space
     keys = seen.keys() if isinstance(seen, spaces.Dict) else ()
-    cameras = [mode for mode, key in _CAMERAS.items() if key in keys][:1]
+    modes = {"cloud": "pointcloud", "rgb": "rgbd", "depth": "depth"}
+    cameras = [mode for key, mode in modes.items() if key in keys][:1]
     known = ["state"] if "object_pose" in keys or "observation" in keys or not cameras else []
     told = ("control_mode", "frame_skip", "action_scale", "hold")
     own = {key: getattr(policy.action_space, key, None) for key in told}

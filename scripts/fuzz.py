@@ -211,7 +211,7 @@ def _dataset(draw: Draw, good: Path, here: Path) -> list[str]:
     folder = Path(shutil.copytree(good / "data", here / "data"))
     path = draw.one(sorted(path for path in folder.rglob("*") if path.suffix in (".npz", ".json")))
     path.write_bytes(draw.file(path))
-    return ["dataset", "info", str(folder), "--picture", str(here / "p.png")]
+    return ["dataset", "info", str(folder)]
 
 
 def _checkpoint(draw: Draw, good: Path, here: Path) -> list[str]:

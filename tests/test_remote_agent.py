@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from websockets.sync.server import serve
 
-from dexgrasp.agents.random import RandomAgent
+from dexgrasp.agents.floors import RandomAgent
 from dexgrasp.agents.remote import RemoteAgent
 from dexgrasp.cli.main import main
 from dexgrasp.evaluation.evaluate import evaluate

@@ -20,8 +20,6 @@ OBS_TYPES = {
     "pixels_environment_state_agent_pos": "state+rgbd",
 }
 """Kind of observations, as LeRobot calls them -> `obs_mode`."""
-_NO_PICTURE = 64, 64, 3
-_TOLD = ("is_success", "is_grasped", "object", "stage", "failure")
 
 
 def obs_mode_of(obs_type: str) -> str:
@@ -36,16 +34,17 @@ def obs_mode_of(obs_type: str) -> str:
 
 
 def lerobot_observation(observation: Observation) -> Fields:
-    """Return an observation in LeRobot's layout.
+    """Return an observation, or a batch of them, in LeRobot's layout.
 
-    `agent_pos` (n,) joints rad; `environment_state` (17,) mass kg, pose, size m, velocity of the object where the state
-    is seen; `pixels` by view, (H, W, 3) uint8, where colours are.
+    `agent_pos` (..., n) joints rad; `environment_state` (..., 17) mass kg, pose, size m, velocity of the object where
+    the state is seen; `pixels` by view, (..., H, W, 3) uint8, where colours are.
     """
     seen: Fields = {"agent_pos": observation["joint_positions"]}
     if keys := object_keys(observation):
-        seen["environment_state"] = np.concatenate([observation[key] for key in keys])
+        seen["environment_state"] = np.concatenate([observation[key] for key in keys], axis=-1)
     if "rgb" in observation:
-        seen["pixels"] = {f"view_{k}": picture for k, picture in enumerate(observation["rgb"])}
+        pictures = np.moveaxis(observation["rgb"], -4, 0)
+        seen["pixels"] = {f"view_{k}": picture for k, picture in enumerate(pictures)}
     return seen
 
 
@@ -88,11 +87,11 @@ class LeRobotEnv(gym.Wrapper[Any, Any, Any, Any]):
 
     def render(self) -> Any:
         """Return a picture; a small black one without a `render_mode`, as `lerobot-eval` always films."""
-        return np.zeros(_NO_PICTURE, np.uint8) if self.render_mode is None else self.env.render()
+        return np.zeros((64, 64, 3), np.uint8) if self.render_mode is None else self.env.render()
 
 
 def _told(info: Fields) -> Fields:
-    return {key: info[key] for key in _TOLD}
+    return {key: info[key] for key in ("is_success", "is_grasped", "object", "stage", "failure")}
 
 
 def _space(space: Any, settings: Any) -> spaces.Dict:
