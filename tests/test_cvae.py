@@ -32,7 +32,7 @@ from dexgrasp.learning.cvae.grasp_batches import split, training_batch  # noqa: 
 from dexgrasp.learning.cvae.settings import TrainingSettings  # noqa: E402
 from dexgrasp.learning.training.checkpoint import write_tensors  # noqa: E402
 from dexgrasp.mechanics.margin import margins  # noqa: E402
-from dexgrasp.planning.cvae_source import CvaeProposals, decode, on_surface, shipped_weights  # noqa: E402
+from dexgrasp.planning.cvae_source import CvaeProposals, shipped_weights  # noqa: E402
 from dexgrasp.planning.decoder import (  # noqa: E402
     SCALE,
     NetworkSettings,
@@ -121,8 +121,6 @@ def test_the_wrench_layer_adds_the_residual_of_the_forces_to_the_loss(data, tmp_
     assert float(other.total.detach()) > float(one.total.detach())
     (other.total - one.total).backward()
     assert net.decoder[-1].weight.grad[:9].abs().sum() > 0
-    assert typed(f"train cvae --data {data} --out {tmp_path / 'run'} --epochs 1 --wrench-layer") == 0
-    assert '"wrench_layer": true' in (tmp_path / "run" / "run.json").read_text()
 
 
 def test_splits_share_no_grasp(data):
@@ -134,12 +132,8 @@ def test_splits_share_no_grasp(data):
         split(read_dataset(data), replace(TRAINING, held_out_object="soda"))
 
 
-def copied(trained, tmp_path):
-    return shutil.copytree(trained[0], tmp_path / "copy")
-
-
 def test_a_finished_training_without_its_weights_says_so(data, trained, tmp_path):
-    out = copied(trained, tmp_path)
+    out = shutil.copytree(trained[0], tmp_path / "copy")
     (out / "cvae.safetensors").unlink()
     with refused(r"weights of epoch .* are gone"):
         CvaeTraining(data, TRAINING, out).run()
@@ -147,12 +141,12 @@ def test_a_finished_training_without_its_weights_says_so(data, trained, tmp_path
 
 @pytest.mark.parametrize(
     "note",
-    ["[]", '"x"', "{}", '{"epoch": "3"}', '{"epoch": 3, "epochs": 3, "curve": [1, 2, 3]}', '{"what": 1}'],
+    ["[]", "{}", '{"progress": {"epoch": 3, "epochs": 3, "curve": [1, 2, 3]}}'],
 )
 def test_damaged_metadata_of_a_checkpoint_is_refused(data, trained, tmp_path, note):
     from safetensors.numpy import load_file, save_file
 
-    out = copied(trained, tmp_path)
+    out = shutil.copytree(trained[0], tmp_path / "copy")
     path = out / "checkpoint.safetensors"
     tensors = load_file(path)
     if note == "{}":  # the metadata is sound, the tensors are another network's
@@ -177,16 +171,6 @@ def test_proposals_are_the_same_for_the_same_seed():
     assert a.assigned
     assert_array_equal(a.contacts, b.contacts)
     assert a.contacts.shape != c.contacts.shape or (a.contacts != c.contacts).any()
-
-
-def test_fingertips_are_put_on_the_surface_above_the_table():
-    target, settings = box(), PlannerSettings()
-    tips = np.random.default_rng(0).uniform([0.42, -0.03, -0.02], [0.58, 0.13, 0.13], (200, 3, 3))
-    contacts, normals, usable = on_surface(tips, target, settings)
-    assert np.abs(target.distance.distance(contacts.reshape(-1, 3))).max() < 1e-6
-    assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, atol=1e-9)
-    assert 0 < usable.sum() < 200
-    assert contacts[usable][:, :, 2].min() > settings.table_clearance
 
 
 def test_shipped_weights_propose_closure_and_lead_to_a_grasp():
@@ -257,15 +241,6 @@ class Given(ProposalSource):
 
     def propose(self, target, settings, rng):
         return self._proposals
-
-
-def test_decoded_palms_are_rotations_near_the_fingertips():
-    target = lying((0.05, 0.1, 0.08))
-    tips, palms = decode(read_decoder(shipped_weights()), target, 40, np.random.default_rng(0))
-    R = palms[:, :3, :3]
-    assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (40, 1, 1)), atol=1e-9)
-    assert (np.linalg.det(R) > 0).all()
-    assert np.median(np.linalg.norm(palms[:, :3, 3] - tips.mean(1), axis=1)) < 0.2
 
 
 def test_the_decoder_in_numpy_is_the_network(trained):

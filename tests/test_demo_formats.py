@@ -47,14 +47,6 @@ def test_pictures_are_images_of_lerobot_and_described_by_colour(settings, folder
     assert_allclose(stats["observation.depth"]["mean"], episode.observations["depth"][:-1].mean(), atol=1e-6)
 
 
-def test_minaris_environment_has_every_object(settings, folder, tmp_path):
-    minari = pytest.importorskip("minari")
-    both = DemoSettings.of(["sugar_box", "pear"], agent=settings.agent)
-    write_minari(tmp_path, both, list(read_episodes(folder))[:1])
-    env = minari.MinariDataset(tmp_path / "data").recover_environment()
-    assert list(env.unwrapped.settings.objects) == ["sugar_box", "pear"]
-
-
 def test_minaris_environment_has_every_mesh(settings, folder, tmp_path):
     minari = pytest.importorskip("minari")
     import trimesh

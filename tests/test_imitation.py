@@ -2,7 +2,6 @@
 
 import json
 from functools import partial
-from itertools import islice
 
 import numpy as np
 import pytest
@@ -24,7 +23,7 @@ from dexgrasp.learning.imitation.demonstration_data import read_grips, read_rows
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp_env.poses import about_z, quat_multiply, rotate, yaw_quat
-from dexgrasp_env.tasks.features import features, initial_scene, stack_scenes
+from dexgrasp_env.tasks.features import features, initial_scene
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("minari")
@@ -78,16 +77,6 @@ def test_a_scene_turned_about_the_base_looks_the_same(demos):
     # The way from the base to the object alone tells them apart.
     assert len(differing) == 1
     assert_allclose(np.diff([row[differing] for row in rows], axis=0), angle, atol=1e-4)
-
-
-def test_episodes_side_by_side_are_seen_as_each_alone(demos):
-    episodes = list(islice(read_episodes(demos), 2))
-    seen = [{key: array[40] for key, array in episode.observations.items()} for episode in episodes]
-    scenes = [initial_scene(look) for look in seen]
-    alone = [features(scene, look, k) for k, (scene, look) in enumerate(zip(scenes, seen, strict=True))]
-    together = {key: np.stack([look[key] for look in seen]) for key in seen[0]}
-    rows = features(stack_scenes(scenes), together, np.arange(len(seen)))
-    assert_allclose(rows, alone, atol=1e-12)
 
 
 def test_features_tell_nothing_of_the_last_action(demos):
