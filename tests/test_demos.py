@@ -24,7 +24,7 @@ from dexgrasp.data.demonstrations.rollout import Recorder, intended, replay
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp_env.objects.load import load_object
+from dexgrasp_env.objects.load import load_object, resolve_targets
 from dexgrasp_env.tasks.constants import GOAL_STEPS
 
 pytest.importorskip("minari")

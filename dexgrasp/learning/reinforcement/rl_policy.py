@@ -28,10 +28,9 @@ class RlPolicy(Policy):
         Raises:
             InputError: for other features than it was trained on.
         """
-        if np.shape(first) != (self._actor.inputs,):
-            raise InputError(
-                f"the policy was trained on {self._actor.inputs} features: here are {np.shape(first)}"
-            )
+        seen = np.asarray(first).shape
+        if seen != (self._actor.inputs,):
+            raise InputError(f"the policy was trained on {self._actor.inputs} features: here are {seen}")
         return self
 
     def action(self, observation: Observation) -> Single:
