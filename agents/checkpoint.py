@@ -80,20 +80,19 @@ class CheckpointAgent(Agent):
     def _known(self, given: Fields) -> EnvRecord:
         """Return what the checkpoint was trained in: as its record says, else as its spaces, and the user, do."""
         beside = self._path.with_suffix(".json")
-        found = read_record(beside) if beside.is_file() else {}
-        if isinstance(found, EnvRecord):
-            self._agree(found.env, given, str(beside))
-            return found
+        if beside.is_file():
+            record = read_record(beside)
+            self._agree(record.env, given, str(beside))
+            return record
         statistics = vec_wrapper(counted(self._path))
         stated = _of_spaces(self._policy)
         self._agree({key: stated[key] for key in stated if key != "obs_mode"}, given, "its action space")
-        known = stated | found | given
+        known = stated | given
         if "control_mode" not in known:
             raise InputError(
                 f"{self._path} was trained on actions that a wrapper changed, or elsewhere, and does not tell their "
                 "meaning: say --env-kwargs control_mode=joint_delta if that is what they are, and the wrapper with "
-                f'--wrappers (or write {{"control_mode": "joint_delta"}} into {beside}), or name an agent of your own, '
-                "package.module:Class"
+                "--wrappers, or name an agent of your own, package.module:Class"
             )
         if not statistics and read_settings(self._path).get("_last_original_obs"):
             raise InputError(

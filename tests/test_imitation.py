@@ -22,7 +22,7 @@ from dexgrasp.learning.imitation.demonstrated_grasp import demonstrated_grasp, g
 from dexgrasp.learning.imitation.demonstration_data import read_grips, read_rows
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
-from dexgrasp_env.poses import about_z, quat_multiply, rotate, yaw_quat
+from dexgrasp_env.poses import about_z
 from dexgrasp_env.tasks.features import features, initial_scene
 
 torch = pytest.importorskip("torch")
@@ -53,30 +53,6 @@ def short_epochs(monkeypatch):
 
 def settings_of(view, **more):
     return BcSettings(view=view, epochs=2, episodes=2, rows=8, network=SMALL, grasps=NARROW, **more)
-
-
-def test_a_scene_turned_about_the_base_looks_the_same(demos):
-    episode = next(read_episodes(demos))
-    seen = {key: array[40] for key, array in episode.observations.items()} | episode.once
-    angle = 0.3
-    turn = yaw_quat(angle)
-
-    def turned(pose):
-        return np.concatenate([rotate(turn, pose[:3]), quat_multiply(turn, pose[3:])])
-
-    other = dict(seen)
-    for key in ("object_pose", "palm_pose"):
-        other[key] = turned(np.asarray(seen[key], dtype=float))
-    for key in ("fingertip_positions", "fingertip_forces"):
-        other[key] = rotate(turn, np.asarray(seen[key], dtype=float).reshape(-1, 3)).reshape(seen[key].shape)
-    for key in ("joint_targets", "joint_positions"):
-        other[key] = seen[key] + angle * np.eye(23)[0]
-    scenes = [initial_scene(look) for look in (seen, other)]
-    rows = [features(scene, look, 40) for scene, look in zip(scenes, (seen, other), strict=True)]
-    differing = np.flatnonzero(~np.isclose(*rows, atol=1e-4))
-    # The way from the base to the object alone tells them apart.
-    assert len(differing) == 1
-    assert_allclose(np.diff([row[differing] for row in rows], axis=0), angle, atol=1e-4)
 
 
 def test_features_tell_nothing_of_the_last_action(demos):

@@ -98,15 +98,15 @@ class EnvRecord:
     schema: int = SCHEMA
 
 
-def read_record(path: Path) -> EnvRecord | Fields:
-    """Return a record, or the keywords of `gym.make` that a file without a schema states.
+def read_record(path: Path) -> EnvRecord:
+    """Return a record.
 
     Raises:
         InputError: damaged, or of another schema.
     """
-    content = read_json_object(path, 'it holds environment settings, e.g. {"obs_mode": "state"}')
+    content = read_json_object(path, "save_checkpoint() of dexgrasp writes it")
     if "schema" not in content:
-        return content
+        raise InputError(f"{path} is no record of save_checkpoint(): rename it, and say --env-kwargs")
     if content["schema"] != SCHEMA:
         raise InputError(f"{path} has schema {content['schema']}: valid is {SCHEMA}")
     return read(EnvRecord, content, str(path))

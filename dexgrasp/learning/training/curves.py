@@ -43,10 +43,11 @@ def draw_curves(curve: Sequence[Fields], path: Path, best: int) -> None:
         for label, points in lines.items():
             axis.plot(*zip(*points, strict=True), lw=1, marker=".", markersize=3, label=label)
         axis.set(xlabel="epoch or round", title=title, visible=bool(lines))
+        axis.grid(alpha=0.3)
         if best:
             axis.axvline(best, color="grey", lw=0.7, ls=":")
-        axis.grid(alpha=0.3)
-        axis.legend(fontsize=7)
+        if lines:
+            axis.legend(fontsize=7)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=100)
 
