@@ -12,7 +12,6 @@ from dexgrasp.evaluation.protocol import trial_seeds
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.objects.load import object_name
-from dexgrasp_env.tasks.observations import key_sizes
 
 OBS_TYPES = {
     "environment_state_agent_pos": "state",
@@ -69,8 +68,7 @@ class LeRobotEnv(gym.Wrapper[Any, Any, Any, Any]):
         self.task = object_name(target)
         self.task_description = task_of(self.task)
         self._max_episode_steps = env.spec and env.spec.max_episode_steps
-        inner: Any = env.unwrapped
-        self.observation_space = _space(env.observation_space, inner.settings)
+        self.observation_space = _space(env.observation_space)
 
     def reset(self, *, seed: int | None = None, options: Fields | None = None) -> tuple[Fields, Fields]:
         """Start trial `seed`, or any; LeRobot's own options are passed over."""
@@ -94,20 +92,14 @@ def _told(info: Fields) -> Fields:
     return {key: info[key] for key in ("is_success", "is_grasped", "object", "stage", "failure")}
 
 
-def _space(space: Any, settings: Any) -> spaces.Dict:
-    robot = settings.cell.robot
+def _space(space: Any) -> spaces.Dict:
     seen: Fields = {"agent_pos": space["joint_positions"]}
-    if sizes := object_sizes(settings.obs_mode, robot):
-        seen["environment_state"] = spaces.Box(-np.inf, np.inf, (sum(sizes.values()),), np.float32)
+    if keys := object_keys(space):
+        size = sum(space[key].shape[0] for key in keys)
+        seen["environment_state"] = spaces.Box(-np.inf, np.inf, (size,), np.float32)
     if "rgb" in space.spaces:
         count, *shape = space["rgb"].shape
         seen["pixels"] = spaces.Dict(
             {f"view_{k}": spaces.Box(0, 255, tuple(shape), np.uint8) for k in range(count)}
         )
     return spaces.Dict(seen)
-
-
-def object_sizes(obs_mode: str, robot: Any) -> dict[str, int]:
-    """Return how many numbers each key of the object has, nothing where the state is not seen."""
-    sizes = key_sizes(obs_mode, robot)
-    return {key: sizes[key] for key in object_keys(sizes)}
