@@ -153,7 +153,6 @@ def test_random_is_seeded_and_fills_the_space():
         ("fractions:Fraction", r"no method reset\(\)"),
         ("nothing.zip", "does not exist"),
         ("dqn:nothing.zip", "valid are ppo"),
-        (f"ppo:{__file__}", "not a checkpoint"),
         ("~nosuchuser/policy", "no such user"),
     ],
 )
@@ -197,6 +196,12 @@ def test_a_checkpoint_acts_and_is_told_by_a_file_beside_it(tmp_path):
     path.with_suffix(".json").write_text('{"observe": "reset"}')
     with refused("learned.json is no record of save_checkpoint"):
         make_agent(str(path))
+
+
+def test_not_a_checkpoint(tmp_path):
+    (tmp_path / "policy.zip").write_text("no zip")
+    with refused("not a checkpoint"):
+        make_agent(str(tmp_path / "policy.zip"))
 
 
 @pytest.mark.parametrize(
