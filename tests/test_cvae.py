@@ -146,7 +146,8 @@ def test_damaged_metadata_of_a_checkpoint_is_refused(data, trained, tmp_path, no
         CvaeTraining(data, TRAINING, out).run()
 
 
-def test_command_line(data, tmp_path, capsys, printed):
+def test_command_line(data, tmp_path, capsys, printed, monkeypatch):
+    monkeypatch.setattr(CvaeTraining, "steps", 2)
     assert typed(f"train cvae --data {data} --out {tmp_path / 'run'} --epochs 1 --json") == 0
     figures = printed()
     assert figures["losses"]["test"]["fingertip_cm"] > 0
