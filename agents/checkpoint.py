@@ -32,8 +32,6 @@ ALGORITHMS = {
     **dict.fromkeys(("tqc", "recurrentppo", "trpo", "crossq", "ars"), "sb3_contrib"),
 }
 """Algorithm -> the library that has it."""
-_CLASSES = {"recurrentppo": "RecurrentPPO", "crossq": "CrossQ"}
-_CAMERAS = {"pointcloud": "cloud", "rgbd": "rgb", "depth": "depth"}
 _DEFAULTS = {key: LiftSettings.__dataclass_fields__[key].default for key in AGENT_KEYS}
 
 
@@ -82,20 +80,19 @@ class CheckpointAgent(Agent):
     def _known(self, given: Fields) -> EnvRecord:
         """Return what the checkpoint was trained in: as its record says, else as its spaces, and the user, do."""
         beside = self._path.with_suffix(".json")
-        found = read_record(beside) if beside.is_file() else {}
-        if isinstance(found, EnvRecord):
-            self._agree(found.env, given, str(beside))
-            return found
+        if beside.is_file():
+            record = read_record(beside)
+            self._agree(record.env, given, str(beside))
+            return record
         statistics = vec_wrapper(counted(self._path))
         stated = _of_spaces(self._policy)
         self._agree({key: stated[key] for key in stated if key != "obs_mode"}, given, "its action space")
-        known = stated | found | given
+        known = stated | given
         if "control_mode" not in known:
             raise InputError(
                 f"{self._path} was trained on actions that a wrapper changed, or elsewhere, and does not tell their "
                 "meaning: say --env-kwargs control_mode=joint_delta if that is what they are, and the wrapper with "
-                f'--wrappers (or write {{"control_mode": "joint_delta"}} into {beside}), or name an agent of your own, '
-                "package.module:Class"
+                "--wrappers, or name an agent of your own, package.module:Class"
             )
         if not statistics and read_settings(self._path).get("_last_original_obs"):
             raise InputError(
@@ -149,10 +146,10 @@ class CheckpointAgent(Agent):
         cell, policy, record = info.get("cell"), self._policy, self._record
         here = {"robot": cell.robot.stamp if isinstance(cell, Cell) else None, "mount": info.get("mount")}
         for part, value in here.items():
-            if value is not None and getattr(record, part) not in (None, value):
+            theirs = getattr(record, part)
+            if None not in (value, theirs) and theirs != value:
                 raise InputError(
-                    f"{self._path} was trained with {part} {getattr(record, part)}: here it is {value}, give its own "
-                    f"with --{part}"
+                    f"{self._path} was trained with {part} {theirs}: here it is {value}, give its own with --{part}"
                 )
         if record.wrappers and "action_space" not in info:
             raise InputError(
@@ -272,7 +269,8 @@ def _open(path: Path, algorithm: str) -> Any:
     require_extra("learning", f"checkpoint {path}")
     objects = harmless_objects(path, settings)
     try:
-        kind = getattr(importlib.import_module(library), _CLASSES.get(algorithm, algorithm.upper()))
+        module = importlib.import_module(library)
+        kind = next(getattr(module, name) for name in module.__all__ if name.lower() == algorithm)
         policy = kind.load(path, device="cpu", custom_objects=objects)
     except ImportError:
         raise InputError(f"checkpoint {path} needs {library}: pip install 'dexgrasp[learning]'") from None
@@ -289,7 +287,8 @@ def _of_spaces(policy: Any) -> Fields:
     """Return the environment settings that the spaces of a policy tell."""
     seen = policy.observation_space
     keys = seen.keys() if isinstance(seen, spaces.Dict) else ()
-    cameras = [mode for mode, key in _CAMERAS.items() if key in keys][:1]
+    modes = {"cloud": "pointcloud", "rgb": "rgbd", "depth": "depth"}
+    cameras = [mode for key, mode in modes.items() if key in keys][:1]
     known = ["state"] if "object_pose" in keys or "observation" in keys or not cameras else []
     told = ("control_mode", "frame_skip", "action_scale", "hold")
     own = {key: getattr(policy.action_space, key, None) for key in told}

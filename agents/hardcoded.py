@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.agent import BY_CLOUD, Agent, Observation, Report, cell_of
-from dexgrasp.agents.pinch import pinch_of
+from dexgrasp.agents.hand_postures import hand_postures
 from dexgrasp.geometry.completion import NO_VOLUME, NoTarget, target_of
 from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.trajectory import ActionScript
-from dexgrasp.mechanics.kinematics.palm_ik import hanging_palm, solve_palm
+from dexgrasp.mechanics.kinematics.palm_ik import solve_palm
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
@@ -26,27 +26,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.control import normalise
-
-# Joints by finger, rad; the ring finger is out of the way.
-_RING = {"ring": (0.0, -0.15, 0.0, 0.0)}
-_AROUND = {"index": (-0.099, 0.773, 0.936, -0.227), "middle": (0.059, 0.768, 0.969, -0.227)} | _RING
-_OPEN = {
-    "index": (-0.149, 0.858, 0.0, 0.044), "middle": (0.064, 0.857, 0.0, 0.068), **_RING,
-    "thumb": (1.38, 0.35, -0.1, 0.2),
-}  # fmt: skip
-_CLOSED = _AROUND | {"thumb": (1.38, 0.35, 0.45, 0.2)}
-_FIRM = _AROUND | {"thumb": (1.38, 0.35, 0.85, 0.2)}
-Posture = Mapping[str, tuple[float, ...]]
-_HANDS = _OPEN, _CLOSED, _FIRM
-"""Wide around the object; the thumb half way; the thumb's set-point inside any object, so that its servo saturates."""
-_TILT = 0.2  # rad, thumb up: the thumb is the longer
-# Where the palm goes, m: u along the short axis of the object, from thumb to fingers, v across it.
-_U, _V = 0.010, -0.028  # from the cloud's mean
-_ABOVE = 0.045  # above the cloud's highest point
-_LEAST_Z = 0.137  # above the table, which the fingertips must clear
-_MIN_POINTS = 20
-_COMPLETED_POINTS = 512
-_IK_ERROR = 0.003  # m
 
 
 class HardcodedAgent(Agent):
@@ -77,7 +56,7 @@ class HardcodedAgent(Agent):
         self._step, self._rest = 0, self._action(start)
         self.report = Report()
         points = self._points(Scene.of_observation(observation, info))
-        if len(points) < _MIN_POINTS:
+        if len(points) < 20:
             self.report.failure = "no_cloud"
             return
         try:
@@ -109,8 +88,7 @@ class HardcodedAgent(Agent):
         return normalise(targets, self._cell.robot).astype(np.float32)
 
     def _plan(self, start: Array, points: Array) -> ActionScript:
-        tree, hands = robot_tree(self._cell), list(map(self._hand, _HANDS)) if self._tuned else []
-        hands = hands or pinch_of(self._cell).hands(points, short_axis(points))
+        tree, hands = robot_tree(self._cell), hand_postures(self._cell).hands(points, short_axis(points))
         try:
             obstacle = standing_hull(points)
         except InputError as flat:
@@ -124,16 +102,6 @@ class HardcodedAgent(Agent):
                 blocked = reason
         raise blocked
 
-    @property
-    def _tuned(self) -> bool:
-        """True of the hand that the postures were tuned for."""
-        fingers = self._cell.robot.hand.fingers
-        return all(len(_OPEN.get(finger.name, ())) == len(finger.joints) for finger in fingers)
-
-    def _hand(self, posture: Posture) -> Array:
-        """Return a posture as the hand's joints (h,) rad."""
-        return np.concatenate([posture[finger.name] for finger in self._cell.robot.hand.fingers])
-
     def _arms(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:
         """Return the configurations (a,) rad to try, of both wrist turns, nearer to `start` first."""
         axis = short_axis(points)
@@ -144,20 +112,12 @@ class HardcodedAgent(Agent):
         """Return the configurations (a,) rad of the arm for grips along axes (3,), those that it reaches."""
         arms = []
         for axis in axes:
-            R, p = self._palm(points, axis) if self._tuned else pinch_of(self._cell).palm(points, axis)
+            R, p = hand_postures(self._cell).palm(points, axis)
             q = start.copy()
             q[0] = np.arctan2(p[1], p[0])
-            if solve_palm(q, R, p, tree, 300, 1e-5) < _IK_ERROR:
+            if solve_palm(q, R, p, tree, 300, 1e-5) < 0.003:  # m
                 arms.append(q[: tree.arm].copy())
         return arms
-
-    @staticmethod
-    def _palm(points: Array, axis: Array) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and position (3,) m of the palm for a grip along an axis (3,)."""
-        R = hanging_palm(axis, _TILT)
-        p = points.mean(axis=0) + _U * axis + _V * R[:, 1]
-        p[2] = max(points[:, 2].max() + _ABOVE, _LEAST_Z)
-        return R, p
 
 
 class HardcodedCompletedAgent(HardcodedAgent):
@@ -172,7 +132,7 @@ class HardcodedCompletedAgent(HardcodedAgent):
             target = target_of(scene)
         except NoTarget:
             return np.empty((0, 3))
-        return triangle_samples(np.concatenate(target.distance.parts), _COMPLETED_POINTS, 0).points
+        return triangle_samples(np.concatenate(target.distance.parts), 512, 0).points
 
 
 def short_axis(points: Array) -> Array:

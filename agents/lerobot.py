@@ -15,9 +15,6 @@ from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import expand, read_json_object
 
-PREFIX = "lerobot:"
-_CONFIG, _TRAINING = "config.json", "train_config.json"
-
 
 class LeRobotAgent(Agent):
     """Acts by a policy of LeRobot through its own processors, one environment at a time.
@@ -54,12 +51,12 @@ class LeRobotAgent(Agent):
         stated, seen = _trained_in(folder) | agent_keywords(env_kwargs), config.input_features
         modes = ["state"] if "observation.environment_state" in seen else []
         modes += ["rgbd"] if any(name.startswith("observation.image") for name in seen) else []
-        self.assumed = (
-            ""
-            if "control_mode" in stated
-            else f"{folder} does not say what its actions mean: played with control_mode=joint_delta, unless "
-            "--env-kwargs says otherwise"
-        )
+        self.assumed = ""
+        if "control_mode" not in stated:
+            self.assumed = (
+                f"{folder} does not say what its actions mean: played with control_mode=joint_delta, unless "
+                "--env-kwargs says otherwise"
+            )
         settings = {"obs_mode": "+".join(modes) or "state", "control_mode": "joint_delta"}
         self.env_settings = settings | stated  # type: ignore[misc]  # of the instance here
 
@@ -89,7 +86,8 @@ class LeRobotAgent(Agent):
         from lerobot.envs.utils import preprocess_observation
 
         # No agent is told the object's name, which a policy that reads its task may have learned by.
-        seen = preprocess_observation(_batch(lerobot_observation(observation)))
+        batch = {key: np.asarray(values)[None] for key, values in observation.items()}
+        seen = preprocess_observation(lerobot_observation(batch))
         seen["task"] = [task_of("the object")]
         with torch.inference_mode():
             action = self._after(self._policy.select_action(self._before(seen)))
@@ -102,10 +100,10 @@ def policy_folder(spec: str) -> Path:
     Raises:
         InputError: if it holds no policy of LeRobot.
     """
-    folder = expand(spec.removeprefix(PREFIX))
-    if not (folder / _CONFIG).is_file():
+    folder = expand(spec.removeprefix("lerobot:"))
+    if not (folder / "config.json").is_file():
         raise InputError(
-            f"{folder} holds no policy of LeRobot (no {_CONFIG}): name a folder pretrained_model"
+            f"{folder} holds no policy of LeRobot (no config.json): name a folder pretrained_model"
         )
     return folder
 
@@ -117,14 +115,6 @@ def policy_files(spec: str) -> list[Path]:
 
 def _trained_in(folder: Path) -> Fields:
     """Return the keywords that the training says of its environment."""
-    training = (
-        read_json_object(folder / _TRAINING, "train it again") if (folder / _TRAINING).is_file() else {}
-    )
-    env = training.get("env") or {}
-    return {key: env[key] for key in ("control_mode",) if env.get("type") == "dexgrasp"}
-
-
-def _batch(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _batch(part) for key, part in value.items()}
-    return np.asarray(value)[None]
+    path = folder / "train_config.json"
+    env = (read_json_object(path, "train it again") if path.is_file() else {}).get("env") or {}
+    return {"control_mode": env["control_mode"]} if env.get("type") == "dexgrasp" else {}

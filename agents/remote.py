@@ -23,10 +23,7 @@ from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.robot.cell import Cell
 
-_CONNECT_SECONDS = 5.0  # s that a server which was there may be away
-_ANSWER_SECONDS = 60.0  # s for an answer, where the address names no other time
-_LARGEST = 64_000_000  # bytes of an answer
-_TASK = "grasp the object on the table, lift it and hold it"  # for policies that read a prompt
+_CONNECT_SECONDS = 5.0  # that a server which starts, or was there, may be away
 
 
 class RemoteAgent(Agent):
@@ -52,7 +49,7 @@ class RemoteAgent(Agent):
         self._begin: Fields = {}
         self._seed = 0
         try:
-            self._connect(_CONNECT_SECONDS)
+            self._connect()
         except (_Failed, InputError) as error:
             raise InputError(f"no policy server at {self._address}: {error}") from None
         given = self.metadata.get("env_settings", {})
@@ -74,7 +71,12 @@ class RemoteAgent(Agent):
         known |= {"cell": cell.version} if isinstance(cell, Cell) else {}
         known["action_space"] = {"low": self._space.low, "high": self._space.high}
         self._left = []
-        self._begin = {"reset": True, "seed": self._seed, "info": known, "prompt": _TASK}
+        self._begin = {
+            "reset": True,
+            "seed": self._seed,
+            "info": known,
+            "prompt": "grasp the object on the table, lift it and hold it",
+        }
         self._ask(observation)
 
     def act(self, observation: Observation) -> Single:
@@ -99,13 +101,14 @@ class RemoteAgent(Agent):
 
     def _answer(self, message: Fields) -> Fields:
         from websockets.exceptions import WebSocketException
+        from websockets.protocol import State
 
-        if self._begin and self._socket is not None and self._broken():
-            self._close()
+        if self._begin and self._socket is not None and self._socket.state is not State.OPEN:
+            self._close()  # since the last episode
         if self._socket is None:
             if not self._begin:
                 raise _Failed(SERVER_GONE, "the connection broke within the episode")
-            self._connect(_CONNECT_SECONDS)
+            self._connect()
         try:
             self._socket.send(pack(message))
             answer = self._socket.recv(self._seconds)
@@ -120,32 +123,21 @@ class RemoteAgent(Agent):
         except InputError as error:
             raise _Failed("bad_answer", str(error)) from None
 
-    def _broken(self) -> bool:
-        """Tell whether the server has closed the connection since the last episode."""
-        from websockets.protocol import State
-
-        return self._socket.state is not State.OPEN
-
-    def _connect(self, seconds: float) -> None:
+    def _connect(self) -> None:
         """Connect, and read what the server says of itself; a server that starts is waited for."""
         from websockets.exceptions import InvalidStatus, WebSocketException
         from websockets.sync.client import connect
 
         token = os.environ.get("DEXGRASP_TOKEN")
-        headers = {"Authorization": f"Api-Key {token}"} if token else None
-        end = time.monotonic() + seconds
+        settings: Fields = {
+            "compression": None, "max_size": 64_000_000, "open_timeout": _CONNECT_SECONDS, "close_timeout": 1.0,
+            "proxy": None, "additional_headers": {"Authorization": f"Api-Key {token}"} if token else None,
+        }  # fmt: skip
+        end = time.monotonic() + _CONNECT_SECONDS
         while True:
             try:
-                self._socket = connect(
-                    self._address,
-                    compression=None,
-                    max_size=_LARGEST,
-                    additional_headers=headers,
-                    open_timeout=seconds,
-                    close_timeout=1.0,
-                    proxy=None,
-                )
-                first = self._socket.recv(seconds)
+                self._socket = connect(self._address, **settings)
+                first = self._socket.recv(_CONNECT_SECONDS)
                 break
             except InvalidStatus as error:
                 raise _Failed(SERVER_GONE, f"it answers with HTTP {error.response.status_code}") from None
@@ -178,7 +170,7 @@ def _parsed(name: str) -> tuple[str, float]:
     try:
         parts = urlsplit(name)
         asked = parse_qs(parts.query, strict_parsing=bool(parts.query))
-        seconds = float(asked.pop("timeout", [str(_ANSWER_SECONDS)])[0])
+        seconds = float(asked.pop("timeout", ["60"])[0])
         if not parts.hostname or asked or not 0 < seconds < float("inf") or parts.port == 0:
             raise ValueError
     except ValueError:

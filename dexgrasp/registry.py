@@ -15,10 +15,10 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
 
 AGENTS: dict[str, str] = {
-    "random": "dexgrasp.agents.random:RandomAgent",
+    "random": "dexgrasp.agents.floors:RandomAgent",
     "hardcoded": "dexgrasp.agents.hardcoded:HardcodedAgent",
     "hardcoded_completed": "dexgrasp.agents.hardcoded:HardcodedCompletedAgent",
-    "constant": "dexgrasp.agents.constant:ConstantAgent",
+    "constant": "dexgrasp.agents.floors:ConstantAgent",
     "cvae": "dexgrasp.agents.ablations:CvaeAgent",
     "cvae_kinematics": "dexgrasp.agents.ablations:CvaeKinematicsAgent",
     "bilevel": "dexgrasp.agents.bilevel:BilevelAgent",

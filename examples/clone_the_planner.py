@@ -12,9 +12,8 @@ from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.report.tables import rate_words
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.learning.imitation.bc_tasks import VIEWS
+from dexgrasp.learning.imitation.bc_training import VIEWS
 from dexgrasp.learning.imitation.settings import BcSettings
-from dexgrasp.learning.training.gradient_training import GradientTraining
 
 TEACHER = "dexgrasp.agents.teacher:Teacher"  # or your own: "my_package.planners:MyPlanner"
 VIEW = "state"  # or "cloud": what the clone sees
@@ -27,8 +26,7 @@ def clone(out: Path, objects: list[str], episodes: int, epochs: int, test: list[
     print(f"{made['episodes']} of {made['tried']} scenes became demonstrations")
 
     policy = out / "policy"
-    task = VIEWS[VIEW]([out / "demos"], BcSettings(view=VIEW, epochs=epochs))
-    trained = GradientTraining(task, policy).run()
+    trained = VIEWS[VIEW]([out / "demos"], BcSettings(view=VIEW, epochs=epochs), policy).run()
     print(f"loss {trained.curve[-1]['loss']:.3f} after {trained.seconds:.0f} s; the policy is {policy}")
 
     scored = EvaluationSettings.of([str(policy), "hardcoded", "bilevel"], test, trials=trials)

@@ -134,7 +134,7 @@ def every_action(parser):
         ("evaluate --agents a --objects ycb6 --protocol lift heavy", "settings.protocols", ("lift", "heavy")),
         ("evaluate --agents a --objects pear --size 320x240", "film.size", (240, 320)),
         ("plan --cloud x.ply --object-near 1 2 3", "object_near", (1.0, 2.0, 3.0)),
-        ("train grip --objects pear --from a --out o --mass 1 2", "settings.mass", (1.0, 2.0)),
+        ("train ppo --objects pear --out o --hold 4", "settings.hold", 4),
         ("train bc --data d e --out o --seed 1 2", "seeds", (1, 2)),
     ],
 )
@@ -148,7 +148,6 @@ def test_options_fill_the_fields_they_are_declared_by(line, field, value):
     ("line", "words"),
     [
         ("train bc --data d --out o --epochs 3 --minutes 4", "not allowed with"),
-        ("train grip --objects pear --from a --out o --mass 2 1", "low <= high"),
         ("train bc --data d --out o --execute 9", "1 to 8, the chunk"),
         ("plan pear --object-near 1 2", "expected 3"),
         ("replay runs/x --agent a --object b", "--trial"),

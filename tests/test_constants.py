@@ -16,8 +16,8 @@ CLASSES = [block["names"].strip() for block in BLOCK.finditer(PAGE) if block["ki
 
 def test_the_page_has_the_planner_the_sensor_and_every_training():
     names = {name.partition(":")[2] for name in CLASSES}
-    assert {"PlannerSettings", "SensorModel", "RlSettings"} <= names
-    assert len(CLASSES) == len(names) >= 8
+    assert {"PlannerSettings", "SensorModel", "TrainingSettings", "BcSettings", "RlSettings"} <= names
+    assert len(CLASSES) == len(names)
     assert "?" not in PAGE
 
 

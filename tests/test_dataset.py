@@ -87,22 +87,17 @@ def test_no_hand_bears_the_object_at_triples_that_are_left_out():
     assert len(kept) < 0.5 * len(triples)
 
 
-def test_two_workers_make_the_same_files(made, tmp_path):
-    generate(SETTINGS, tmp_path / "two", Backend(workers=2))
+@pytest.mark.parametrize("kind", ["local", pytest.param("ray", marks=pytest.mark.slow)])
+def test_two_workers_make_the_same_files(kind, made, tmp_path):
+    if kind == "ray":
+        ray = pytest.importorskip("ray")
+        ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    generate(SETTINGS, tmp_path / "two", Backend(kind, 2))
+    if kind == "ray":
+        ray.shutdown()
     assert hashes(tmp_path / "two") == hashes(made)
     one, two = (json.loads((f / "manifest.json").read_text()) for f in (made, tmp_path / "two"))
     assert one == two
-
-
-@pytest.mark.slow
-def test_ray_makes_the_same_files(made, tmp_path):
-    ray = pytest.importorskip("ray")
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
-    try:
-        generate(SETTINGS, tmp_path / "ray", Backend("ray", 2))
-    finally:
-        ray.shutdown()
-    assert hashes(tmp_path / "ray") == hashes(made)
 
 
 def test_shards_share_no_triple(made):
@@ -194,12 +189,6 @@ def test_killed_generation_ends_with_the_same_files(made, tmp_path):
     assert before.items() <= hashes(made).items()
 
 
-def write_again(path, arrays):
-    """Write arrays with a seal that is right."""
-    key = text_of(arrays.pop("key"))
-    write_shard(path, arrays, key)
-
-
 def copied(made, tmp_path):
     shutil.copytree(made, tmp_path / "copy")
     return tmp_path / "copy"
@@ -234,22 +223,11 @@ def test_contacts_that_are_not_finite_are_refused(made, tmp_path):
     folder = copied(made, tmp_path)
     shard = sorted((folder / "grasps").iterdir())[0]
     arrays = read_arrays(shard)
-    write_again(shard, arrays | {"contacts": np.full_like(arrays["contacts"], np.nan)})
+    key = text_of(arrays.pop("key"))
+    write_shard(shard, arrays | {"contacts": np.full_like(arrays["contacts"], np.nan)}, key)
     with refused("contacts holds numbers that are not finite"):
         read_arrays(shard)
     assert typed(f"dataset info {folder}") == 2
-
-
-@pytest.mark.parametrize(
-    "name", ["../outside.npz", "/etc/passwd", "grasps/../../x-pose00-0000.npz", "poses/a.npz"]
-)
-def test_names_in_a_manifest_may_not_leave_the_folder(made, tmp_path, name, capsys):
-    folder = copied(made, tmp_path)
-    manifest = json.loads((folder / "manifest.json").read_text())
-    manifest["files"][name] = "0" * 64
-    (folder / "manifest.json").write_text(json.dumps(manifest))
-    assert typed(f"dataset info {folder}") == 2
-    assert "is damaged (files has" in capsys.readouterr().err
 
 
 def test_workers_end_with_a_parent_that_is_killed():
@@ -278,13 +256,12 @@ def alive(pid):
         return False
 
 
-def test_info_prints_json_and_draws(made, tmp_path, printed):
-    assert typed(f"dataset info {made} --picture {tmp_path / 'a.png'} --json") == 0
+def test_info_prints_json(made, printed):
+    assert typed(f"dataset info {made} --json") == 0
     figures = printed()
     assert figures["grasps"] == 36
     assert figures["triples_feasible"] < figures["triples_decided"]
     assert sum(figures["margin_histogram"]["counts"]) == 36
-    assert (tmp_path / "a.png").stat().st_size > 5000
 
 
 def test_a_mesh_of_ones_own(tmp_path):

@@ -1,11 +1,7 @@
 """Demonstrations: conversion between modes, noise that is known, data sets that others read, resuming."""
 
 import json
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -22,12 +18,12 @@ from dexgrasp.data.demonstrations import generate as generation
 from dexgrasp.data.demonstrations.convert import to_action
 from dexgrasp.data.demonstrations.generate import generate
 from dexgrasp.data.demonstrations.info import replay_all, summary
-from dexgrasp.data.demonstrations.minari_format import read_episodes, write_minari
+from dexgrasp.data.demonstrations.minari_format import read_episodes
 from dexgrasp.data.demonstrations.rollout import Recorder, intended, replay
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
+from dexgrasp_env.objects.load import load_object, resolve_targets
 from dexgrasp_env.tasks.constants import GOAL_STEPS
 
 pytest.importorskip("minari")
@@ -37,20 +33,15 @@ TEACHER = "dexgrasp.agents.teacher:Teacher"
 def test_varied_objects_are_the_same_by_number_and_differ_between_numbers():
     names = resolve_targets(["varied-3..6", "varied-4"])
     assert names == ["varied-3", "varied-4", "varied-5", "varied-6"]
-    models = [load_object(name) for name in names]
-    assert len({model.content_hash for model in models}) == 4
-    assert all(0.04 <= model.mass <= 0.6 and model.extents.min() < 0.1 for model in models)
-    assert object_name("varied-3") == "varied-3"
-    for wrong in ("varied-6..3", "varied-999999"):
-        with refused("varied-FIRST"):
-            resolve_targets([wrong])
+    assert len({load_object(name).content_hash for name in names}) == 4
+    with refused("varied-FIRST"):
+        resolve_targets(["varied-6..3"])
 
 
 @pytest.mark.parametrize(
     ("mode", "scale"),
     [
         ("joint_position", 1.0),
-        ("joint_delta", 1.0),
         ("joint_delta", 0.7),
         ("ee_delta", 1.0),
         ("ee_delta", 0.7),
@@ -207,14 +198,6 @@ def test_what_is_brought_to_a_place_begins_along_them_with_their_end_as_goal(fol
         resets.attach(env)
 
 
-def test_a_relative_folder_does(settings, folder, tmp_path, monkeypatch):
-    episodes = list(read_episodes(folder))
-    monkeypatch.chdir(tmp_path)
-    Path("runs/demos").mkdir(parents=True)
-    write_minari(Path("runs/demos"), settings, episodes)
-    assert [e.about for e in read_episodes(Path("runs/demos"))] == [e.about for e in episodes]
-
-
 def test_an_episode_knows_its_scene_and_what_the_cameras_saw(folder):
     episode = next(read_episodes(folder))
     assert episode.about["object"] == "sugar_box"
@@ -241,6 +224,9 @@ def test_the_lerobot_layout_holds_the_same_steps(folder):
     assert info["fps"] == 20
     rows = pq.read_table(folder / "lerobot/data/chunk-000/file-000.parquet").to_pydict()
     assert set(info["features"]) == set(rows)
+    seen = next(read_episodes(folder)).observations
+    about = np.concatenate([seen[key][0] for key in seen if key.startswith("object_")])
+    assert_allclose(rows["observation.environment_state"][0], about, atol=1e-6)
     assert rows["index"] == list(range(info["total_frames"]))
     episode = next(read_episodes(folder))
     first = np.array(rows["action"])[np.array(rows["episode_index"]) == 0]
@@ -254,35 +240,6 @@ def test_the_lerobot_layout_holds_the_same_steps(folder):
     pandas = pytest.importorskip("pandas")
     tasks = pandas.read_parquet(folder / "lerobot/meta/tasks.parquet")
     assert tasks.iloc[0].name == "lift sugar_box"
-
-
-@pytest.mark.slow
-def test_lerobots_own_loader_reads_the_folder(folder):
-    """`DEXGRASP_LEROBOT` names the python of an environment with lerobot 0.4.4; without one a venv is made, of GBs."""
-    python = os.environ.get("DEXGRASP_LEROBOT")
-    if python is None:
-        home = Path(os.environ.get("DEXGRASP_CACHE", folder.parent)) / "lerobot-0.4.4"
-        python = str(home / "bin" / "python")
-        if not Path(python).is_file():
-            subprocess.run([sys.executable, "-m", "venv", home], check=True)
-            subprocess.run([python, "-m", "pip", "install", "-q", "lerobot==0.4.4"], check=True)
-    read = (
-        "import sys; from lerobot.datasets.lerobot_dataset import LeRobotDataset as D\n"
-        "data = D('dexgrasp/demos', root=sys.argv[1]); item = data[3]\n"
-        "print(data.num_episodes, len(data), item['task'], tuple(item['action'].shape),"
-        "data.meta.stats['action']['q50'].shape)"
-    )
-    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"} | {
-        "HF_HUB_OFFLINE": "1"
-    }
-    done = subprocess.run(
-        [python, "-c", read, folder / "lerobot"], capture_output=True, text=True, env=environment
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    figures = summary(folder)
-    assert done.stdout.split("\n")[0] == (
-        f"{figures['episodes']} {figures['steps']} lift sugar_box (23,) (23,)"
-    )
 
 
 def test_an_interrupted_run_goes_on_to_the_same_demonstrations(settings, folder, tmp_path, monkeypatch):

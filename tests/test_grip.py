@@ -1,33 +1,18 @@
-"""A clone's grip corrected by reinforcement: begins at the clone, moves the palm as told, resumes to the same bits."""
+"""A clone whose grip is corrected, as of agent `rl`: the palm moves as told."""
 
-from dataclasses import replace
-from functools import partial
-
+import gymnasium as gym
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from refusals import refused
 from robots import CELL, HOME
-from trainings import begun, goes_on_to_the_same_bits
 
-from dexgrasp.learning.reinforcement.grip_policy import GRIP_SIZE, GripPolicy, arm_step, first_features
+import dexgrasp_env  # noqa: F401
+from dexgrasp.learning.reinforcement.grip_policy import GRIP_SIZE, GripPolicy, arm_step
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
-from dexgrasp.runs.policy_folder import read_policy, write_policy
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("stable_baselines3")
-import gymnasium as gym  # noqa: E402
-
-import dexgrasp_env  # noqa: E402, F401
-from dexgrasp.learning.reinforcement.rl_tasks import GripTask  # noqa: E402
-from dexgrasp.learning.reinforcement.rollout_training import RolloutTraining  # noqa: E402
-from dexgrasp.learning.reinforcement.settings import GripSettings  # noqa: E402
-
-SETTINGS = GripSettings(
-    ("sugar_box",), episode_steps=12, episodes=12, num_envs=2, round_episodes=2, group_size=2, net_arch=(8, 8)
-)
+from dexgrasp.runs.policy_folder import read_policy
 
 
 def grip_of(clone, correction):
@@ -78,29 +63,7 @@ def test_a_correction_stays_on_top_of_the_clones_set_points(clone):
     assert abs(ends[1][20] - ends[0][20] - 0.2) < 0.05
 
 
-def test_training_goes_on_to_the_same_bits_and_gives_an_agent(tmp_path, clone):
-    assert goes_on_to_the_same_bits(RolloutTraining, partial(GripTask, SETTINGS, clone), tmp_path).epoch == 3
-    work = RolloutTraining(GripTask(SETTINGS, clone), tmp_path / "whole")
-    work.begin()
-    work.envs.seed(5)
-    meant, _ = work.model.predict(work.envs.reset()[:1], deterministic=True)
-    work.envs.close()
-    agent, observation = begun(tmp_path / "whole", 8)
-    grip = agent._policy
-    looks = first_features(grip.clone, observation)
-    assert np.abs(grip.correction(looks)).max() > 0.0  # it has learned something
-    assert meant.shape == (1, GRIP_SIZE)
-
-
-def test_groups_of_one_have_nothing_to_be_above_of():
-    with refused("group_size is 1: valid is 2 or more"):
-        replace(SETTINGS, group_size=1)
-
-
-def test_what_does_not_fit_is_refused(tmp_path, clone):
+def test_what_does_not_fit_is_refused(clone):
     about, arrays = read_policy(clone)
     with refused("incomplete"):
         GripPolicy({"kind": "grip", "env": about["env"], "base": about}, arrays)
-    write_policy(clone, about | {"env": {"obs_mode": "state", "control_mode": "joint_position"}}, arrays)
-    with refused("clone another"):
-        GripTask(SETTINGS, clone)

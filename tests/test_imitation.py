@@ -2,7 +2,6 @@
 
 import json
 from functools import partial
-from itertools import islice
 
 import numpy as np
 import pytest
@@ -23,18 +22,17 @@ from dexgrasp.learning.imitation.demonstrated_grasp import demonstrated_grasp, g
 from dexgrasp.learning.imitation.demonstration_data import read_grips, read_rows
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
-from dexgrasp_env.poses import about_z, quat_multiply, rotate, yaw_quat
-from dexgrasp_env.tasks.features import features, initial_scene, stack_scenes
+from dexgrasp_env.poses import about_z
+from dexgrasp_env.tasks.features import features, initial_scene
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("minari")
 from dexgrasp.learning.imitation.bc_network import BcNet, GraspNet  # noqa: E402
-from dexgrasp.learning.imitation.bc_tasks import VIEWS, BcTask, StateBcTask  # noqa: E402
+from dexgrasp.learning.imitation.bc_training import VIEWS, BcTraining, StateBcTraining  # noqa: E402
 from dexgrasp.learning.imitation.settings import BcNetSizes, BcSettings, GraspNetSizes  # noqa: E402
-from dexgrasp.learning.imitation.trials import Trials  # noqa: E402
 from dexgrasp.learning.training.checkpoint import read_state  # noqa: E402
-from dexgrasp.learning.training.gradient_training import GradientTraining  # noqa: E402
 from dexgrasp.learning.training.loop import CHECKPOINT, RunOptions  # noqa: E402
+from dexgrasp.learning.training.trials import Trials  # noqa: E402
 from dexgrasp.runs.policy_folder import read_policy  # noqa: E402
 
 SMALL = BcNetSizes(hidden=24, layers=2)
@@ -50,45 +48,11 @@ def demos(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def short_epochs(monkeypatch):
-    monkeypatch.setattr(BcTask, "steps", 4)
+    monkeypatch.setattr(BcTraining, "steps", 4)
 
 
 def settings_of(view, **more):
     return BcSettings(view=view, epochs=2, episodes=2, rows=8, network=SMALL, grasps=NARROW, **more)
-
-
-def test_a_scene_turned_about_the_base_looks_the_same(demos):
-    episode = next(read_episodes(demos))
-    seen = {key: array[40] for key, array in episode.observations.items()} | episode.once
-    angle = 0.3
-    turn = yaw_quat(angle)
-
-    def turned(pose):
-        return np.concatenate([rotate(turn, pose[:3]), quat_multiply(turn, pose[3:])])
-
-    other = dict(seen)
-    for key in ("object_pose", "palm_pose"):
-        other[key] = turned(np.asarray(seen[key], dtype=float))
-    for key in ("fingertip_positions", "fingertip_forces"):
-        other[key] = rotate(turn, np.asarray(seen[key], dtype=float).reshape(-1, 3)).reshape(seen[key].shape)
-    for key in ("joint_targets", "joint_positions"):
-        other[key] = seen[key] + angle * np.eye(23)[0]
-    scenes = [initial_scene(look) for look in (seen, other)]
-    rows = [features(scene, look, 40) for scene, look in zip(scenes, (seen, other), strict=True)]
-    differing = np.flatnonzero(~np.isclose(*rows, atol=1e-4))
-    # The way from the base to the object alone tells them apart.
-    assert len(differing) == 1
-    assert_allclose(np.diff([row[differing] for row in rows], axis=0), angle, atol=1e-4)
-
-
-def test_episodes_side_by_side_are_seen_as_each_alone(demos):
-    episodes = list(islice(read_episodes(demos), 2))
-    seen = [{key: array[40] for key, array in episode.observations.items()} for episode in episodes]
-    scenes = [initial_scene(look) for look in seen]
-    alone = [features(scene, look, k) for k, (scene, look) in enumerate(zip(scenes, seen, strict=True))]
-    together = {key: np.stack([look[key] for look in seen]) for key in seen[0]}
-    rows = features(stack_scenes(scenes), together, np.arange(len(seen)))
-    assert_allclose(rows, alone, atol=1e-12)
 
 
 def test_features_tell_nothing_of_the_last_action(demos):
@@ -115,10 +79,9 @@ def test_chunks_are_the_set_points_to_come_and_stand_still_at_the_end(demos):
 @pytest.mark.parametrize("view", ["state", "cloud"])
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(demos, tmp_path, view):
     settings = settings_of(view)
-    task = partial(VIEWS[view], [demos], settings)
-    assert goes_on_to_the_same_bits(GradientTraining, task, tmp_path).epoch == 2
+    assert goes_on_to_the_same_bits(partial(VIEWS[view], [demos], settings), tmp_path).epoch == 2
     with refused("other settings"):
-        GradientTraining(VIEWS[view]([demos], settings_of(view, seed=1)), tmp_path / "parts").run()
+        VIEWS[view]([demos], settings_of(view, seed=1), tmp_path / "parts").run()
     agent = make_agent(str(tmp_path / "whole"))
     assert agent.env_settings["obs_mode"] == {"state": "state", "cloud": "pointcloud"}[view]
     evaluation = EvaluationSettings.of([str(tmp_path / "whole")], ["sugar_box"], trials=1)
@@ -136,7 +99,7 @@ def trained(net, folder):
 
 
 def test_numpy_predicts_what_torch_does(demos, tmp_path):
-    GradientTraining(StateBcTask([demos], settings_of("state")), tmp_path / "out").run()
+    StateBcTraining([demos], settings_of("state"), tmp_path / "out").run()
     clone, rows = BcPolicy(*read_policy(tmp_path / "out")), read_rows([demos])
     batch = rows.batch(np.array([0]), np.array([[5, 50]]), 8)
     net = trained(BcNet(SMALL, *rows.looks[:2], np.ones(8 * 23, np.float32)), tmp_path / "out")
@@ -145,7 +108,7 @@ def test_numpy_predicts_what_torch_does(demos, tmp_path):
 
 
 def test_numpy_weighs_grips_as_torch_does(demos, tmp_path):
-    GradientTraining(VIEWS["cloud"]([demos], settings_of("cloud")), tmp_path / "out").run()
+    VIEWS["cloud"]([demos], settings_of("cloud"), tmp_path / "out").run()
     grips, azimuths = read_grips([demos]), np.array([0.0, 1.0, 4.0])
     points, numbers = grip_features(grips.looks[0], azimuths)
     net = trained(GraspNet(NARROW, numbers, grips.rows), tmp_path / "out")
@@ -191,7 +154,7 @@ def test_demonstrations_without_a_wait_teach_no_grasp(demos):
 
 
 def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, monkeypatch):
-    GradientTraining(StateBcTask([demos], settings_of("state", execute=3)), tmp_path / "out").run()
+    StateBcTraining([demos], settings_of("state", execute=3), tmp_path / "out").run()
     clone, looks = BcPolicy(*read_policy(tmp_path / "out")), []
     predict = clone.predict
     monkeypatch.setattr(clone, "predict", lambda *a: looks.append(1) or predict(*a))
@@ -204,16 +167,15 @@ def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, mo
 
 def test_policies_are_tried_while_they_learn(demos, tmp_path):
     trials = Trials(("sugar_box",), every=2)
-    state = GradientTraining(
-        StateBcTask([demos], settings_of("state")), tmp_path / "out", RunOptions(tester=trials)
-    ).run()
+    options = RunOptions(trials=trials)
+    state = StateBcTraining([demos], settings_of("state"), tmp_path / "out", options).run()
     assert "success" not in state.curve[0]
     assert state.curve[1]["trials"] == 1
 
 
 def test_damaged_policies_are_refused(demos, tmp_path):
     out = tmp_path / "out"
-    GradientTraining(StateBcTask([demos], settings_of("state")), out).run()
+    StateBcTraining([demos], settings_of("state"), out).run()
     about = json.loads((out / "policy.json").read_text())
     changes = (
         ("chunk", 7, "do not fit"),

@@ -128,9 +128,12 @@ def test_start_up_at_many_moments(module):
     [
         ("dataset generate --objects pear", "dexgrasp.data.dataset.generate.generate"),
         ("demos generate --objects pear", "dexgrasp.data.demonstrations.generate.generate"),
-        ("train cvae --data data", "dexgrasp.learning.cvae.cvae_task.CvaeTask"),
-        ("train bc --data data --view state", "dexgrasp.learning.imitation.bc_tasks.StateBcTask.__init__"),
-        ("train ppo --objects pear", "dexgrasp.learning.reinforcement.rl_tasks.PolicyTask"),
+        ("train cvae --data data", "dexgrasp.learning.cvae.cvae_training.CvaeTraining.__init__"),
+        (
+            "train bc --data data --view state",
+            "dexgrasp.learning.imitation.bc_training.StateBcTraining.__init__",
+        ),
+        ("train ppo --objects pear", "dexgrasp.learning.reinforcement.rl_training.RlTraining.__init__"),
     ],
 )
 def test_long_commands_say_what_is_kept(words, work, tmp_path, monkeypatch, capsys):

@@ -9,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+from processes import typed
 
 from dexgrasp.data.demonstrations.generate import generate
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
@@ -104,37 +105,15 @@ def test_lerobot_eval_and_evaluate_have_the_same_outcomes(folder, tmp_path):
         pipeline.save_pretrained(path)
     script = "import sys; from lerobot.scripts.lerobot_eval import main; sys.argv[0] = 'lerobot-eval'; main()"
     options = [
-        f"--policy.path={path}",
-        "--policy.device=cpu",
-        "--env.discover_packages_path=dexgrasp.learning.lerobot",
-        "--env.type=dexgrasp",
-        "--env.objects=soda,pear",
-        "--env.render_mode=none",
-        "--eval.n_episodes=2",
-        "--eval.batch_size=1",
-        "--seed=0",
-        f"--output_dir={tmp_path / 'theirs'}",
-    ]
+        f"--policy.path={path}", "--policy.device=cpu", "--env.discover_packages_path=dexgrasp.learning.lerobot",
+        "--env.type=dexgrasp", "--env.objects=soda,pear", "--env.render_mode=none", "--eval.n_episodes=2",
+        "--eval.batch_size=1", "--seed=0", f"--output_dir={tmp_path / 'theirs'}",
+    ]  # fmt: skip
     subprocess.run([sys.executable, "-c", script, *options], check=True, capture_output=True, timeout=600)
-    ask = [
-        "evaluate",
-        "--agents",
-        f"lerobot:{path}",
-        "--objects",
-        "soda",
-        "pear",
-        "--trials",
-        "2",
-        "--seed",
-        "0",
-        "--out",
-        str(tmp_path / "ours"),
-        "--env-kwargs",
-        "control_mode=joint_delta",
-    ]
-    subprocess.run(
-        [sys.executable, "-m", "dexgrasp.cli.main", *ask], check=True, capture_output=True, timeout=600
+    ask = (
+        f"evaluate --agents lerobot:{path} --objects soda pear --trials 2 --seed 0 --out {tmp_path / 'ours'}"
     )
+    assert typed(f"{ask} --env-kwargs control_mode=joint_delta") == 0
     theirs = json.loads((tmp_path / "theirs/eval_info.json").read_text())["per_task"]
     rows = [json.loads(line) for line in (tmp_path / "ours/trials.jsonl").read_text().splitlines()]
     ours = {(row["object"], row["trial"]): (row["success"], row["total_reward"]) for row in rows}

@@ -10,12 +10,9 @@ import numpy as np
 import pytest
 from websockets.sync.server import serve
 
-from dexgrasp.agents.random import RandomAgent
-from dexgrasp.agents.remote import RemoteAgent
 from dexgrasp.cli.main import main
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.registry import make_agent
 from dexgrasp.runs.messages import pack, unpack
 from dexgrasp_env.errors import InputError
 
@@ -189,12 +186,3 @@ def test_a_served_agent_acts_as_in_this_process(tmp_path):
     assert [{k: v for k, v in row.items() if k not in changed} for row in remote] == [
         {k: v for k, v in row.items() if k not in changed} for row in here
     ]
-
-
-def test_the_registry_makes_it():
-    with PolicyServer(still) as server:
-        agent = make_agent(server.name)
-        assert isinstance(agent, RemoteAgent)
-        assert agent.env_settings == STATE
-    assert not isinstance(make_agent("random"), RemoteAgent)
-    assert isinstance(make_agent("random"), RandomAgent)

@@ -84,14 +84,6 @@ def test_what_is_lost_in_place_is_no_end_to_a_learner():
     env.close()
 
 
-def test_ppo_learns_on_it():
-    env = SB3VecEnv("DexGrasp/Lift-v2", num_envs=4, objects="sugar_box", max_episode_steps=10)
-    model = PPO("MultiInputPolicy", env, n_steps=16, batch_size=32, n_epochs=1, seed=0, device="cpu")
-    model.learn(64)
-    assert model.num_timesteps == 64
-    env.close()
-
-
 LIFTS = sorted(name for name in gym.registry if name.startswith("DexGrasp/Lift"))
 
 
@@ -126,10 +118,3 @@ def test_learners_run_2000_steps(name):
         env = SB3VecEnv(name, num_envs=4, objects="seen", max_episode_steps=60, **more)
         learns(learner("MultiInputPolicy", env, batch_size=64, seed=0, device="cpu", **kwargs))
         env.close()
-
-
-@pytest.mark.slow
-def test_hindsight_replay_runs_2000_steps():
-    env = SB3VecEnv("DexGrasp/Place-v2", num_envs=4, objects="seen", max_episode_steps=60)
-    learns(goal_learner(env, learning_starts=500))
-    env.close()

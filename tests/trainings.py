@@ -6,11 +6,11 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.registry import make_agent
 
 
-def goes_on_to_the_same_bits(loop, task, folder):
+def goes_on_to_the_same_bits(make, folder):
     """Train in one go in `whole`, and stopped after an epoch in `parts`; return the first's state."""
-    state = loop(task(), folder / "whole").run()
-    loop(task(), folder / "parts").run(stop_after=1)
-    again = loop(task(), folder / "parts").run()
+    state = make(folder / "whole").run()
+    make(folder / "parts").run(stop_after=1)
+    again = make(folder / "parts").run()
     assert again.epoch == again.epochs == state.epoch
     first, second = ((folder / name / "policy.safetensors").read_bytes() for name in ("whole", "parts"))
     assert first == second

@@ -2,10 +2,9 @@
 
 examples:
   dexgrasp dataset generate --objects ycb6 --grasps-per-pose 3600 --out runs/ycb6 --workers 2
-  dexgrasp dataset info runs/ycb6 --picture runs/ycb6.png --verify 500
+  dexgrasp dataset info runs/ycb6 --verify 500
 """
 
-from pathlib import Path
 from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell, check_mesh_options
@@ -49,27 +48,21 @@ class Generate(Command):
 
 
 class Info(Command, InCell):
-    """Summarise a dataset, draw it, check some of it.
+    """Summarise a dataset, check some of it.
 
     Attributes:
         folder: of the dataset.
-        picture: where the picture goes (default DIR/dataset.png).
         verify: check N random grasps by independent means.
     """
 
     folder: Argument[Folder]
-    picture: Annotated[Path | None, "PNG"] = None
     verify: Count | None = None
 
     def run(self) -> Answer:
         """Look at it; 1 if a grasp that was checked does not hold."""
-        from dexgrasp.data.dataset.info import check_sample, picture, summary
+        from dexgrasp.data.dataset.info import check_sample, summary
 
-        figures = summary(self.folder)
-        path = self.picture or self.folder / "dataset.png"
-        picture(self.folder, path)
-        figures["picture"] = path
-        no = False
+        figures, no = summary(self.folder), False
         if self.verify:
             figures["verify"] = check_sample(self.folder, self.verify, self.robot)
             no = figures["verify"]["passed"] < figures["verify"]["checked"]

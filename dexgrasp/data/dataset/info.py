@@ -1,4 +1,4 @@
-"""Summary of a dataset: counts, histograms, coverage, a picture, and a sample checked by `verify`'s means."""
+"""Summary of a dataset: counts, histograms, coverage, and a sample checked by `verify`'s means."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -18,9 +18,6 @@ from dexgrasp_env.poses import about_z, quat_to_matrix
 from dexgrasp_env.robot.cell import Cell, make_cell
 from dexgrasp_env.valid import read
 
-_BINS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01)
-_PARTS = ("thresholds", "contacts", "limits", "clearance", "closure")
-
 
 def summary(folder: Path) -> Fields:
     """Return counts and histograms of a dataset, as JSON holds them."""
@@ -30,7 +27,9 @@ def summary(folder: Path) -> Fields:
         totals.update(pose.counts)
         blocked.update(pose.blocked)
     decided, feasible = np.sum([p.scene["triples"] for p in poses], axis=0).tolist()
-    margin = _joined(poses, "margin")
+    margin, bins = _joined(poses, "margin"), [0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01]
+    R = quat_to_matrix(_joined(poses, "palm_quat_wxyz").astype(float))
+    approach = np.degrees(np.arccos(np.clip(-R[:, 2, 0], -1.0, 1.0)))  # of the palm, from straight down
     return {
         "schema": 1, "cell": manifest.get("cell", "not stated"),
         "grasps": len(margin), "objects": len(manifest["objects"]), "rest_poses": len(poses),
@@ -40,8 +39,8 @@ def summary(folder: Path) -> Fields:
         "counts": dict(totals), "blocked": dict(blocked.most_common()),
         "coverage": float(np.mean([p.coverage for p in poses])),
         "least_coverage": min(p.coverage for p in poses),
-        "margin_histogram": {"edges": list(_BINS), "counts": np.histogram(margin, _BINS)[0].tolist()},
-        "approach_degrees": _quantiles(_approach(poses)), "margin": _quantiles(margin),
+        "margin_histogram": {"edges": bins, "counts": np.histogram(margin, bins)[0].tolist()},
+        "approach_degrees": _quantiles(approach), "margin": _quantiles(margin),
         "poses": [
             {"object": p.name, "pose": p.pose, "probability": float(p.scene["probability"]), "grasps": len(p),
              "triples_feasible": int(p.scene["triples"][1]), "coverage": p.coverage}
@@ -57,12 +56,6 @@ def _joined(poses: Sequence[PoseGrasps], name: str) -> np.ndarray:
 def _quantiles(values: np.ndarray) -> dict[str, float]:
     shares = {"p10": 0.1, "median": 0.5, "p90": 0.9} if len(values) else {}
     return {name: float(np.quantile(values, share)) for name, share in shares.items()}
-
-
-def _approach(poses: Sequence[PoseGrasps]) -> np.ndarray:
-    """Angle (degrees) between the palm's normal and straight down."""
-    R = quat_to_matrix(_joined(poses, "palm_quat_wxyz").astype(float))
-    return np.degrees(np.arccos(np.clip(-R[:, 2, 0], -1.0, 1.0)))
 
 
 def check_sample(folder: Path, count: int, robot: str | None = None) -> Fields:
@@ -94,10 +87,10 @@ def check_sample(folder: Path, count: int, robot: str | None = None) -> Fields:
     chosen = np.random.default_rng(0).permutation(len(grasps))[:count]
     passed = 0
     for pose, k in (grasps[i] for i in chosen):
-        parts = (*_PARTS, "forces") if pose.grasps["load"][k] >= 0 else _PARTS
-        failed = [
-            check.name for check in verify(_record(pose, k, thresholds, cell), parts) if not check.holds
-        ]
+        parts = ["thresholds", "contacts", "limits", "clearance", "closure"]
+        parts += ["forces"] if pose.grasps["load"][k] >= 0 else []
+        record = _record(pose, k, thresholds, cell)
+        failed = [check.name for check in verify(record, parts) if not check.holds]
         passed += not failed
         failures.update(failed)
     return {"checked": len(chosen), "passed": passed, "failures": dict(failures)}
@@ -130,33 +123,3 @@ def _record(pose: PoseGrasps, k: int, thresholds: Thresholds, cell: Cell) -> Any
         GraspMotion(g["q"], g["q"], g["q"]), cell,
     )  # fmt: skip
     return planned_record(pose.name, grasp, target, thresholds)
-
-
-def picture(folder: Path, path: Path) -> None:
-    """Draw the dataset: grasps a pose, margins, approach, and where the contacts lie."""
-    from matplotlib.figure import Figure
-
-    poses = read_dataset(folder)
-    names = list(dict.fromkeys(p.name for p in poses))
-    columns = max(3, len(names))
-    figure = Figure((3.2 * columns, 7.2), layout="constrained")
-    top, bottom = figure.subplots(2, columns)
-    for axis in (*top[3:], *bottom[len(names) :]):
-        axis.axis("off")
-    top[0].bar(range(len(poses)), [len(p) for p in poses], color=[f"C{names.index(p.name)}" for p in poses])
-    for i, name in enumerate(names):
-        own = [p for p in poses if p.name == name]
-        look = {"histtype": "step", "color": f"C{i}", "label": name}
-        top[1].hist(_joined(own, "margin"), np.linspace(0, 1, 41), **look)
-        top[2].hist(_approach(own), np.linspace(0, 110, 41), **look)
-        sample = own[0].grasps["contacts"][:1500]
-        for f, finger in enumerate(("thumb", "index", "middle")):
-            bottom[i].plot(*100 * sample[:, f, ::2].T, ".", ms=1, color=f"C{f}", label=finger)
-        bottom[i].set(title=f"{name}, pose 0", xlabel="x, cm", ylabel="z, cm", aspect="equal")
-    top[0].set(title="grasps a rest pose", xlabel="rest poses, by object")
-    top[1].set(title="closure margin")
-    top[2].set(title="palm from straight down, degrees")
-    top[1].legend(fontsize=6)
-    bottom[0].legend(fontsize=6, markerscale=6)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=90)

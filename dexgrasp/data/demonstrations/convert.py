@@ -10,8 +10,6 @@ from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
 from dexgrasp_env.tasks.control import max_step, normalise
 
-_PALM = 6  # entries of an `ee_delta` action that are the palm's
-
 
 def to_action(control_mode: str, now: Array, wanted: Array, tree: RobotTree, scale: float = 1.0) -> Single:
     """Return the action that takes the set-points to `wanted`, or as near as one control step of 50 ms can.
@@ -46,5 +44,5 @@ def with_noise(control_mode: str, action: Array, noise: Array, robot: Robot) -> 
     if control_mode != "joint_delta":
         change = 2.0 * noise * max_step(robot) / (robot.upper - robot.lower)
     if control_mode == "ee_delta":
-        change = np.concatenate([noise[:_PALM], change[robot.hand_columns]])
+        change = np.concatenate([noise[:6], change[robot.hand_columns]])  # the palm's six
     return np.clip(action + change, -1.0, 1.0)

@@ -27,20 +27,9 @@ from dexgrasp_env.valid import Names
 FOLDER = "lerobot"
 _DATA = "data/chunk-000/file-000.parquet"
 _EPISODES = "meta/episodes/chunk-000/file-000.parquet"
-_VERSION = "v3.0"
-_CHUNK = 1000  # files of a folder at most
-_DATA_MB, _VIDEO_MB = 100, 200  # what LeRobot writes into its own
-_WIDEST = 256  # numbers of a column that are described each; those of clouds and depth pictures are described together
-_PICTURES = 4  # axes of an array of pictures
-_EVERY = 4  # pixels, of which one in each direction is described
+_PICTURES = 4
+"""Axes of an array of pictures."""
 _QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
-_TASKS = {
-    "index_columns": ["task"], "column_indexes": [], "pandas_version": "2.0.0", "columns": [
-        {"name": name, "field_name": name, "pandas_type": pandas, "numpy_type": plain, "metadata": None}
-        for name, pandas, plain in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
-    ],
-}  # fmt: skip
-"""What pandas writes of a table that is indexed by the task."""
 
 
 def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
@@ -72,13 +61,20 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
     writer.close()
     pq.write_table(pa.Table.from_pylist(rows), making / _EPISODES)
     names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
-    about = {"pandas": json.dumps(_TASKS)}
-    pq.write_table(names.replace_schema_metadata(about), making / "meta" / "tasks.parquet")
+    pandas = {  # as it writes a table that is indexed by the task
+        "index_columns": ["task"], "column_indexes": [], "pandas_version": "2.0.0", "columns": [
+            {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": plain, "metadata": None}
+            for name, kind, plain in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
+        ],
+    }  # fmt: skip
+    pq.write_table(
+        names.replace_schema_metadata({"pandas": json.dumps(pandas)}), making / "meta" / "tasks.parquet"
+    )
     write_json(making / "meta" / "stats.json", {name: _spread(each) for name, each in parts.items()})
     info = {
-        "codebase_version": _VERSION, "robot_type": robot.name, "total_episodes": len(rows), "total_frames": start,
-        "total_tasks": len(tasks), "chunks_size": _CHUNK, "data_files_size_in_mb": _DATA_MB,
-        "video_files_size_in_mb": _VIDEO_MB, "fps": round(1 / CONTROL_PERIOD), "splits": {"train": f"0:{len(rows)}"},
+        "codebase_version": "v3.0", "robot_type": robot.name, "total_episodes": len(rows), "total_frames": start,
+        "total_tasks": len(tasks), "chunks_size": 1000, "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200, "fps": round(1 / CONTROL_PERIOD), "splits": {"train": f"0:{len(rows)}"},
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "video_path": None,
         "features": {name: _feature(values, robot.joints) for name, values in columns.items()},
     }  # fmt: skip
@@ -165,10 +161,11 @@ def _part(values: NDArray[Any]) -> tuple[Any, ...]:
     It is count, extremes, sums, sums of squares, and quantiles; of pictures by colour, from 0 to 1.
     """
     if values.ndim == _PICTURES:
-        x = values[:, ::_EVERY, ::_EVERY].reshape(-1, 3, 1, 1) / 255.0
+        x = values[:, ::4, ::4].reshape(-1, 3, 1, 1) / 255.0
     else:
         x = values.reshape(len(values), -1).astype(float)
-        x = x if x.shape[1] <= _WIDEST else x.reshape(-1, 1)
+        # The many numbers of clouds and depth pictures are described together.
+        x = x if x.shape[1] <= 256 else x.reshape(-1, 1)
     share = len(values) / len(x)
     sums = share * x.sum(0), share * (x**2).sum(0), len(values) * np.quantile(x, _QUANTILES, axis=0)
     return len(values), x.min(0), x.max(0), *sums

@@ -39,10 +39,10 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
     assert env.spec  # as all that `gym.make` makes
     spec = copy.deepcopy(env.spec)
     spec.kwargs["objects"] = list(settings.objects)  # one is enough here, and quicker made
-    storage = MinariStorage.new(
-        making, observation_space(env.observation_space, settings), env.action_space, spec, "hdf5",
-        jpeg_encoding=False,
-    )  # fmt: skip
+    once = CAMERA_KEYS if settings.observe == "reset" else ()
+    seen: Any = env.observation_space
+    kept = spaces.Dict({key: part for key, part in seen.items() if key not in once})
+    storage = MinariStorage.new(making, kept, env.action_space, spec, "hdf5", jpeg_encoding=False)
     env.close()
     for number, episode in enumerate(episodes):
         storage.update_episodes([
@@ -64,12 +64,6 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
     })  # fmt: skip
     shutil.rmtree(folder / DATA, ignore_errors=True)
     making.rename(folder / DATA)
-
-
-def observation_space(space: Any, settings: DemoSettings) -> spaces.Dict:
-    """Return the space of what is stored at every step."""
-    once = CAMERA_KEYS if settings.observe == "reset" else ()
-    return spaces.Dict({key: part for key, part in space.items() if key not in once})
 
 
 def read_episodes(folder: Path) -> Iterator[Episode]:

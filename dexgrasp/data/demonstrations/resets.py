@@ -29,11 +29,6 @@ from dexgrasp_env.tasks.starts import ReverseStarts
 from dexgrasp_env.tasks.vector import LiftVectorEnv
 from dexgrasp_env.tasks.views import CameraViews
 
-_MOST = 100  # demonstrations
-_NEEDED = ("joint_targets", "object_pose")  # of their observations
-_EVERY = 4  # control steps from one kept state to the next
-_ABOVE = np.array([0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 0.0])  # m: what lies has sunk in too deep to ask for
-
 
 class DemoResets(ReverseStarts):
     """Gives episodes their beginnings: states of demonstrations from `front` on, and some of the usual.
@@ -64,7 +59,7 @@ class DemoResets(ReverseStarts):
                 f"{folder} has demonstrations at drawn sizes: episodes begin along those made without "
                 "--randomise size alone, whose objects are as large as an environment's"
             )
-        self._demos = [_followed(demo) for demo in islice(read_episodes(Path(folder)), _MOST)]
+        self._demos = [_followed(demo) for demo in islice(read_episodes(Path(folder)), 100)]
         self.states: list[list[EpisodeState]] = []
 
     def attach(self, env: Env | gym.vector.VectorEnv[Any, Any, Any]) -> "DemoResets":
@@ -126,7 +121,7 @@ class DemoResets(ReverseStarts):
         for step, (_, result) in enumerate(self._play(env, demo)):
             if result[4]["is_success"]:
                 return states
-            if step % _EVERY == 0:
+            if step % 4 == 0:
                 states.append(_lean(env, states[-1].view if states else None))
         return []
 
@@ -135,7 +130,9 @@ class DemoResets(ReverseStarts):
         target = demo.about["target"]
         if target not in env.settings.objects:
             return
-        where: Fields = {"object": target, "object_pose": self._pose(demo) + _ABOVE}
+        pose = self._pose(demo)
+        pose[2] += 0.002  # m: what lies has sunk in too deep to ask for
+        where: Fields = {"object": target, "object_pose": pose}
         if isinstance(env, PlaceEnv):
             if "object_pose" not in demo.observations:
                 raise InputError(
@@ -186,7 +183,7 @@ class DemoResets(ReverseStarts):
 
 def _followed(demo: Episode) -> Episode:
     """Return a demonstration with no more of what was seen than it takes to follow it."""
-    seen = {key: demo.observations[key] for key in _NEEDED if key in demo.observations}
+    seen = {key: array for key, array in demo.observations.items() if key in ("joint_targets", "object_pose")}
     return replace(demo, observations=seen, once={})
 
 

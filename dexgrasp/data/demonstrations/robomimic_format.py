@@ -15,8 +15,6 @@ from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import jsonable
 
 FILE = "robomimic/demos.hdf5"
-_GYM = 2  # robomimic's `EnvType.GYM_TYPE`
-_VALID = 10  # of so many episodes one is in the mask `valid`
 
 
 def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
@@ -47,10 +45,12 @@ def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Epi
                 group.create_dataset(name, data=array, compression="gzip" if array.ndim > 2 else None)
             total += count
         kwargs = jsonable(settings.env_arguments) | {"objects": list(settings.objects)}
-        about = {"env_name": ENV_ID, "env_version": __version__, "type": _GYM, "env_kwargs": kwargs}
+        gym_type = 2  # of robomimic's `EnvType`
+        about = {"env_name": ENV_ID, "env_version": __version__, "type": gym_type, "env_kwargs": kwargs}
         data.attrs.update(total=total, env_args=json.dumps(about))
-        for mask, valid in {"train": False, "valid": True}.items():
-            chosen = [name for k, name in enumerate(names) if (k % _VALID == _VALID - 1) == valid]
+        valid = names[9::10]
+        masks = {"train": [name for name in names if name not in valid], "valid": valid}
+        for mask, chosen in masks.items():
             file.create_dataset(f"mask/{mask}", data=np.array(chosen, dtype="S"))
     making.rename(folder / FILE)
 

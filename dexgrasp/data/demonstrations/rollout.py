@@ -23,9 +23,6 @@ from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.control import max_step
 
-_LINGER = 10  # control steps that a replay goes on after the rollout
-NOT_REPLAYED = "not_replayed"
-
 _STEPS = ("actions", "rewards", "terminations", "truncations")
 
 
@@ -120,7 +117,7 @@ class Recorder:
         else:
             episode = replay(self._demo_env, seeds.scene, path, self._tree)
         if episode is None:
-            return None, NOT_REPLAYED
+            return None, "not_replayed"
         episode.once = {key: first[key] for key in CAMERA_KEYS if key in first} | episode.once
         episode.about |= {
             "object": object_name(self._target),
@@ -136,7 +133,7 @@ class Recorder:
     def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, list[Step], str]:
         """Return set-points (T + 1, n), the first observation, the T steps, and why it failed."""
         env, agent, robot = self._env, self._agent, self._robot
-        rng = _noise_rng(seeds.agent)
+        rng = np.random.default_rng([seeds.agent, 1])
         first, info = env.reset(seed=seeds.scene)
         renew_report(agent)
         agent.seed(seeds.agent)
@@ -180,12 +177,9 @@ def intended(episode: Episode, noise: float, robot: Robot) -> Array:
     targets = episode.observations["joint_targets"].astype(float)
     if not noise:
         return targets
-    drawn = _noise_rng(episode.about["agent_seed"]).standard_normal((len(targets) - 1, robot.dof))
+    rng = np.random.default_rng([episode.about["agent_seed"], 1])  # as it was drawn
+    drawn = rng.standard_normal((len(targets) - 1, robot.dof))
     return np.concatenate([targets[:1], targets[1:] - noise * drawn * max_step(robot)])
-
-
-def _noise_rng(agent_seed: int) -> np.random.Generator:
-    return np.random.default_rng([agent_seed, 1])
 
 
 def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Episode | None:
@@ -199,7 +193,7 @@ def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
     """Follow set-points (T + 1, n), 50 ms apart, in the mode of a running episode, and hold the last for a while."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     path, scale = path[:: settings.hold], settings.action_scale * settings.hold
-    for step in range(len(path) - 1 + _LINGER):
+    for step in range(len(path) - 1 + 10):
         wanted = path[min(step + 1, len(path) - 1)]
         action = to_action(settings.control_mode, _targets(env), wanted, tree, scale)
         result = env.step(action)

@@ -9,12 +9,8 @@ from dexgrasp.data.dataset.dataset import PoseGrasps
 from dexgrasp.learning.cvae.settings import TrainingSettings
 from dexgrasp.planning.decoder import CROPPED, SCALE, centre_of
 from dexgrasp_env.arrays import Array, Index, Mask, Single, unit
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.poses import about_z, quat_to_matrix
-
-_TESTED = 0.05  # share of the contact triples that are kept for the test
-_MOST = 128  # grasps of a rest pose that are tested on
-SPLITS = ("train", "test", "held_out_poses", "held_out_object")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +50,11 @@ def split(poses: list[PoseGrasps], settings: TrainingSettings) -> dict[str, list
     Raises:
         InputError: for an object that is not there, or nothing left to train on.
     """
-    names = list(dict.fromkeys(p.name for p in poses))
-    if settings.held_out_object not in (None, *names):
-        raise InputError(
-            f"held-out object {settings.held_out_object!r} is not in the dataset: valid are {', '.join(names)}"
-        )
-    out: dict[str, list[PoseSplit]] = {name: [] for name in SPLITS}
+    objects = list(dict.fromkeys(p.name for p in poses))
+    if settings.held_out_object not in (None, *objects):
+        raise unknown_name("held-out object", settings.held_out_object, objects)
+    names = ("train", "test", "held_out_poses", "held_out_object")
+    out: dict[str, list[PoseSplit]] = {name: [] for name in names}
     for pose in poses:
         of_object = [p.pose for p in poses if p.name == pose.name]
         good = pose.grasps["load"] >= 0
@@ -78,9 +73,9 @@ def split(poses: list[PoseGrasps], settings: TrainingSettings) -> dict[str, list
 
 
 def _tested(pose: PoseGrasps, seed: int) -> Mask:
-    """Which grasps have a contact triple of the test split, regardless of which finger takes which contact."""
+    """Return which grasps have one of the 5 % of contact triples that are tested, whichever finger takes which."""
     unique, inverse = np.unique(np.sort(pose.grasps["triple"], axis=1), axis=0, return_inverse=True)
-    return (np.random.default_rng([seed, pose.pose]).random(len(unique)) < _TESTED)[inverse.ravel()]
+    return (np.random.default_rng([seed, pose.pose]).random(len(unique)) < 0.05)[inverse.ravel()]
 
 
 def _take(pose: PoseGrasps, mask: Mask) -> PoseSplit:
@@ -105,7 +100,7 @@ def test_batches(poses: list[PoseSplit], settings: TrainingSettings) -> list[Bat
     batches = []
     for k, pose in enumerate(poses):
         rng = np.random.default_rng([settings.seed, 11, k])
-        at = rng.permutation(len(pose))[:_MOST]
+        at = rng.permutation(len(pose))[:128]
         chosen = rng.permutation(len(pose.cloud))[: settings.network.points]
         made = _made(pose, at, chosen, about_z(rng.uniform(-np.pi, np.pi)), np.ones(3))
         batches.append(_batch([made], np.zeros((1, len(at), settings.network.latent))))

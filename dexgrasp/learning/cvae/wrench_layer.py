@@ -108,10 +108,10 @@ def wrench_layer(
         )
     points, normals = points.double(), normals.double()
     mu = torch.as_tensor(mu, dtype=torch.float64).expand(len(points))
-    if not (torch.isfinite(points).all() and torch.isfinite(normals).all() and (mu > 0).all()):
-        raise InputError("points and normals must be finite and mu above 0")
-    if not (f_min > 0 and length_scale > 0 and regulariser > 0):
-        raise InputError("f_min, length_scale and regulariser must be above 0")
+    if not (torch.isfinite(points).all() and torch.isfinite(normals).all()):
+        raise InputError("points and normals must be finite")
+    if not ((mu > 0).all() and f_min > 0 and length_scale > 0 and regulariser > 0):
+        raise InputError("mu, f_min, length_scale and regulariser must be above 0")
     G = grasp_matrix(points, points.mean(1) if center is None else center.double(), length_scale)
     A = pyramid_matrix(normals, mu)
     H = 2.0 * (G.mT @ G + regulariser * torch.eye(G.shape[-1], dtype=torch.float64))

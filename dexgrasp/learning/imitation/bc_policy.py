@@ -13,8 +13,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.tasks.features import entry, features, initial_scene
 
-CONTROL_MODES = ("joint_delta", "joint_position")
-
 
 class BcPolicy(Policy):
     """The network: arrays and how to use them."""
@@ -30,7 +28,7 @@ class BcPolicy(Policy):
         self.joints = self._unit.size // self.chunk
         return (
             about["view"] == "state"
-            and self.env.get("control_mode") in CONTROL_MODES
+            and self.env.get("control_mode") in ("joint_delta", "joint_position")
             and self._trunk.inputs == len(self.scaling.mean)
             and self._trunk.outputs == self.joints * self.chunk == self._unit.size
         )

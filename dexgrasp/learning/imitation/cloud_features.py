@@ -18,7 +18,6 @@ from dexgrasp_env.tasks.features import METRES, entry
 POINTS = 192
 """Points of a cloud that the network is given."""
 _KEPT = 512  # points that a look remembers
-_LEAST = 20  # points of an object
 _LEVEL = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
 _DIRECTIONS = np.stack([np.cos(_LEVEL), np.sin(_LEVEL)])  # (2, 24)
 NUMBERS = 7 + len(_LEVEL)
@@ -51,7 +50,7 @@ def observed_cloud(first: Observation) -> ObjectCloud:
         )
     points, normals = (entry(first, key) for key in ("cloud", "cloud_normals"))
     there = np.asarray(first["cloud_mask"], dtype=bool) & np.isfinite(points).all(axis=1)
-    if there.sum() < _LEAST:
+    if there.sum() < 20:
         raise InputError("empty_cloud")
     points, normals = points[there], normals[there]
     middle, chosen = points.mean(axis=0), np.linspace(0, len(points) - 1, _KEPT).round().astype(int)

@@ -5,6 +5,7 @@ by inverse kinematics; approach, closing until contact and lift are those of eve
 """
 
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -35,8 +36,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 
 _AZIMUTHS = np.linspace(0.0, 2 * np.pi, 36, endpoint=False)
-_TRIED = 24  # grasps, the likeliest first
-_MISS = 0.006  # m that tips may be off
 
 
 class CloudGraspPolicy(Policy):
@@ -109,7 +108,7 @@ def _first(
         InputError: with why it can carry out none of them.
     """
     obstacle, reason = standing_hull(look.points), "out_of_reach"
-    for _, wanted in zip(range(_TRIED), grasps, strict=False):
+    for wanted in islice(grasps, 24):
         grasp = _posed(wanted, start, cell)
         if grasp is None:
             continue
@@ -128,7 +127,7 @@ def _posed(wanted: DemonstratedGrasp, start: Array, cell: Cell) -> Grasp | None:
     q[hand] = np.clip(wanted.closed, lower[hand], upper[hand])
     if next(palm_postures(q, wanted.turn, wanted.palm, tree), None) is None:
         return None
-    if solve_tips(q, wanted.tips, tree, 60, 5e-4) > _MISS:
+    if solve_tips(q, wanted.tips, tree, 60, 5e-4) > 0.006:  # m that tips may be off
         return None
     pregrasp = np.concatenate([q[: tree.arm], np.clip(wanted.opened, lower[hand], upper[hand])])
     normals = outward_normals(wanted.forces)

@@ -15,10 +15,7 @@ from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.tasks.features import METRES, entry
 
-_STILL = 1e-6  # rad of the arm in a control step
-_LEAST = 15  # control steps that the arm waits for the hand
 _NEWTONS = 10.0  # N, a unit of the network
-_ROUNDS = 3  # of forces at points that depend on them by a millimetre
 
 
 class DemonstratedGrasp(NamedTuple):
@@ -65,15 +62,15 @@ def demonstrated_grasp(episode: Episode, noise: float, cell: Cell) -> Demonstrat
 
 def _waits(arm: Array) -> list[tuple[int, int]]:
     """Return first and last steps of the times in which the arm (T, a) stands still, and then goes on."""
-    moves = np.flatnonzero(np.abs(np.diff(arm, axis=0)).max(axis=1) > _STILL)
-    return [(int(a) + 1, int(b)) for a, b in pairwise(moves) if b - a > _LEAST]
+    moves = np.flatnonzero(np.abs(np.diff(arm, axis=0)).max(axis=1) > 1e-6)  # rad
+    return [(int(a) + 1, int(b)) for a, b in pairwise(moves) if b - a > 15]
 
 
 def _forces(q: Array, torques: Array, tree: RobotTree) -> Array:
     """Return the forces (g, 3) N on the object that torques (h,) Nm of the hand come nearest to."""
     tips = points = fingertips(q, tree)
     normals, forces = np.tile([0.0, 0.0, 1.0], (len(tips), 1)), np.zeros_like(tips)
-    for _ in range(_ROUNDS):
+    for _ in range(3):  # the points depend on the forces by a millimetre
         J = hand_contact_jacobian(q, points, normals, tree)[:, :3]
         forces = np.stack([np.linalg.lstsq(rows.T, torques, rcond=None)[0] for rows in J])
         normals = outward_normals(forces)

@@ -14,14 +14,18 @@ from dexgrasp.data.demonstrations.settings import MODES
 from dexgrasp.learning.imitation.cloud_features import ObjectCloud, grip_features, observed_cloud
 from dexgrasp.learning.imitation.demonstrated_grasp import demonstrated_grasp, grasp_to_row
 from dexgrasp.learning.imitation.settings import BcSettings
-from dexgrasp_env.arrays import Array, Arrays, Index, Single
+from dexgrasp_env.arrays import Array, Index, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.robot.cell import Cell, make_cell
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.features import entry, features, initial_scene
 
-_TESTED = 16  # rows of each held-out episode
+GripBatch = tuple[Single, Single, Single]
+"""Objects seen along m grips each, the first of them the one that was taken.
+
+Points (E, m, N, 6), numbers (E, m, F), and rows (E, R) of the grasps that were taken.
+"""
 
 
 class Batch(NamedTuple):
@@ -72,7 +76,7 @@ class Rows:
 
     def tested(self, among: Index, settings: BcSettings) -> Batch:
         """Return some rows of each of some episodes."""
-        at = (np.linspace(0.0, 1.0, _TESTED, endpoint=False) * self.steps[among][:, None]).astype(int)
+        at = (np.linspace(0.0, 1.0, 16, endpoint=False) * self.steps[among][:, None]).astype(int)
         return self.batch(among, at, settings.network.chunk)
 
 
@@ -86,7 +90,11 @@ def read_rows(folders: Sequence[Path]) -> Rows:
         InputError: for folders without demonstrations, of different modes, or without the state.
     """
     robot = demonstrated_cell(folders).robot
-    parts = [_parts(episode, folder, noise, robot) for episode, folder, noise in _shown(folders)]
+    parts = [
+        _parts(episode, noise, robot) for episode, noise in _shown(folders, "observations", "object_pose")
+    ]
+    if not parts:
+        raise InputError("no demonstrations: name folders of `dexgrasp demos generate`")
     steps = np.array([len(looks) for looks, _, _ in parts])
     looks, targets, meant = map(np.concatenate, zip(*parts, strict=True))
     arrays = (looks, targets, meant, np.cumsum(steps) - steps, steps)
@@ -94,27 +102,12 @@ def read_rows(folders: Sequence[Path]) -> Rows:
     return Rows(*arrays, control_mode=mode, key=content_hash(*arrays))
 
 
-def _parts(episode: Episode, folder: Path, noise: float, robot: Robot) -> tuple[Single, ...]:
+def _parts(episode: Episode, noise: float, robot: Robot) -> tuple[Single, ...]:
     seen = episode.observations
-    _check(seen, "object_pose", folder)
     scene = initial_scene({key: array[0] for key, array in seen.items()})
     looks = features(scene, {key: array[:-1] for key, array in seen.items()}, np.arange(len(episode)))
     ways = entry(seen, "joint_targets")[:-1], intended(episode, noise, robot)[1:]
     return tuple(part.astype(np.float32) for part in (looks, *ways))
-
-
-class GripBatch(NamedTuple):
-    """Objects seen along several grips each, the first of them the one that was taken.
-
-    Attributes:
-        points: (E, m, N, 6).
-        numbers: (E, m, F).
-        rows: (E, R) of the grasps that were taken.
-    """
-
-    points: Single
-    numbers: Single
-    rows: Single
 
 
 @dataclass(frozen=True)
@@ -150,7 +143,7 @@ class Grips:
         azimuths = self.azimuths[episodes][:, None] + np.pad(others, ((0, 0), (1, 0)))
         seen = [grip_features(self.looks[i], turns, rng) for i, turns in zip(episodes, azimuths, strict=True)]
         points, numbers = zip(*seen, strict=True)
-        return GripBatch(np.stack(points), np.stack(numbers), self.rows[episodes])
+        return np.stack(points), np.stack(numbers), self.rows[episodes]
 
 
 def read_grips(folders: Sequence[Path]) -> Grips:
@@ -163,8 +156,7 @@ def read_grips(folders: Sequence[Path]) -> Grips:
         InputError: for folders without such demonstrations, of different modes, or without clouds.
     """
     looks, grasps, cell = [], [], demonstrated_cell(folders)
-    for episode, folder, noise in _shown(folders):
-        _check(episode.once, "cloud", folder)
+    for episode, noise in _shown(folders, "once", "cloud"):
         if grasp := demonstrated_grasp(episode, noise, cell):
             looks.append(observed_cloud(episode.once))
             grasps.append(grasp)
@@ -180,40 +172,31 @@ def demonstrated_cell(folders: Sequence[Path]) -> Cell:
     """Return the cell whose robot folders of demonstrations are of.
 
     Raises:
-        InputError: for folders of different robots.
+        InputError: for folders of different robots or modes.
     """
-    first, *others = (make_cell(read_about(folder)["settings"].get("robot")) for folder in folders)
-    for folder, cell in zip(folders[1:], others, strict=True):
-        if cell.robot.stamp != first.robot.stamp:
+    first, *others = (read_about(folder)["settings"] for folder in folders)
+    cell = make_cell(first.get("robot"))
+    for folder, settings in zip(folders[1:], others, strict=True):
+        if (other := make_cell(settings.get("robot")).robot.stamp) != cell.robot.stamp:
             raise InputError(
-                f"{folder} is of the robot {cell.robot.stamp}, {folders[0]} of {first.robot.stamp}: valid is one"
+                f"{folder} is of the robot {other}, {folders[0]} of {cell.robot.stamp}: valid is one"
             )
-    return first
+        if any(settings[key] != first[key] for key in MODES):
+            raise InputError(
+                f"{folder} and {folders[0]} differ in {' or '.join(MODES)}: demonstrations of one kind are wanted"
+            )
+    return cell
 
 
-def _shown(folders: Sequence[Path]) -> Iterator[tuple[Episode, Path, float]]:
-    """Yield demonstrations, their folders and the noise they were recorded with.
+def _shown(folders: Sequence[Path], part: str, key: str) -> Iterator[tuple[Episode, float]]:
+    """Yield demonstrations, and the noise they were recorded with.
 
     Raises:
-        InputError: for folders without demonstrations, or of different modes.
+        InputError: for those that lack a key in a part, `observations` or `once`.
     """
-    modes: dict[str, str] = {}
-    number = 0
     for folder in folders:
-        settings = read_about(folder)["settings"]
-        found = {key: str(settings[key]) for key in MODES}
-        if modes and modes != found:
-            raise InputError(
-                f"{folder} has {found}, the first {modes}: demonstrations of one kind are wanted"
-            )
-        modes = found
+        noise = float(read_about(folder)["settings"]["noise"])
         for episode in read_episodes(folder):
-            number += 1
-            yield episode, folder, float(settings["noise"])
-    if not number:
-        raise InputError("no demonstrations: name folders of `dexgrasp demos generate`")
-
-
-def _check(seen: Arrays, needed: str, folder: Path) -> None:
-    if needed not in seen:
-        raise InputError(f"{folder} has no {needed}: a policy that sees it cannot be cloned from it")
+            if key not in getattr(episode, part):
+                raise InputError(f"{folder} has no {key}: a policy that sees it cannot be cloned from it")
+            yield episode, noise

@@ -10,12 +10,10 @@ import gymnasium as gym
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.evaluation.protocol import get_protocol
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.learning.lerobot.env import LeRobotEnv, object_sizes, obs_mode_of
+from dexgrasp.learning.lerobot.env import LeRobotEnv, obs_mode_of
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
-from dexgrasp_env.tasks.control import action_size
 from dexgrasp_env.valid import check, number, one_of
 
 with from_extra():
@@ -66,28 +64,26 @@ class DexGraspEnv(EnvConfig):
         Raises:
             InputError: for an unknown protocol, object, kind of observation or cell.
         """
-        settings, mode = self._settings, obs_mode_of(self.obs_type)
+        settings = self._settings
         check("fps", self.fps, number(ge=_RATE, le=_RATE))
         check("render_mode", self.render_mode, one_of(("rgb_array", "none")))
-        cell = make_cell(settings.robot, settings.mount)
-        self._add(ACTION, FeatureType.ACTION, (action_size(self.control_mode, cell.robot),), ACTION)
-        self._add("agent_pos", FeatureType.STATE, (cell.robot.dof,), OBS_STATE)
-        if sizes := object_sizes(mode, cell.robot):
-            self._add("environment_state", FeatureType.ENV, (sum(sizes.values()),), OBS_ENV_STATE)
-        if "rgb" in mode:
-            with_pictures = self._environment(settings.objects[0], settings.parts[0])
-            space: Any = with_pictures.observation_space
-            for name, part in space["pixels"].items():
-                self._add(f"pixels/{name}", FeatureType.VISUAL, part.shape, f"{OBS_IMAGES}.{name}")
-            with_pictures.close()
+        env = self._environment(settings.objects[0], settings.parts[0])
+        seen: Any = env.observation_space.spaces  # type: ignore[attr-defined]
+        self._add(ACTION, FeatureType.ACTION, env.action_space, ACTION)
+        self._add("agent_pos", FeatureType.STATE, seen["agent_pos"], OBS_STATE)
+        if "environment_state" in seen:
+            self._add("environment_state", FeatureType.ENV, seen["environment_state"], OBS_ENV_STATE)
+        for name, part in seen.get("pixels", {}).items():
+            self._add(f"pixels/{name}", FeatureType.VISUAL, part, f"{OBS_IMAGES}.{name}")
+        env.close()
 
     @property
     def _settings(self) -> EvaluationSettings:
         words = {"protocols": (self.task or "").split(","), "robot": self.robot, "mount": self.mount}
         return EvaluationSettings.of(["random"], self.objects.split(","), seed=self.evaluation_seed, **words)
 
-    def _add(self, key: str, kind: Any, shape: tuple[int, ...], policy_key: str) -> None:
-        self.features[key] = PolicyFeature(type=kind, shape=shape)
+    def _add(self, key: str, kind: Any, space: Any, policy_key: str) -> None:
+        self.features[key] = PolicyFeature(type=kind, shape=space.shape)
         self.features_map[key] = policy_key
 
     @property

@@ -12,7 +12,6 @@ from dexgrasp.evaluation.protocol import trial_seeds
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.objects.load import object_name
-from dexgrasp_env.tasks.observations import key_sizes
 
 OBS_TYPES = {
     "environment_state_agent_pos": "state",
@@ -20,8 +19,6 @@ OBS_TYPES = {
     "pixels_environment_state_agent_pos": "state+rgbd",
 }
 """Kind of observations, as LeRobot calls them -> `obs_mode`."""
-_NO_PICTURE = 64, 64, 3
-_TOLD = ("is_success", "is_grasped", "object", "stage", "failure")
 
 
 def obs_mode_of(obs_type: str) -> str:
@@ -36,16 +33,17 @@ def obs_mode_of(obs_type: str) -> str:
 
 
 def lerobot_observation(observation: Observation) -> Fields:
-    """Return an observation in LeRobot's layout.
+    """Return an observation, or a batch of them, in LeRobot's layout.
 
-    `agent_pos` (n,) joints rad; `environment_state` (17,) mass kg, pose, size m, velocity of the object where the state
-    is seen; `pixels` by view, (H, W, 3) uint8, where colours are.
+    `agent_pos` (..., n) joints rad; `environment_state` (..., 17) mass kg, pose, size m, velocity of the object where
+    the state is seen; `pixels` by view, (..., H, W, 3) uint8, where colours are.
     """
     seen: Fields = {"agent_pos": observation["joint_positions"]}
     if keys := object_keys(observation):
-        seen["environment_state"] = np.concatenate([observation[key] for key in keys])
+        seen["environment_state"] = np.concatenate([observation[key] for key in keys], axis=-1)
     if "rgb" in observation:
-        seen["pixels"] = {f"view_{k}": picture for k, picture in enumerate(observation["rgb"])}
+        pictures = np.moveaxis(observation["rgb"], -4, 0)
+        seen["pixels"] = {f"view_{k}": picture for k, picture in enumerate(pictures)}
     return seen
 
 
@@ -70,8 +68,7 @@ class LeRobotEnv(gym.Wrapper[Any, Any, Any, Any]):
         self.task = object_name(target)
         self.task_description = task_of(self.task)
         self._max_episode_steps = env.spec and env.spec.max_episode_steps
-        inner: Any = env.unwrapped
-        self.observation_space = _space(env.observation_space, inner.settings)
+        self.observation_space = _space(env.observation_space)
 
     def reset(self, *, seed: int | None = None, options: Fields | None = None) -> tuple[Fields, Fields]:
         """Start trial `seed`, or any; LeRobot's own options are passed over."""
@@ -88,27 +85,21 @@ class LeRobotEnv(gym.Wrapper[Any, Any, Any, Any]):
 
     def render(self) -> Any:
         """Return a picture; a small black one without a `render_mode`, as `lerobot-eval` always films."""
-        return np.zeros(_NO_PICTURE, np.uint8) if self.render_mode is None else self.env.render()
+        return np.zeros((64, 64, 3), np.uint8) if self.render_mode is None else self.env.render()
 
 
 def _told(info: Fields) -> Fields:
-    return {key: info[key] for key in _TOLD}
+    return {key: info[key] for key in ("is_success", "is_grasped", "object", "stage", "failure")}
 
 
-def _space(space: Any, settings: Any) -> spaces.Dict:
-    robot = settings.cell.robot
+def _space(space: Any) -> spaces.Dict:
     seen: Fields = {"agent_pos": space["joint_positions"]}
-    if sizes := object_sizes(settings.obs_mode, robot):
-        seen["environment_state"] = spaces.Box(-np.inf, np.inf, (sum(sizes.values()),), np.float32)
+    if keys := object_keys(space):
+        size = sum(space[key].shape[0] for key in keys)
+        seen["environment_state"] = spaces.Box(-np.inf, np.inf, (size,), np.float32)
     if "rgb" in space.spaces:
         count, *shape = space["rgb"].shape
         seen["pixels"] = spaces.Dict(
             {f"view_{k}": spaces.Box(0, 255, tuple(shape), np.uint8) for k in range(count)}
         )
     return spaces.Dict(seen)
-
-
-def object_sizes(obs_mode: str, robot: Any) -> dict[str, int]:
-    """Return how many numbers each key of the object has, nothing where the state is not seen."""
-    sizes = key_sizes(obs_mode, robot)
-    return {key: sizes[key] for key in object_keys(sizes)}

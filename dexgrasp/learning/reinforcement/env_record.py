@@ -98,15 +98,15 @@ class EnvRecord:
     schema: int = SCHEMA
 
 
-def read_record(path: Path) -> EnvRecord | Fields:
-    """Return a record, or the keywords of `gym.make` that a file without a schema states.
+def read_record(path: Path) -> EnvRecord:
+    """Return a record.
 
     Raises:
         InputError: damaged, or of another schema.
     """
-    content = read_json_object(path, 'it holds environment settings, e.g. {"obs_mode": "state"}')
+    content = read_json_object(path, "save_checkpoint() of dexgrasp writes it")
     if "schema" not in content:
-        return content
+        raise InputError(f"{path} is no record of save_checkpoint(): rename it, and say --env-kwargs")
     if content["schema"] != SCHEMA:
         raise InputError(f"{path} has schema {content['schema']}: valid is {SCHEMA}")
     return read(EnvRecord, content, str(path))
@@ -138,13 +138,6 @@ def record_environment(env: Any, path: str | Path) -> Path:
     Raises:
         InputError: if the environment is none of DexGrasp's.
     """
-    beside = Path(path).with_suffix(".json")
-    write_json(beside, jsonable(asdict(environment_record(env))))
-    return beside
-
-
-def environment_record(env: Any) -> EnvRecord:
-    """Return the record of a vector environment of Stable-Baselines3; see `record_environment`."""
     around: list[WrapperRecord | None] = []
     while hasattr(env, "venv"):
         around.insert(0, vec_wrapper(env))
@@ -160,9 +153,9 @@ def environment_record(env: Any) -> EnvRecord:
             warnings.warn(
                 f"{each.name} does not tell its arguments (gymnasium.utils.RecordConstructorArgs): `evaluate` will ask "
                 "for them with --wrappers",
-                stacklevel=4,
+                stacklevel=3,
             )
-    return EnvRecord(
+    record = EnvRecord(
         {key: getattr(settings, key) for key in AGENT_KEYS},
         spec.id,
         jsonable(spec.kwargs),
@@ -172,6 +165,9 @@ def environment_record(env: Any) -> EnvRecord:
         wrappers,
         _acting(around),
     )
+    beside = Path(path).with_suffix(".json")
+    write_json(beside, jsonable(asdict(record)))
+    return beside
 
 
 def _packed(array: Any) -> Fields:

@@ -1,4 +1,4 @@
-"""Curves of a training: the figures of its epochs, as a picture."""
+"""Curves of a training: the figures of its epochs, as a picture and for TensorBoard."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -10,10 +10,9 @@ _PANELS = {
     "loss": ("loss", "test_loss", "total"),
     "fingertip reconstruction, cm": ("fingertip_cm",),
     "return": ("return",),
-    "success": ("success", "training_success", "training_held"),
+    "success": ("success", "training_success"),
 }
 """Title -> figures that are drawn beside each other."""
-_LOGARITHMIC = ("loss", "fingertip reconstruction, cm")
 
 
 def numbers(row: Fields) -> Iterator[tuple[str, str, float]]:
@@ -34,32 +33,27 @@ def draw_curves(curve: Sequence[Fields], path: Path, best: int) -> None:
     """
     from matplotlib.figure import Figure
 
-    lines = dict[str, dict[str, list[tuple[int, float]]]]()
-    for row in curve:
-        for name, split, number in numbers(row):
-            for title, names in _PANELS.items():
+    figure = Figure((4.5 * len(_PANELS), 3.3), layout="constrained")
+    for axis, (title, names) in zip(figure.subplots(1, len(_PANELS)), _PANELS.items(), strict=True):
+        lines: dict[str, list[tuple[int, float]]] = {}
+        for row in curve:
+            for name, split, number in numbers(row):
                 if name in names:
-                    label = (split or name).replace("_", " ")
-                    lines.setdefault(title, {}).setdefault(label, []).append((row["epoch"], number))
-    panels = max(len(lines), 1)
-    figure = Figure((4.5 * panels, 3.3), layout="constrained")
-    axes = figure.subplots(1, panels, squeeze=False)
-    for axis, (title, drawn) in zip(axes[0], lines.items(), strict=False):
-        for label, points in drawn.items():
+                    lines.setdefault(split or name, []).append((row["epoch"], number))
+        for label, points in lines.items():
             axis.plot(*zip(*points, strict=True), lw=1, marker=".", markersize=3, label=label)
+        axis.set(xlabel="epoch or round", title=title, visible=bool(lines))
+        axis.grid(alpha=0.3)
         if best:
             axis.axvline(best, color="grey", lw=0.7, ls=":")
-        axis.set(xlabel="epoch or round", title=title, yscale="log" if title in _LOGARITHMIC else "linear")
-        if title == "success":
-            axis.set_ylim(0.0, 1.05)
-        axis.grid(alpha=0.3, which="both")
-        axis.legend(fontsize=7)
+        if lines:
+            axis.legend(fontsize=7)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=100)
 
 
 class TensorBoardWriter:
-    """Writes numbers for TensorBoard, from the first row on; without tensorboard it writes nothing."""
+    """Writes numbers for TensorBoard, from the first row on."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -67,20 +61,13 @@ class TensorBoardWriter:
 
     def add(self, row: Fields, step: int) -> None:
         """Write the numbers of a row, those of splits as name/split."""
-        self._writer = self._writer or _writer(self._folder)
-        if self._writer is not None:
-            for name, split, number in numbers(row):
-                self._writer.add_scalar(f"{name}/{split}".rstrip("/"), number, step)
+        from torch.utils.tensorboard import SummaryWriter
+
+        self._writer = self._writer or SummaryWriter(str(self._folder))
+        for name, split, number in numbers(row):
+            self._writer.add_scalar(f"{name}/{split}".rstrip("/"), number, step)
 
     def close(self) -> None:
         """Write what is left."""
         if self._writer is not None:
             self._writer.close()
-
-
-def _writer(folder: Path) -> Any:
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError:
-        return None
-    return SummaryWriter(str(folder))

@@ -4,13 +4,13 @@ import json
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from dexgrasp.learning.training.checkpoint import Parts, damaged, read_state, write_state
 from dexgrasp.learning.training.curves import TensorBoardWriter
+from dexgrasp.learning.training.trials import Trials
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.interrupt import held
 from dexgrasp.runs.versions import package_versions
@@ -24,7 +24,6 @@ with from_extra():
     import torch
 
 CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.jsonl"
-_DEVICES = one_of(("auto", "cpu", "cuda"))
 
 
 @dataclass
@@ -36,14 +35,10 @@ class Progress:
     seconds: float = 0.0
     curve: list[Fields] = field(default_factory=list)
 
-
-@dataclass(frozen=True)
-class Tester(ABC):
-    """Evaluation of a policy during its training."""
-
-    @abstractmethod
-    def after(self, folder: Path, state: Progress) -> Fields:
-        """Return figures that join the row of the epoch that ended, or none."""
+    def origin(self, *packages: str, **own: Any) -> Fields:
+        """Return a policy's record of its training: `own`, the last row of the curve, and versions."""
+        versions = package_versions(("dexgrasp", "numpy", "torch", *packages))
+        return own | self.curve[-1] | {"versions": versions}
 
 
 @dataclass(frozen=True)
@@ -53,56 +48,43 @@ class RunOptions:
     Attributes:
         device: cpu, cuda or auto.
         minutes: as many epochs as fit into these, by the first steps' speed; None for those of the settings.
-        tester: evaluates the policy during training; None for nothing.
+        trials: of the policy during training; None for none.
     """
 
     device: str = "cpu"
     minutes: float | None = None
-    tester: Tester | None = None
-
-
-class Task(ABC):
-    """A learner and its data; an epoch depends on what is learned so far and on the epoch's number alone.
-
-    Attributes:
-        about: name of the file that identifies the training.
-        settings: a dataclass; a folder of others is refused. Has `threads`, of torch on the CPU: results differ in the
-            last bits with it.
-    """
-
-    about = "training.json"
-    settings: Any
-
-    @abstractmethod
-    def identity(self) -> Fields:
-        """Return what it is trained on; the settings are added."""
-
-    def best(self, state: Progress) -> int:
-        """Return the epoch that is kept where it is not the last, else 0."""
-        return 0
-
-    def fault(self, out: Path, state: Progress) -> str | None:
-        """Return why a training cannot go on in a folder, None where it can."""
-        return None
+    trials: Trials | None = None
 
 
 class Training(ABC):
-    """A loop of epochs over a task: restore, learn, write, checkpoint, log."""
+    """A loop of epochs: restore, learn, write, checkpoint, log.
 
-    def __init__(self, task: Any, out: Path, epochs: int, options: RunOptions) -> None:
+    An epoch depends on what is learned so far and on the epoch's number alone.
+
+    Attributes:
+        about: name of the file that identifies the training.
+    """
+
+    about = "training.json"
+
+    def __init__(self, settings: Any, epochs: int, out: Path, options: RunOptions = RunOptions()) -> None:
         """Prepare.
+
+        Args:
+            settings: a dataclass; a folder of others is refused. Has `seed`, and `threads`, of torch on the CPU.
+            epochs: in all.
+            out: folder of the training.
+            options: where it runs.
 
         Raises:
             InputError: for a device that is not there.
         """
-        self.task, self.out, self.settings, self.options = task, out, task.settings, options
+        self.settings, self.out, self.options = settings, out, options
         there = torch.cuda.is_available()
-        if check("device", options.device, _DEVICES) == "cuda" and not there:
+        if check("device", options.device, one_of(("auto", "cpu", "cuda"))) == "cuda" and not there:
             raise InputError("device 'cuda': there is none that torch can use; valid are auto, cpu")
         self.place = torch.device("cuda" if options.device != "cpu" and there else "cpu")
         self.state = Progress(epochs=epochs)
-        self.open = ExitStack()
-        """Closes what is open when the training ends."""
 
     @abstractmethod
     def build(self) -> None:
@@ -120,22 +102,29 @@ class Training(ABC):
     def write(self) -> None:
         """Write the result of the epoch that ended, the last of `state.curve`."""
 
+    @property
+    def best(self) -> int:
+        """Epoch that is kept where it is not the last, else 0."""
+        return 0
+
+    def identity(self) -> Fields:
+        """Return what it is trained on; the settings are added."""
+        return {}
+
     def note(self) -> Fields:
         """Return what a checkpoint holds beside the parts."""
         return {}
 
-    def restore(self, note: Fields) -> None:
+    def restore(self, note: Fields) -> None:  # noqa: B027  (most keep the parts alone)
         """Take up what `note` returned.
 
         Raises:
             LookupError, TypeError: if it is damaged.
+            InputError: if there is no going on from it.
         """
-        del note  # there is nothing but the parts
 
-    @property
-    def best(self) -> int:
-        """The epoch that is kept where it is not the last, else 0."""
-        return int(self.task.best(self.state))
+    def close(self) -> None:  # noqa: B027  (most have nothing open)
+        """Close what is open when the training ends."""
 
     def run(
         self, progress: Callable[[Progress], object] | None = None, stop_after: int | None = None
@@ -153,18 +142,21 @@ class Training(ABC):
         options = self.options
         run = {
             "schema": 1,
-            **self.task.identity(),
+            **self.identity(),
             "settings": asdict(self.settings),
             "minutes": options.minutes,
-            "trials": options.tester and asdict(options.tester),
+            "trials": options.trials and asdict(options.trials),
         }
-        with RunFolder(self.out, self.task.about, "training").claim(run), self.open:
-            self.begin()
-            self._go_on(progress, stop_after)
+        with RunFolder(self.out, self.about, "training").claim(run):
+            try:
+                self.begin()
+                self._go_on(progress, stop_after)
+            finally:
+                self.close()
         return self.state
 
-    def begin(self) -> Fields | None:
-        """Make what learns, and go on from the checkpoint, where there is one; return its note.
+    def begin(self) -> None:
+        """Make what learns, and go on from the checkpoint, where there is one.
 
         Raises:
             InputError: if it is damaged.
@@ -173,18 +165,17 @@ class Training(ABC):
         path = self.out / CHECKPOINT
         note = read_state(path, self.parts())
         if note is None:
-            return None
+            return
         try:
             self.state = state = Progress(**note["progress"])
             whole = [row["epoch"] for row in state.curve] == list(range(1, state.epoch + 1))
             if not (whole and state.epoch <= state.epochs and state.seconds >= 0.0):
                 raise ValueError
             self.restore(note)
+        except InputError:
+            raise
         except (LookupError, TypeError, ValueError):
             raise damaged(path) from None
-        if fault := self.task.fault(self.out, state):
-            raise InputError(fault)
-        return note
 
     def _go_on(self, progress: Callable[[Progress], object] | None, stop_after: int | None) -> None:
         writer, calls, state = TensorBoardWriter(self.out / "tensorboard"), 0, self.state
@@ -197,19 +188,13 @@ class Training(ABC):
             # The result is there before the checkpoint: a kill in between repeats an epoch, to the same bits.
             with held():
                 self.write()
-            if self.options.tester:
-                row |= self.options.tester.after(self.out, state)
+            if self.options.trials:
+                row |= self.options.trials.after(self.out, state.epoch, state.epochs)
             with held():
                 write_state(self.out / CHECKPOINT, self.parts(), {"progress": asdict(state), **self.note()})
-                write_atomically(
-                    self.out / CURVE, "".join(json.dumps(row) + "\n" for row in state.curve).encode()
-                )
+                lines = "".join(json.dumps(row) + "\n" for row in state.curve)
+                write_atomically(self.out / CURVE, lines.encode())
             writer.add(row, row.get("steps", state.epoch))
             if progress:
                 progress(state)
         writer.close()
-
-
-def origin(state: Progress, *packages: str, **own: Any) -> Fields:
-    """Return a policy's record of its training: `own`, the last row of the curve, and versions."""
-    return own | state.curve[-1] | {"versions": package_versions(("dexgrasp", "numpy", "torch", *packages))}

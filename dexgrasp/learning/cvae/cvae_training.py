@@ -12,35 +12,39 @@ from dexgrasp.learning.cvae.cvae_network import Cvae, Losses, losses
 from dexgrasp.learning.cvae.grasp_batches import Batch, split, test_batches, training_batch
 from dexgrasp.learning.cvae.settings import TrainingSettings
 from dexgrasp.learning.training.checkpoint import write_tensors
-from dexgrasp.learning.training.gradient_training import GradientTask, tensors_for
-from dexgrasp.learning.training.loop import CHECKPOINT, Progress
+from dexgrasp.learning.training.gradient_training import GradientTraining
+from dexgrasp.learning.training.loop import CHECKPOINT, RunOptions
 from dexgrasp.planning.decoder import PALM, SCALE, SCHEMA
 from dexgrasp_env.arrays import Fields
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
     import torch
 
 WEIGHTS = "cvae.safetensors"
-_BALANCED = 16  # grasps on each cloud whose forces are solved for with `wrench_layer`
 
 
-class CvaeTask(GradientTask):
+class CvaeTraining(GradientTraining):
     """The CVAE on a dataset; the weights of the least test loss are kept in `WEIGHTS`."""
 
     about, steps, clip = "run.json", 50, 5.0
 
-    def __init__(self, data: Path, settings: TrainingSettings) -> None:
+    def __init__(
+        self, data: Path, settings: TrainingSettings, out: Path, options: RunOptions = RunOptions()
+    ) -> None:
         """Read the dataset.
 
         Args:
             data: its folder.
             settings: of the training.
+            out: folder of the training.
+            options: where it runs.
 
         Raises:
-            InputError: no usable dataset.
+            InputError: no usable dataset, or no such device.
         """
-        self.settings = settings
+        super().__init__(settings, out, options)
         manifest = read_manifest(data)
         self._dataset, self._hand = str(manifest["key"]), manifest.get("hand")
         parts = split(read_dataset(data), settings)
@@ -59,56 +63,59 @@ class CvaeTask(GradientTask):
         """Return 1 for the first half, then a straight line."""
         return min(1.0, 2.0 * (1.0 - done))
 
-    def losses(self, net: Cvae, step: int, done: float) -> Losses:
+    def losses(self, step: int, done: float) -> Losses:
         """Return the losses of a step."""
         batch = training_batch(self._poses, step, self.settings)
-        return self._losses(net, batch, self.settings.kl_weight * min(1.0, done / self.settings.warm_up))
+        return self._losses(batch, self.settings.kl_weight * min(1.0, done / self.settings.warm_up))
 
-    def _losses(self, net: Cvae, batch: Batch, kl_weight: float) -> Losses:
-        cloud, grasp, noise = tensors_for(net, batch)
-        output = net(cloud, grasp, noise)
+    def _losses(self, batch: Batch, kl_weight: float) -> Losses:
+        cloud, grasp, noise = self.tensors(batch)
+        output = self.net(cloud, grasp, noise)
         found = losses(output, grasp, kl_weight)
         if not self.settings.wrench_layer:
             return found
-        residual = wrench_residual(output.grasp[:, :_BALANCED], cloud)
-        return found._replace(total=found.total + self.settings.wrench_weight * residual)
+        some = output.grasp[:, :16]  # of each cloud: their forces are solved for
+        return found._replace(total=found.total + self.settings.wrench_weight * wrench_residual(some, cloud))
 
-    def figures(self, net: Cvae, losses: Sequence[float]) -> Fields:
+    def figures(self, losses: Sequence[float]) -> Fields:
         """Return the losses of every split."""
         trained = dict(zip(Losses._fields, losses, strict=True))
-        return {"train": trained, **{name: self._test(net, batches) for name, batches in self._tests.items()}}
+        return {"train": trained, **{name: self._test(batches) for name, batches in self._tests.items()}}
 
     @torch.no_grad()
-    def _test(self, net: Cvae, batches: list[Batch]) -> dict[str, float]:
+    def _test(self, batches: list[Batch]) -> dict[str, float]:
         """Return the losses, means over rest poses, of grasps decoded from the posterior's mean."""
-        net.eval()
-        rows = [[float(v) for v in self._losses(net, batch, self.settings.kl_weight)] for batch in batches]
+        self.net.eval()
+        rows = [[float(v) for v in self._losses(batch, self.settings.kl_weight)] for batch in batches]
         return dict(zip(Losses._fields, np.mean(rows, axis=0).tolist(), strict=True)) if rows else {}
 
-    def best(self, state: Progress) -> int:
-        """Return the epoch of the least test loss, the first fifth of all epochs apart; 0 before."""
-        late = [row for row in state.curve if 5 * row["epoch"] >= state.epochs]
+    @property
+    def best(self) -> int:
+        """Epoch of the least test loss, the first fifth of all epochs apart; 0 before."""
+        late = [row for row in self.state.curve if 5 * row["epoch"] >= self.state.epochs]
         return int(min(late, key=lambda row: row["test"]["total"])["epoch"]) if late else 0
 
-    def write(self, out: Path, net: Cvae, state: Progress) -> None:
+    def write(self) -> None:
         """Write the weights, where they are the best so far."""
-        if self.best(state) == state.epoch:
-            row = dict(state.curve[-1])
+        if self.best == self.state.epoch:
+            row = dict(self.state.curve[-1])
             about = {
                 "schema": SCHEMA, "network": asdict(self.settings.network), "epoch": row.pop("epoch"),
                 "dataset": self._dataset, "hand": self._hand, "seed": self.settings.seed, "losses": row,
             }  # fmt: skip
-            write_tensors(out / WEIGHTS, net.state_dict(), about)
+            write_tensors(self.out / WEIGHTS, self.net.state_dict(), about)
 
-    def fault(self, out: Path, state: Progress) -> str | None:
-        """Return that the best weights are gone, which no further epoch can bring back."""
-        best = self.best(state)
-        if not best or (out / WEIGHTS).is_file():
-            return None
-        return (
-            f"the weights of epoch {best} are gone from {out} ({WEIGHTS}): remove {CHECKPOINT} to train from the "
-            "start, or choose another --out"
-        )
+    def restore(self, note: Fields) -> None:
+        """Refuse to go on where the best weights are gone: no further epoch can bring them back.
+
+        Raises:
+            InputError: in that case.
+        """
+        if self.best and not (self.out / WEIGHTS).is_file():
+            raise InputError(
+                f"the weights of epoch {self.best} are gone from {self.out} ({WEIGHTS}): remove {CHECKPOINT} to "
+                "train from the start, or choose another --out"
+            )
 
 
 def wrench_residual(grasp: torch.Tensor, cloud: torch.Tensor) -> torch.Tensor:

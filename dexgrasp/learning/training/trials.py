@@ -5,12 +5,11 @@ from pathlib import Path
 
 from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.learning.training.loop import Progress, Tester
 from dexgrasp_env.arrays import Fields
 
 
 @dataclass(frozen=True)
-class Trials(Tester):
+class Trials:
     """Evaluation of a policy under protocol `lift` while it learns.
 
     Attributes:
@@ -25,9 +24,9 @@ class Trials(Tester):
     seed: int = 0
     every: int = 5
 
-    def after(self, folder: Path, state: Progress) -> Fields:
-        """Return the share of trials that succeeded, after an epoch that is due; nothing after others."""
-        if state.epoch % self.every and state.epoch != state.epochs:
+    def after(self, folder: Path, epoch: int, epochs: int) -> Fields:
+        """Return the share of trials that succeeded, after an epoch of all that is due; nothing after others."""
+        if epoch % self.every and epoch != epochs:
             return {}
         settings = EvaluationSettings.of([str(folder)], self.objects, trials=self.number, seed=self.seed)
         runner = TrialRunner(settings)

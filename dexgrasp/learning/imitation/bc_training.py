@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.learning.imitation.bc_network import BcNet, GraspNet, PolicyNet
+from dexgrasp.learning.imitation.bc_network import BcNet, GraspNet
 from dexgrasp.learning.imitation.bc_policy import BcPolicy
 from dexgrasp.learning.imitation.cloud_features import grip_features
 from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
@@ -21,13 +21,12 @@ from dexgrasp.learning.imitation.demonstration_data import (
     read_rows,
 )
 from dexgrasp.learning.imitation.settings import BcSettings
-from dexgrasp.learning.training.gradient_training import GradientTask, tensors_for
-from dexgrasp.learning.training.loop import Progress, origin
+from dexgrasp.learning.training.gradient_training import GradientTraining
+from dexgrasp.learning.training.loop import RunOptions
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.runs.policy_folder import write_policy
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.robot.cell import Cell
 
 with from_extra():
     import torch
@@ -36,32 +35,40 @@ with from_extra():
 
 _BEND = 0.1
 """Of the loss: beyond it a row counts by its distance, so that of two ways to do it one is learned."""
-_LEAST_UNIT = 0.005  # rad: joints that hardly move need not be predicted better
-_OFF = 0.15, 0.15, 0.15, 0.15, 0.15, 0.3
-"""Network units that tips, palm, its turn, hand closed and opened, and forces are off by before distance counts."""
-_WEIGHTS = 1.0, 1.0, 0.5, 0.3, 0.2, 0.3
 
 
-class BcTask(GradientTask):
-    """Demonstrations, a network that predicts what they did, and its loss."""
+class BcTraining(GradientTraining):
+    """Training of a network on demonstrations, to predict what they did."""
 
     steps, clip = 200, 1.0
 
-    def __init__(self, rows: Any, cell: Cell, settings: BcSettings) -> None:
-        """Keep some demonstrations apart for tests.
+    def __init__(
+        self, data: Sequence[Path], settings: BcSettings, out: Path, options: RunOptions = RunOptions()
+    ) -> None:
+        """Read demonstrations, and keep some apart for tests.
 
         Args:
-            rows: what is learned from: it has a length and a key, and draws batches.
-            cell: of the robot that demonstrated.
+            data: folders of `dexgrasp demos generate`.
             settings: of the training.
+            out: folder of the policy, an agent by its path.
+            options: where it runs.
+
+        Raises:
+            InputError: no usable demonstrations, or no such device.
         """
-        self.settings, self.cell, self._rows = settings, cell, rows
+        super().__init__(settings, out, options)
+        self.cell = demonstrated_cell(data)
+        rows = self._rows = self.read(data)
         order = np.random.default_rng([settings.seed, 0]).permutation(len(rows))
         tested = int(np.ceil(settings.held_out * len(order))) if len(order) > 1 else 0
         self._held_out, self._trained = np.sort(order[:tested]), np.sort(order[tested:])
 
     @abstractmethod
-    def loss(self, net: Any, *batch: Tensor) -> Tensor:
+    def read(self, data: Sequence[Path]) -> Any:
+        """Return what is learned from: it has a length and a key, and draws batches."""
+
+    @abstractmethod
+    def loss(self, *batch: Tensor) -> Tensor:
         """Return the loss of a batch."""
 
     @abstractmethod
@@ -76,57 +83,51 @@ class BcTask(GradientTask):
         """Return a cosine."""
         return float(0.5 * (1.0 + np.cos(np.pi * done)))
 
-    def losses(self, net: Any, step: int, done: float) -> Sequence[Tensor]:
+    def losses(self, step: int, done: float) -> Sequence[Tensor]:
         """Return the loss of a step."""
         rng = np.random.default_rng([self.settings.seed, 2, step])
-        batch = self._rows.draw(rng, self._trained, self.settings)
-        return (self.loss(net, *tensors_for(net, batch)),)
+        return (self.loss(*self.tensors(self._rows.draw(rng, self._trained, self.settings))),)
 
-    def figures(self, net: Any, losses: Sequence[float]) -> Fields:
+    def figures(self, losses: Sequence[float]) -> Fields:
         """Return the loss, and that on demonstrations that were kept apart, where there are any."""
-        return {"loss": losses[0], "test_loss": self._test(net)}
+        return {"loss": losses[0], "test_loss": self._test()}
 
     @torch.no_grad()
-    def _test(self, net: Any) -> float | None:
+    def _test(self) -> float | None:
         if not len(self._held_out):
             return None
-        net.eval()
-        return float(self.loss(net, *tensors_for(net, self._rows.tested(self._held_out, self.settings))))
+        self.net.eval()
+        return float(self.loss(*self.tensors(self._rows.tested(self._held_out, self.settings))))
 
-    def write(self, out: Path, net: PolicyNet, state: Progress) -> None:
+    def write(self) -> None:
         """Write the policy."""
         about = {
             **self.policy(), "view": self.settings.view, "robot": self.cell.robot.stamp,
-            "training": origin(state, seed=self.settings.seed, demonstrations=len(self._trained)),
+            "training": self.state.origin(seed=self.settings.seed, demonstrations=len(self._trained)),
         }  # fmt: skip
-        write_policy(out, about, net.arrays())
+        write_policy(self.out, about, self.net.arrays())
 
 
-class StateBcTask(BcTask):
+class StateBcTraining(BcTraining):
     """Cloning of a policy that sees the state, and answers with the next set-points."""
 
-    _rows: Rows
-
-    def __init__(self, data: Sequence[Path], settings: BcSettings) -> None:
-        """Read demonstrations from folders.
-
-        Raises:
-            InputError: no usable demonstrations.
-        """
-        super().__init__(read_rows(data), demonstrated_cell(data), settings)
+    def read(self, data: Sequence[Path]) -> Rows:
+        """Return the control steps of demonstrations."""
+        return read_rows(data)
 
     def network(self) -> BcNet:
         """Make the network, and measure the spread (chunk * joints,) rad of what it predicts."""
         rng, looks = np.random.default_rng([self.settings.seed, 1]), self._rows.looks
         drawn = self._rows.draw(rng, self._trained, replace(self.settings, episodes=256, rows=32)).chunks
-        unit = np.maximum(np.sqrt((drawn**2).mean(axis=(0, 1))).ravel(), _LEAST_UNIT).astype(np.float32)
+        # rad: joints that hardly move need not be predicted better
+        unit = np.maximum(np.sqrt((drawn**2).mean(axis=(0, 1))).ravel(), 0.005).astype(np.float32)
         spread = np.maximum(looks.std(axis=0), 1e-3)
         return BcNet(self.settings.network, mean=looks.mean(axis=0), scale=spread, unit=unit)
 
-    def loss(self, net: BcNet, *batch: Tensor) -> Tensor:
+    def loss(self, *batch: Tensor) -> Tensor:
         """Return the distance of set-points from those that were meant."""
         looks, chunks = batch
-        return smooth_l1_loss(net(looks), chunks.flatten(start_dim=2) / net.unit, beta=_BEND)
+        return smooth_l1_loss(self.net(looks), chunks.flatten(start_dim=2) / self.net.unit, beta=_BEND)
 
     def policy(self) -> Fields:
         """Return what a `BcPolicy` reads."""
@@ -136,26 +137,21 @@ class StateBcTask(BcTask):
         return {"kind": BcPolicy.kind, **sizes, "env": env}
 
 
-class CloudBcTask(BcTask):
+class CloudBcTraining(BcTraining):
     """Cloning of a policy that looks at a cloud once, and answers with a grasp.
 
     Demonstrations of one scene grip along many lines and in several ways, so a mean of them is none: the network tells
     the line that was taken from others around the object, and along it a mixture of ways.
     """
 
-    _rows: Grips
-
-    def __init__(self, data: Sequence[Path], settings: BcSettings) -> None:
-        """Read demonstrations from folders.
-
-        Raises:
-            InputError: no usable demonstrations.
-        """
-        super().__init__(read_grips(data), demonstrated_cell(data), settings)
+    def read(self, data: Sequence[Path]) -> Grips:
+        """Return looks at objects, and the grasps that demonstrations took."""
         parts = sizes(robot_tree(self.cell))
-        self._off, self._weights = (
-            torch.from_numpy(np.repeat(part, parts).astype(np.float32)) for part in (_OFF, _WEIGHTS)
-        )
+        # Network units that tips, palm, its turn, hand closed and opened, and forces are off by before distance counts.
+        off = np.repeat([0.15, 0.15, 0.15, 0.15, 0.15, 0.3], parts).astype(np.float32)
+        weights = np.repeat([1.0, 1.0, 0.5, 0.3, 0.2, 0.3], parts).astype(np.float32)
+        self._off, self._weights = self.tensors((off, weights))
+        return read_grips(data)
 
     def network(self) -> GraspNet:
         """Make the network."""
@@ -163,12 +159,12 @@ class CloudBcTask(BcTask):
         numbers = np.concatenate([grip_features(look, azimuth)[1] for look, azimuth in seen])
         return GraspNet(self.settings.grasps, numbers, self._rows.rows)
 
-    def loss(self, net: GraspNet, *batch: Tensor) -> Tensor:
+    def loss(self, *batch: Tensor) -> Tensor:
         """Return the mean of -log p(grip, grasp): the first grip of each object is the one that was taken."""
         points, numbers, rows = batch
-        merits, grasps = net(points, numbers)
-        off = (grasps[:, 0] - rows[:, None]) / self._off.to(rows.device)
-        far = smooth_l1_loss(off, torch.zeros_like(off), reduction="none") @ self._weights.to(rows.device)
+        merits, grasps = self.net(points, numbers)
+        off = (grasps[:, 0] - rows[:, None]) / self._off
+        far = smooth_l1_loss(off, torch.zeros_like(off), reduction="none") @ self._weights
         likely = merits.flatten(1).log_softmax(dim=1).unflatten(1, merits.shape[1:])
         return -torch.logsumexp(likely[:, 0] - far, dim=1).mean()
 
@@ -178,5 +174,8 @@ class CloudBcTask(BcTask):
         return {"kind": CloudGraspPolicy.kind, "modes": self.settings.grasps.modes, "env": env}
 
 
-VIEWS: dict[str, type[StateBcTask | CloudBcTask]] = {"state": StateBcTask, "cloud": CloudBcTask}
-"""The task of each view."""
+VIEWS: dict[str, type[StateBcTraining | CloudBcTraining]] = {
+    "state": StateBcTraining,
+    "cloud": CloudBcTraining,
+}
+"""The training of each view."""

@@ -1,4 +1,4 @@
-"""Uniform random actions: what an environment gives away for nothing."""
+"""Agents that look at nothing: what an environment gives away, and the floor of what a policy is worth."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,6 +8,19 @@ from gymnasium import spaces
 
 from dexgrasp.agent import BY_STATE, Agent, Observation
 from dexgrasp_env.arrays import Single
+
+
+class ConstantAgent(Agent):
+    """One whole grasp, the same of every object."""
+
+    env_settings = {"obs_mode": "state", "control_mode": "grasp_once"}  # noqa: RUF012  (as the others have it)
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Look at nothing."""
+
+    def act(self, observation: Observation) -> Single:
+        """Return the grasp, chosen on the sugar box."""
+        return np.array((0.2, -0.56, -0.86, 0.0, 0.5, 1.0, 1.0), np.float32)
 
 
 class RandomAgent(Agent):
