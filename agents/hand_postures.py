@@ -4,10 +4,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from dexgrasp.mechanics.kinematics.forward import fingertips
-from dexgrasp.mechanics.kinematics.palm_ik import hanging_palm, palm_frame
-from dexgrasp.mechanics.kinematics.robot_check import closed_posture
+from dexgrasp.mechanics.kinematics.palm_ik import hanging_palm
 from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.motion.to_pose import Pinch
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 
@@ -50,55 +49,28 @@ class Tuned:
         return R, p
 
 
-class Pinch:
-    """Postures of a hand whose first finger closes against the others, and where its palm then is.
-
-    Attributes:
-        stages: (k, h) rad, from open to closed.
-        tips: (k, g, 3) m, centres of the grasping tips in the palm frame.
-    """
+class LevelPinch:
+    """Pinch of a hand from above, along a level axis."""
 
     def __init__(self, cell: Cell) -> None:
-        """Close the hand from its open posture."""
-        self._tree = robot_tree(cell)
-        opened, closed = cell.robot.home, closed_posture(cell)[0]
-        whole = [cell.robot.freed(q) for q in np.linspace(opened, closed, 50)]
-        R, p = palm_frame(opened, self._tree)
-        self.tips = np.stack([(fingertips(q, self._tree) - p) @ R for q in whole])
-        self.stages = np.stack([q[self._tree.arm :] for q in whole])
-        between = self.tips[:, 1:].mean(1) - self.tips[:, 0]
-        self._gaps = np.linalg.norm(between, axis=1) - 2.0 * self._tree.tip_radius
+        self._pinch, self._lowest = (
+            Pinch(cell),
+            robot_tree(cell).tip_radius + 0.006,
+        )  # m, tips above the table
 
     def hands(self, points: Array, axis: Array) -> list[Array]:
         """Return hands (h,) rad: open, with pads at points (N, 3) m along `axis` (3,), and closed."""
-        return [self.stages[0], self.stages[self._stage(points, axis)], self.stages[-1]]
+        return self._pinch.hands(float(np.ptp(points @ axis)))
 
     def palm(self, points: Array, axis: Array) -> tuple[Array, Array]:
         """Return rotation (3, 3) and position (3,) m of a palm that looks down and closes along `axis` (3,), level."""
-        tips = self.tips[self._stage(points, axis)]
-        middle = 0.5 * (tips[0] + tips[1:].mean(0))
-        across = (tips[1:].mean(0) - tips[0]) * [0.0, 1.0, 1.0]
-        R = _basis(np.array([0.0, 0.0, -1.0]), axis) @ _basis(np.array([1.0, 0.0, 0.0]), across).T
-        goal = points.mean(axis=0)
-        reach = float(middle[0])  # of the tips in front of the palm
-        # m between the palm and the object's top, and between the tips and the table
-        goal[2] = max(goal[2], points[:, 2].max() - reach + 0.015, self._tree.tip_radius + 0.006)
-        return R, goal - R @ middle
-
-    def _stage(self, points: Array, axis: Array) -> int:
-        """Return the last stage in which the pads are off points (N, 3) m along an axis (3,)."""
-        wide = float(np.ptp(points @ axis)) + 2.0 * 0.004  # m that pads keep off before they press
-        return int(max(np.flatnonzero(self._gaps >= wide), default=0))
-
-
-def _basis(x: Array, y: Array) -> Array:
-    """Return axes (3, 3) as columns: x, y less its part along x, and across both."""
-    y = y - x * (x @ y)
-    y = y / np.linalg.norm(y)
-    return np.stack([x, y, np.cross(x, y)], axis=1)
+        width, goal = float(np.ptp(points @ axis)), points.mean(axis=0)
+        # m between the palm and the object's top
+        goal[2] = max(goal[2], points[:, 2].max() - self._pinch.reach(width) + 0.015, self._lowest)
+        return self._pinch.palm(goal, np.array([0.0, 0.0, -1.0]), axis, width)
 
 
 @lru_cache(maxsize=4)
-def hand_postures(cell: Cell) -> Tuned | Pinch:
+def hand_postures(cell: Cell) -> Tuned | LevelPinch:
     """Return the postures of a cell's hand, found once."""
-    return Tuned(cell) if Tuned.fits(cell) else Pinch(cell)
+    return Tuned(cell) if Tuned.fits(cell) else LevelPinch(cell)

@@ -12,14 +12,11 @@ import numpy as np
 from dexgrasp.agent import BY_CLOUD, Agent, Observation, Report, cell_of
 from dexgrasp.agents.hand_postures import hand_postures
 from dexgrasp.geometry.completion import NO_VOLUME, NoTarget, target_of
-from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.geometry.surface_samples import triangle_samples
-from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.trajectory import ActionScript
-from dexgrasp.mechanics.kinematics.palm_ik import solve_palm
-from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.motion import NoPath
-from dexgrasp.motion.script import make_script
+from dexgrasp.motion.to_pose import arm_at, plan_to_pose
 from dexgrasp.planning.plan_scene import start_of
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
@@ -88,36 +85,19 @@ class HardcodedAgent(Agent):
         return normalise(targets, self._cell.robot).astype(np.float32)
 
     def _plan(self, start: Array, points: Array) -> ActionScript:
-        tree, hands = robot_tree(self._cell), hand_postures(self._cell).hands(points, short_axis(points))
-        try:
-            obstacle = standing_hull(points)
-        except InputError as flat:
-            raise NoPath(NO_VOLUME, str(flat)) from None
+        """Return the script of the first turn of the wrist that has one, nearer to `start` first."""
+        postures, axis, tree = hand_postures(self._cell), short_axis(points), robot_tree(self._cell)
+        palms = [postures.palm(points, along) for along in (axis, -axis)]
+        arms = [(palm, arm) for palm in palms if (arm := arm_at(palm, start, tree)) is not None]
         blocked = NoPath("out_of_reach", "the arm reaches neither of the two turns of the wrist")
-        for arm in self._arms(tree, start, points):
-            motion = GraspMotion(*(np.concatenate([arm, hand]) for hand in hands))
+        for palm, _ in sorted(arms, key=lambda found: np.abs(found[1] - start[: tree.arm]).max()):
             try:
-                return make_script(start, motion, obstacle, self._cell, margin=0.002)
+                return plan_to_pose(palm, postures.hands(points, axis), points, start, self._cell)
+            except InputError as flat:
+                raise NoPath(NO_VOLUME, str(flat)) from None
             except NoPath as reason:
                 blocked = reason
         raise blocked
-
-    def _arms(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:
-        """Return the configurations (a,) rad to try, of both wrist turns, nearer to `start` first."""
-        axis = short_axis(points)
-        arms = self._reachable(tree, start, points, [axis, -axis])
-        return sorted(arms, key=lambda arm: np.abs(arm - start[: tree.arm]).max())
-
-    def _reachable(self, tree: RobotTree, start: Array, points: Array, axes: list[Array]) -> list[Array]:
-        """Return the configurations (a,) rad of the arm for grips along axes (3,), those that it reaches."""
-        arms = []
-        for axis in axes:
-            R, p = hand_postures(self._cell).palm(points, axis)
-            q = start.copy()
-            q[0] = np.arctan2(p[1], p[0])
-            if solve_palm(q, R, p, tree, 300, 1e-5) < 0.003:  # m
-                arms.append(q[: tree.arm].copy())
-        return arms
 
 
 class HardcodedCompletedAgent(HardcodedAgent):

@@ -2,16 +2,16 @@
 
     python scripts/season.py commit seasons/2027-01.json --round 9000000     say what is scored, before the seeds exist
     python scripts/season.py play seasons/2027-01.json --signature HEX       score it, publish it below docs/results
-    python scripts/season.py verify seasons/2027-01.json --trials 20         check it: seeds, pages, trials made again
+    python scripts/season.py verify seasons/2027-01.json --trials 20         check it: seeds, trials made again
     python scripts/season.py show 2027-01/robust                             one of its tables, from its trials
     python scripts/season.py write                                           put the tables of all into README and docs
 
 Run it in the repository's root. The season's file says what is scored. `commit` writes SEASON.commit.json beside it:
-for each entry the settings with hashes of code, weights, cell, meshes and versions, and a round of a public randomness
-beacon that lies ahead. Published before that round, it leaves nothing to choose: a seed is a hash of this file, of the
-round's signature, of the entry's name and of a number. `--entropy WORDS` takes the place of a signature where no beacon
-is to be had; it is recorded, and weaker, as whoever plays could have chosen it. `play` refuses whatever is not as it
-was committed to, goes on where it was interrupted, and keeps every start and its --again REASON in
+settings and hashes of code, weights, cell, meshes and versions of each entry, and a round of a public randomness beacon
+that lies ahead. Published before that round, it leaves nothing to choose: a seed is a hash of this file, of the round's
+signature, of the entry's name and of a number. `--entropy WORDS` takes the place of a signature where no beacon is to
+be had; it is recorded, and weaker, as whoever plays could have chosen it. `play` refuses whatever is not as it was
+committed to, goes on where it was interrupted, and keeps every start and its --again REASON in
 `docs/results/SEASON/season.json`.
 """
 

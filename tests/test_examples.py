@@ -7,8 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from processes import typed
 
 ROOT = Path(__file__).parents[1]
+OTHERS = sorted((ROOT / "examples" / "agents_of_others").glob("*.py"))
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 LONG = {
     "own_hand",
@@ -65,4 +67,13 @@ def test_the_notebook_runs_top_to_bottom(tmp_path):
 def test_there_are_ten_to_twenty_and_trainings_and_their_list_has_each():
     page = (ROOT / "examples" / "README.md").read_text()
     assert 10 <= sum(not path.stem.startswith("train_") for path in EXAMPLES) <= 20
-    assert sorted(re.findall(r"\]\((\w+\.py)\)", page)) == [path.name for path in EXAMPLES]
+    listed = re.findall(r"\]\(([\w/]+\.py)\)", page)
+    assert sorted(listed) == sorted(str(path.relative_to(ROOT / "examples")) for path in EXAMPLES + OTHERS)
+
+
+def test_an_agent_by_others_recipes_lifts(tmp_path, monkeypatch, printed):
+    monkeypatch.chdir(ROOT)
+    agent = "examples.agents_of_others.antipodal:Antipodal"
+    what = f"evaluate --agents {agent} --robot panda_gripper --objects soda --trials 1 --json --out {tmp_path}/run"
+    assert typed(what) == 0
+    assert printed()["agents"][agent]["successes"] == 1
