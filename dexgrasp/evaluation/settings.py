@@ -94,9 +94,8 @@ class EvaluationSettings:
         used = {key for agent in self.agents for key in self.checkpoint_settings(agent)}
         for key in ("env_kwargs", "wrappers"):
             if getattr(self, key) and key not in used:
-                raise InputError(
-                    f"--{key.replace('_', '-')} is of checkpoints ({', '.join(_CHECKPOINTS)}): {self.agents[0]!r} is none"
-                )
+                option, kinds = f"--{key.replace('_', '-')}", ", ".join(_CHECKPOINTS)
+                raise InputError(f"{option} is of checkpoints ({kinds}): {self.agents[0]!r} is none")
 
     @classmethod
     def of(cls, agents: Sequence[str], objects: Sequence[str], **rest: Any) -> "EvaluationSettings":
