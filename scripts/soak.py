@@ -51,7 +51,7 @@ class Soak:
 
     @property
     def growth_mb(self) -> float:
-        """What was gained from the middle round to the last; nan of fewer than two."""
+        """Memory gained from the middle round to the last; nan of fewer than two."""
         rounds = self.memory_mb
         return rounds[-1] - rounds[(len(rounds) - 1) // 2] if len(rounds) > 1 else float("nan")
 

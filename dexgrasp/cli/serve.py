@@ -45,7 +45,7 @@ class Serve(Command, InCell):
         server = Server(self.server, workers, served, os.environ.get("DEXGRASP_TOKEN") or None)
 
         def ready(port: int, metadata: Fields) -> None:
-            """Say where it listens, and what it serves."""
+            """Print the address and the requests that are answered."""
             what = ", ".join([*metadata["requests"], *([f"agent {self.agent}"] if self.agent else [])])
             note(f"ready: ws://{self.server.host}:{port} ({what}; {workers} workers)")
 

@@ -70,15 +70,15 @@ def _check(planned: Sequence[TrialSpec], runner: TrialRunner) -> None:
         if target not in CATALOGUE:
             load_target(target, settings.mesh_scale, settings.mesh_mass)
     first = {(spec.agent, spec.protocol): spec for spec in reversed(planned)}
-    told = set[str]()
+    assumed = dict[str, str]()
     for spec in first.values():
         env, agent = runner.make_env(spec), runner.agent(spec)
         if isinstance(agent, Agent):
             agent.check_info(public_info(env, {}))
         env.close()
-        if (assumed := getattr(agent, "assumed", "")) and spec.agent not in told:
-            told.add(spec.agent)
-            warn(f"note: {assumed}")
+        assumed[spec.agent] = getattr(agent, "assumed", "")
+    for words in filter(None, assumed.values()):
+        warn(f"note: {words}")
 
 
 @dataclass

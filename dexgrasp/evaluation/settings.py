@@ -21,8 +21,8 @@ from dexgrasp_env.objects.load import Objects, object_name, target_files
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.valid import TEXT, CellFile, Count, Friction, Mass, Mount, Natural, Positive, Rule, read
 
-_TOLD = {".zip": ("env_kwargs", "wrappers"), "lerobot:": ("env_kwargs",)}
-"""Kind of checkpoint -> settings that it is told."""
+_CHECKPOINTS = {".zip": ("env_kwargs", "wrappers"), "lerobot:": ("env_kwargs",)}
+"""Kind of checkpoint -> settings that apply to it."""
 
 
 def _unique(names: Iterable[str]) -> tuple[str, ...]:
@@ -91,12 +91,11 @@ class EvaluationSettings:
             raise InputError(
                 f"protocol {own[0]!r} has a friction of its own: leave --friction out, or take lift"
             )
-        used = {key for agent in self.agents for key in self.told(agent)}
+        used = {key for agent in self.agents for key in self.checkpoint_settings(agent)}
         for key in ("env_kwargs", "wrappers"):
             if getattr(self, key) and key not in used:
-                raise InputError(
-                    f"--{key.replace('_', '-')} is of checkpoints ({', '.join(_TOLD)}): {self.agents[0]!r} is none"
-                )
+                option, kinds = f"--{key.replace('_', '-')}", ", ".join(_CHECKPOINTS)
+                raise InputError(f"{option} is of checkpoints ({kinds}): {self.agents[0]!r} is none")
 
     @classmethod
     def of(cls, agents: Sequence[str], objects: Sequence[str], **rest: Any) -> "EvaluationSettings":
@@ -117,10 +116,10 @@ class EvaluationSettings:
         saved = {**run, "protocols": str(run.get("protocol")).split("+")}
         return read(cls, saved, "run.json", more=True)
 
-    def told(self, agent: str) -> Fields:
-        """Return what `make_agent` is told of a checkpoint; nothing of other agents."""
+    def checkpoint_settings(self, agent: str) -> Fields:
+        """Return the keywords of `make_agent` for a checkpoint; none for other agents."""
         kind = ".zip" if agent.endswith(".zip") else agent[: len("lerobot:")]
-        return {key: getattr(self, key) for key in _TOLD.get(kind, ()) if getattr(self, key)}
+        return {key: getattr(self, key) for key in _CHECKPOINTS.get(kind, ()) if getattr(self, key)}
 
     @property
     def protocol(self) -> str:

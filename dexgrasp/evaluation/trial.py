@@ -57,8 +57,8 @@ def run_trial(
     except AgentError as error:
         cause = error.__cause__ or error
         outcome.reason = f"agent_error: {type(cause).__name__}"
-        told = isinstance(cause, InputError)  # what is wrong is in its line
-        outcome.error = str(cause) if told else "".join(traceback.format_exception(cause))
+        explained = isinstance(cause, InputError)  # its line says what is wrong
+        outcome.error = str(cause) if explained else "".join(traceback.format_exception(cause))
     # An agent that failed before it reported still bears the report of the trial before.
     if not (outcome.error and agent.report is report_before):
         report = report_of(agent)

@@ -54,7 +54,7 @@ class TrialRunner:
         key = spec.agent, get_protocol(spec.protocol).places
         if key not in self._agents:
             make = placing_agent if key[1] else make_agent
-            self._agents[key] = make(spec.agent, **self.settings.told(spec.agent))
+            self._agents[key] = make(spec.agent, **self.settings.checkpoint_settings(spec.agent))
         return self._agents[key]
 
     def _env(self, spec: TrialSpec) -> Env:

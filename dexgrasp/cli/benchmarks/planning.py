@@ -71,18 +71,18 @@ def _figures(rows: list[Fields]) -> Fields:
         },
         "broken": dict(Counter(name for row in found for name in row["broken"])),
         "failures": dict(Counter(row["failure"] for row in rows if row["failure"])),
-        "seconds": _spread(seconds),
-        "cpu seconds": _spread([row["cpu"] for row in rows]),
+        "seconds": _distribution(seconds),
+        "cpu seconds": _distribution([row["cpu"] for row in rows]),
         "stages, median ms": {
             s: 1000.0 * np.median([row["stages"].get(s, 0.0) for row in found]) for s in stages
         },
-        "closure margin": _spread([row["margin"] for row in found]),
-        "postures tried": _spread([row["tried"] for row in found]),
+        "closure margin": _distribution([row["margin"] for row in found]),
+        "postures tried": _distribution([row["tried"] for row in found]),
         "paper's median over ours": 14.40 / np.median(seconds),
     }  # fmt: skip
 
 
-def _spread(values: Sequence[float]) -> Fields:
+def _distribution(values: Sequence[float]) -> Fields:
     """Return the median with its 95 % bootstrap interval, the 90th percentile and the most; {} without values."""
     if not len(values):
         return {}

@@ -26,8 +26,6 @@ AXES: dict[str, Array] = {
     for sign in "-+"
 }
 """The six directions of the world in DexGraspBench's order."""
-_GRAVITY = 9.81  # m/s^2
-_ROUND_GRAVITY = 10.0  # m/s^2, as the code of DexGraspBench has it
 
 
 @dataclass(frozen=True)
@@ -60,6 +58,8 @@ class GraspProtocol(ABC):
         physics: friction, solver, servo gain.
         most_moved: m.
         most_turned: rad.
+        closing: s from the pregrasp to the grasp, and on to the squeeze.
+        gravity: m/s^2.
         density: of the object, kg/m^3; or its `fixed_mass`, kg.
     """
 
@@ -68,6 +68,8 @@ class GraspProtocol(ABC):
     physics: Physics
     most_moved: float
     most_turned: float
+    closing: tuple[float, float]
+    gravity: float = 9.81
     density: float = 0.0
     fixed_mass: float | None = None
 
@@ -85,12 +87,17 @@ class GraspProtocol(ABC):
         scene.reset(candidate.pregrasp)
         return scene
 
-    def _close(self, scene: FloatingScene, to_grasp: float, to_squeeze: float) -> HandStage:
-        """Close from the pregrasp, which the scene is in, and return the squeeze (times in s)."""
+    def _close(self, scene: FloatingScene) -> HandStage:
+        """Close from the pregrasp, which the scene is in, and return the squeeze."""
         candidate, squeeze = scene.candidate, scene.candidate.squeeze_for(scene.servo_kp)
-        scene.move(candidate.pregrasp, candidate.grasp, to_grasp)
-        scene.move(candidate.grasp, squeeze, to_squeeze)
+        scene.move(candidate.pregrasp, candidate.grasp, self.closing[0])
+        scene.move(candidate.grasp, squeeze, self.closing[1])
         return squeeze
+
+    def _close_under_weight(self, scene: FloatingScene) -> HandStage:
+        """Close on the object while it bears down with its weight, and return the squeeze."""
+        scene.push(self.gravity * scene.mass * AXES["-z"])
+        return self._close(scene)
 
     def _verdict(self, before: Array, after: Array, when: str) -> Verdict:
         """Judge the object's pose `after` against where it should be."""
@@ -112,7 +119,8 @@ class DexGraspBench(GraspProtocol):
     most_turned = math.radians(15.0)
     fixed_mass = 0.1  # kg
     _most_penetration = 0.010  # m
-    _stage = 0.4  # s a stage: 10 x 10 steps of 4 ms
+    closing = (0.4, 0.4)  # 10 x 10 steps of 4 ms each
+    gravity = 10.0  # as its code has it
 
     def _penetrates(self, scene: FloatingScene) -> Verdict | None:
         depth = scene.penetration()
@@ -139,8 +147,8 @@ class DexGraspBenchForceClosure(DexGraspBench):
             scene.reset(candidate.pregrasp)
             if failed := self._penetrates(scene):
                 return failed
-            self._close(scene, self._stage, self._stage)
-            scene.push(_ROUND_GRAVITY * scene.mass * axis)
+            self._close(scene)
+            scene.push(self.gravity * scene.mass * axis)
             for _ in range(10):
                 scene.run(0.2)
                 verdict = self._verdict(candidate.T_world_object, scene.pose(), f"pushed along {name}")
@@ -163,9 +171,8 @@ class DexGraspBenchTabletop(DexGraspBench):
         scene = self._scene(candidate)
         if failed := self._penetrates(scene):
             return failed
-        scene.push(_ROUND_GRAVITY * scene.mass * AXES["-z"])
-        squeeze, up = self._close(scene, self._stage, self._stage), self._lift * AXES["+z"]
-        scene.move(squeeze, squeeze.shifted(up), self._stage)
+        squeeze, up = self._close_under_weight(scene), self._lift * AXES["+z"]
+        scene.move(squeeze, squeeze.shifted(up), 0.4)
         return self._verdict(shifted(candidate.T_world_object, up), scene.pose(), "off after the lift")
 
 
@@ -181,6 +188,7 @@ class FroggerPick(GraspProtocol):
     most_moved = 0.075
     most_turned = math.radians(30.0)
     density = 150.0
+    closing = (0.25, 0.25)
     _lift, _rise, _hold = 0.10, 1.0, 1.5  # m, s, s
     _wait = 0.5  # s before the lift
     _shake_start, _shake = 0.25, 0.003  # s into the lift, m
@@ -189,8 +197,7 @@ class FroggerPick(GraspProtocol):
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
         """Lift and hold; judged all the way."""
         scene = self._scene(candidate)
-        scene.push(_GRAVITY * scene.mass * AXES["-z"])
-        squeeze = self._close(scene, 0.25, 0.25)
+        squeeze = self._close_under_weight(scene)
         scene.run(self._wait)
         verdict = Verdict(True, 1.0)
         for time, offset in self._path():
@@ -225,6 +232,7 @@ class GetAGrip(GraspProtocol):
     most_moved = 0.10
     most_turned = math.radians(45.0)
     density = 500.0
+    closing = (0.15, 0.10)
     _draws, _noise, _tilt = 5, 0.005, math.radians(5.0)  # m and rad, uniform in each of x, y, z
     _least_links = 3
     _lift, _shake = 0.20, 0.03  # m
@@ -246,8 +254,7 @@ class GetAGrip(GraspProtocol):
     def _draw(self, scene: FloatingScene, candidate: Candidate) -> Verdict:
         scene.candidate = candidate
         scene.reset(candidate.pregrasp)
-        scene.push(_GRAVITY * scene.mass * AXES["-z"])
-        squeeze = self._close(scene, 0.15, 0.10)
+        squeeze = self._close_under_weight(scene)
         for start, end in itertools.pairwise(self._targets()):
             scene.move(squeeze.shifted(start), squeeze.shifted(end), self._beat)
         wanted = np.linalg.inv(candidate.grasp.T_world_hand) @ candidate.T_world_object
