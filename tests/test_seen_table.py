@@ -164,7 +164,7 @@ def test_every_lean_is_levelled_alike(degrees, about):
     T = leaning(0.0, degrees, 0.4, about)
     found = look(seen_at(rng, T, *standing(rng, (0.52, 0.0), CARTON)))
     assert found.reason is None
-    assert np.degrees(found.tilt) == pytest.approx(degrees, abs=0.2)
+    assert np.degrees(found.table.lean) == pytest.approx(degrees, abs=0.2)
     assert np.degrees(np.arccos(found.table.normal @ T[:3, 2])) < 0.2
     world = CELL.seeing(found.table).T_world_base
     corner = T[:3, :3] @ [0.55, 0.045, 0.12] + T[:3, 3]  # a corner of the carton, as the robot has it

@@ -181,6 +181,11 @@ def cells_of(points: Array, side: float) -> Index:
     return np.ravel_multi_index(tuple(cells.T), tuple(cells.max(0) + 1))
 
 
+def thinned(points: Array, side: float) -> Index:
+    """Return the indices, in order, of the first of points (M, n) in each cell, `side` m wide."""
+    return np.sort(np.unique(cells_of(points, side), return_index=True)[1])
+
+
 def pad(rows: NDArray[Any], count: int) -> NDArray[Any]:
     """Return `rows` (M, ...) as (count, ...), zeros after the last."""
     padded = np.zeros((count, *rows.shape[1:]), rows.dtype)

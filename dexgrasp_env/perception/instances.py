@@ -254,6 +254,8 @@ def _with_shared(points: Array, labels: Index) -> Index:
 
 def _with_walls(labels: Index, cloud: Cloud, link: float) -> Index:
     """Return labels (M,) in which upright sheets that stand in one row, longer than an object, are one thing."""
+    if longest_side(cloud.points) <= MOST_EXTENT:
+        return labels
     rows = linked(cloud.points, link)
     for row in range(rows.max() + 1):
         own = np.unique(labels[rows == row])

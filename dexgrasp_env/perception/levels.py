@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array, Index, Mask
-from dexgrasp_env.perception.cloud import cells_of
+from dexgrasp_env.perception.cloud import thinned
 from dexgrasp_env.perception.neighbourhoods import local_planes
 from dexgrasp_env.perception.plane import Plane, fit_plane, refine_plane
 from dexgrasp_env.poses import placed
@@ -21,7 +21,7 @@ from dexgrasp_env.poses import placed
 CELL = 0.02
 """m, of the grid on which what a level holds hangs together."""
 STEEPEST = np.radians(60.0)  # of a level that is looked for, to say its angle
-_THIN, _FINE = 0.010, 0.005  # m, sides of cubes: of what is judged, and of what it is averaged over
+_THIN, _FINE = 0.010, 0.005  # m, sides of cubes of which one point each is judged, and averaged over: by area
 _PATCH, _FEW, _THICK = (
     0.022,
     8,
@@ -97,19 +97,13 @@ def _surface(points: Array) -> tuple[Array, float]:
 
     Where two levels meet, a patch of both is thicker than noise: it is left out.
     """
-    thin, some = thinned(points), thinned(points, _FINE)
+    thin, some = points[thinned(points, _THIN)], points[thinned(points, _FINE)]
     middles, normals, residuals = local_planes(thin, some, np.ones(len(some)), _PATCH, _FEW)
     flat = np.abs(normals[:, 2]) > np.cos(STEEPEST)
     if not flat.any():
         return thin, _BAND[1]
     noise = max(float(np.median(residuals[flat])), _LEAST_NOISE)
     return middles[flat & (residuals < _THICK * noise)], float(np.clip(noise, *_BAND))
-
-
-def thinned(points: Array, side: float = _THIN) -> Array:
-    """Return one of points (M, 3) m a cube, `side` m wide, so that a surface counts by its area."""
-    _, first = np.unique(cells_of(points, side), return_index=True)
-    return points[np.sort(first)]
 
 
 def _is_warp(points: Array, plane: Plane) -> bool:
@@ -152,7 +146,7 @@ def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = N
     tables = [one for k, one in enumerate(levels) if not any(_is_top(one, two) for two in levels[:k])]
     if len(tables) < 2:
         return tables[0] if tables else None
-    some = thinned(points) if meant is None or not len(meant) else meant
+    some = points[thinned(points, _THIN)] if meant is None or not len(meant) else meant
     heights = np.array([one.plane.heights(some) for one in tables])
     under = np.array([over(one.floor, some) for one in tables]) & (heights > 0.0)
     gaps = np.where(under, heights, np.inf)

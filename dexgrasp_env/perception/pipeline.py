@@ -45,6 +45,7 @@ from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.perception.selection import TargetSelector, check_reach
 from dexgrasp_env.perception.support import Support, find_support, near_base, table_around
+from dexgrasp_env.poses import inverse, placed
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
 
@@ -164,7 +165,7 @@ def find_object(
             plane=plane, reason=refused.reason, sentence=refused.sentence, neighbours=seen, table=cell.table
         )
     scene = scene_around(above, instances, number, plane, rng, cameras_known=False)
-    return _settled(replace(scene, tilt=support.tilt, boxes=obstacles.boxes, note=obstacles.note), support)
+    return _settled(replace(scene, boxes=obstacles.boxes, note=obstacles.note), support)
 
 
 def _settled(scene: Scene, support: Support) -> Scene:
@@ -187,13 +188,14 @@ def stand_on(
     cloud = cloud.moved(cloud.points + cell.base)
     support = find_support(cloud, rng, cell, (selector or TargetSelector()).meant(cloud))
     clearance = max(_LEAST_CLEARANCE, SIGMAS * support.plane.rms)
-    above = isolate(support.cloud, support.plane, clearance, support.own(own))
+    robot = np.zeros(len(cloud), bool) if own is None else own(placed(inverse(support.T), support.cloud.points))
+    above = isolate(support.cloud.select(~robot), support.plane, clearance)
     above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND_AND_OVER)
-    obstacles = find_obstacles(above.points, support.levels, clearance, support.robot(own))
+    obstacles = find_obstacles(above.points, support.levels, clearance, support.cloud.points[robot])
     return cloud, support, above.select(~obstacles.points), obstacles
 
 
-def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None) -> Cloud:
+def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None = None) -> Cloud:
     """Return the points of a cloud that are neither the table's, `clearance` m high, nor the robot's, nor alone."""
     cloud = remove_plane(cloud, plane, clearance)
     if own is not None:

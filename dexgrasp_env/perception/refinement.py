@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp_env.arrays import Array, Index, Mask
-from dexgrasp_env.perception.cloud import Cloud, cells_of
+from dexgrasp_env.perception.cloud import Cloud, thinned
 from dexgrasp_env.perception.instances import (
     LEAST_EXTENT,
     LEAST_POINTS,
@@ -74,7 +74,8 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances
     labels = _with_splinters(cloud.points, _with_rims(cloud.points, found.labels, heights), heights)
     _, labels = np.unique(labels, return_inverse=True)
     whole = Instances(labels, ("",) * (labels.max(initial=-1) + 1))
-    for k in whole.objects(cloud):
+    odd = {k: may_be_two(cloud.points[labels == k], heights[labels == k]) for k in whole.objects(cloud)}
+    for k in filter(odd.get, odd):
         labels = _by_level(cloud.points, labels, labels == k, heights)
     parted = Instances(labels, ("",) * (labels.max(initial=-1) + 1))
     numbers = parted.objects(cloud)
@@ -85,7 +86,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances
     for k, (points, high) in things.items():
         others = [other for j, (other, _) in things.items() if j != k]
         said = {
-            MAY_BE_TWO: may_be_two(points, high),
+            MAY_BE_TWO: odd.get(k, True) and may_be_two(points, high),
             TOUCHES: any(_touch(points, other) for other in others),
             HIDDEN: k in hidden,
             TOP_ONLY: np.quantile(high, _LOW) > max(_HIGH, _UNSEEN * high.max()),
@@ -147,17 +148,14 @@ def _touch(one: Array, other: Array) -> bool:
     """Return true for points (N, 3) m and (M, 3) that lie against each other."""
     from scipy.spatial import cKDTree
 
-    near = cKDTree(_thinned(one)).query(_thinned(other), distance_upper_bound=_CLOSE)[0] < _CLOSE
+    one, other = (points[thinned(points, _CELL)] for points in (one, other))
+    near = cKDTree(one).query(other, distance_upper_bound=_CLOSE)[0] < _CLOSE
     return bool(near.sum() >= _MEETING)
-
-
-def _thinned(points: Array) -> Array:
-    return points[np.unique(cells_of(points, _CELL), return_index=True)[1]]
 
 
 def deep_share(points: Array) -> float:
     """Return the share of points (N, 3) m that lie deep inside their convex hull."""
-    points = _thinned(points)
+    points = points[thinned(points, _CELL)]
     hull = _hull(points)
     return 0.0 if hull is None else float((_beyond(hull, points) < -_DEEP).mean())
 
@@ -169,8 +167,6 @@ def may_be_two(points: Array, heights: Array) -> bool:
 
 def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index:
     """Return labels (N,) in which what stands on a level top of a thing is another."""
-    if not may_be_two(points[mine], heights[mine]):
-        return labels
     steps = np.floor(heights[mine] / _LEVEL).astype(int)
     counts = np.bincount(steps)
     best, least = labels, _LEFT_DEEP
@@ -206,7 +202,8 @@ def is_hollow(points: Array, heights: Array) -> bool:
     from scipy.spatial import cKDTree
 
     top = np.quantile(heights, 1.0 - _LOW)
-    rim = _thinned(points[heights > top - max(_LOWEST, _RIM * top), :2])
+    rim = points[heights > top - max(_LOWEST, _RIM * top), :2]
+    rim = rim[thinned(rim, _CELL)]
     around, whole, width = _hull(rim), _hull(points[:, :2]), np.ptp(rim, axis=0).min()
     if around is None or width < _NARROWEST or around.volume < _SPREAD * whole.volume:
         return False

@@ -17,6 +17,7 @@ from dexgrasp_env.perception.cloud import (
     Cloud,
     cells_of,
     crop,
+    thinned,
 )
 from dexgrasp_env.perception.levels import Level, choose_level, find_levels
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, refine_plane
@@ -29,10 +30,9 @@ from dexgrasp_env.perception.reasons import (
     UPSIDE_DOWN,
     NoTargetError,
 )
-from dexgrasp_env.perception.robot import Own
-from dexgrasp_env.poses import inverse, placed
+from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.table import LEANING, SeenTable
+from dexgrasp_env.robot.table import SeenTable
 
 _VOXEL = 0.002  # m: denser clouds are thinned to one point a cell
 _ROOM = 2.0  # m around the base: what is farther is no business of the arm
@@ -74,22 +74,6 @@ class Support(NamedTuple):
     T: Array
     levels: tuple[Level, ...]
 
-    @property
-    def tilt(self) -> float:
-        """Angle by which the table leaned, rad; 0 where it is next to nothing."""
-        lean = 0.0 if self.cell.table is None else self.cell.table.lean
-        return lean if lean > LEANING else 0.0
-
-    def own(self, own: Own | None) -> Own | None:
-        """Return what tells the robot's points of `cloud`, from what tells those of the cloud that came in."""
-        back = inverse(self.T)
-        return own and (lambda points: own(placed(back, points)))
-
-    def robot(self, own: Own | None) -> Array:
-        """Return the robot's points (K, 3) m of `cloud`."""
-        known, points = self.own(own), self.cloud.points
-        return points[known(points)] if known else points[:0]
-
 
 def near_base(cloud: Cloud) -> Cloud:
     """Return what is around the base, thinned to one point a voxel, the first of each.
@@ -102,10 +86,10 @@ def near_base(cloud: Cloud) -> Cloud:
     if np.median(np.abs(cloud.points).max(axis=1)) > _LARGEST:
         raise NoTargetError(UNIT, f"median distance from the base {np.median(np.abs(cloud.points)):.0f}")
     cloud = crop(cloud, (-_ROOM,) * 3, (_ROOM,) * 3)
-    _, first = np.unique(cells_of(cloud.points, _VOXEL), return_index=True)
-    if len(first) < MIN_POINTS:
-        raise NoTargetError(EMPTY, f"{len(first)} points within {_ROOM:g} m of the base")
-    return cloud.select(np.sort(first))
+    cloud = cloud.select(thinned(cloud.points, _VOXEL))
+    if len(cloud) < MIN_POINTS:
+        raise NoTargetError(EMPTY, f"{len(cloud)} points within {_ROOM:g} m of the base")
+    return cloud
 
 
 def find_support(cloud: Cloud, rng: Generator, cell: Cell, meant: Mask | None = None) -> Support:
@@ -148,11 +132,13 @@ def table_around(support: Support, target: Array) -> SeenTable:
 
     points, heights = support.cloud.points, support.cloud.points[:, 2]
     flat, standing = points[np.abs(heights) < TOLERANCE], points[(heights > TOLERANCE) & (heights < _FOOT)]
-    squares = _averaged(flat)
+    free = flat
     if len(standing):
         feet = cKDTree(standing[:, :2]).query(flat[:, :2], distance_upper_bound=_BESIDE_FOOT)[0]
-        free = _averaged(flat[feet == np.inf])
-        squares = free if len(free) > _FEW_SQUARES else squares
+        free = flat[feet == np.inf]
+    squares = _averaged(free)
+    if len(squares) <= _FEW_SQUARES:
+        squares = _averaged(flat)
     away = np.linalg.norm(squares[:, :2] - middle(target)[:2], axis=1)
     squares = squares[np.argsort(away, kind="stable")[:_MOST_SQUARES]]
     held = squares
