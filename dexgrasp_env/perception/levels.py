@@ -7,10 +7,11 @@ show, and only where what is held hangs together.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.perception.cloud import thinned
@@ -39,6 +40,40 @@ _OBJECT_TOP = (0.05, 0.09)  # m that it is higher than a level at least, and m2 
 _STANDS, _HIGHEST = 0.012, 0.30  # m above a level from where, and up to where, what is there stands on it
 _LEVEL = np.radians(3.0)
 _LIKELIER = 1.5  # times that a level surface counts, to one that leans
+
+
+class Raster(NamedTuple):
+    """Cells of the table as an image.
+
+    Attributes:
+        low: (2,) the cell of its first pixel.
+        image: (W, H) True where a cell is.
+    """
+
+    low: Index
+    image: Mask
+
+    @classmethod
+    def of(cls, cells: Index, border: int = 0) -> "Raster":
+        """Return the image of cells (K, 2), with so many empty ones around."""
+        low = cells.min(0) - border
+        image = np.zeros(np.ptp(cells, axis=0) + 2 * border + 1, bool)
+        image[tuple((cells - low).T)] = True
+        return cls(low, image)
+
+    def at(self, image: NDArray[Any], cells: Index) -> NDArray[Any]:
+        """Return what an image of the same size holds at cells (K, 2)."""
+        return np.asarray(image[tuple((cells - self.low).T)])
+
+    def cells(self, image: Mask) -> Index:
+        """Return the cells (K, 2) where an image of the same size is True."""
+        return np.argwhere(image) + self.low
+
+    def pieces(self) -> Index:
+        """Return the image of the number, from 1 on, of the connected piece that each pixel is of; 0 for none."""
+        from scipy.ndimage import label
+
+        return np.asarray(label(self.image, np.ones((3, 3)))[0])
 
 
 class Level(NamedTuple):
@@ -113,24 +148,22 @@ def _is_warp(points: Array, plane: Plane) -> bool:
 
 def _connected(points: Array, near: Mask, plane: Plane, band: float) -> tuple[Level | None, Mask]:
     """Return the level of the largest pieces of a plane, None where none is wide, and what it holds (M,)."""
-    from scipy.ndimage import binary_closing, binary_fill_holes, label
+    from scipy.ndimage import binary_closing, binary_fill_holes
 
     cells = cells_at(points[near])
-    low = cells.min(0) - _SHADOW
-    grid = np.zeros(np.ptp(cells, axis=0) + 2 * _SHADOW + 1, bool)
-    grid[tuple((cells - low).T)] = True
-    pieces, count = label(grid, np.ones((3, 3)))
-    sizes = np.bincount(pieces.ravel(), minlength=count + 1)
+    raster = Raster.of(cells, _SHADOW)
+    pieces = raster.pieces()
+    sizes = np.bincount(pieces.ravel())
     sizes[0] = 0
-    kept = np.isin(pieces, np.flatnonzero(sizes >= _SHARE * sizes.max()) if count else [])
+    kept = (sizes >= _SHARE * sizes.max())[pieces] & raster.image
     held = near.copy()
-    held[near] = kept[tuple((cells - low).T)]
+    held[near] = raster.at(kept, cells)
     whole = refine_plane(points[held], plane.normal, plane.offset, band, 60)
     largest = np.argwhere(pieces == sizes.argmax())
     if whole is None or np.ptp(largest, axis=0).min() * CELL < _WIDE:
         return None, near
     floor = binary_fill_holes(binary_closing(kept, np.ones((3, 3)), _SHADOW))
-    return Level(whole, np.argwhere(kept) + low, np.argwhere(floor) + low), held
+    return Level(whole, raster.cells(kept), raster.cells(floor)), held
 
 
 def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = None) -> Level | None:
@@ -164,9 +197,9 @@ def _is_top(one: Level, lower: Level) -> bool:
     return bool(rise > _OBJECT_TOP[0]) and one.area < _OBJECT_TOP[1]
 
 
-def cells_at(points: Array) -> Index:
-    """Return the cells (M, 2) of points (M, 2 or 3) m."""
-    return np.floor(points[:, :2] / CELL).astype(np.int64)
+def cells_at(points: Array, side: float = CELL) -> Index:
+    """Return the cells (M, 2), `side` m wide, of points (M, 2 or 3) m."""
+    return np.floor(points[:, :2] / side).astype(np.int64)
 
 
 def over(floor: Index, points: Array) -> Mask:
@@ -174,7 +207,7 @@ def over(floor: Index, points: Array) -> Mask:
     cells = cells_at(points)
     if not len(cells) or not len(floor):
         return np.zeros(len(cells), bool)
-    low, high = np.minimum(floor.min(0), cells.min(0)), np.maximum(floor.max(0), cells.max(0))
-    grid = np.zeros(high - low + 1, bool)
-    grid[tuple((floor - low).T)] = True
-    return np.asarray(grid[tuple((cells - low).T)])
+    raster = Raster.of(floor)
+    inside = ((cells >= raster.low) & (cells - raster.low < raster.image.shape)).all(1)
+    inside[inside] = raster.at(raster.image, cells[inside])
+    return inside
