@@ -12,17 +12,8 @@ from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.perception.levels import CELL, Level, Raster, cells_at, over
 from dexgrasp_env.perception.neighbourhoods import linked
 
-_LARGE = 0.35  # m, the longer side of a level that is no object's
-_HIGH = 0.25  # m above the table, higher than hands reach past: from there on things may hang
-_LINKED, _TOUCHES = 0.03, 0.02  # m between points of one thing that hangs, and of it and the robot
-_ON_ROBOT = "what hangs where the robot stands is taken for a part of the robot, and is no obstacle"
-_AIR = 0.08  # m between what hangs and what is below it
-_SEEN_BELOW = 0.15  # share of cells below which the table is seen
-_HIGHER = 0.004  # m above the table that a level in the way is
-_FILLED = 0.3  # of a level's usual points that its cells hold
 _MORE = 0.003  # m that boxes reach beyond what is seen
 _SQUARE = 0.04  # m, side of the columns of what hangs, which is seen thinly
-_LEVEL, _THICK = 0.004, 0.02  # m by which columns of one box may differ in height, of levels and of what hangs
 
 
 class Obstacles(NamedTuple):
@@ -52,17 +43,20 @@ def find_obstacles(points: Array, levels: Sequence[Level], within: float, robot:
     for one in levels[1:]:
         whole = _reaching(one, points, within)
         tops = whole.top(whole.cells)
-        if np.ptp(whole.cells, axis=0).max() * CELL > _LARGE and tops.max() > _HIGHER:
-            boxes += _boxes(whole.cells, CELL, np.zeros(len(tops)), tops, _LEVEL)
+        if (
+            np.ptp(whole.cells, axis=0).max() * CELL > 0.35 and tops.max() > 0.004
+        ):  # m; smaller is an object's
+            boxes += _boxes(whole.cells, CELL, np.zeros(len(tops)), tops, 0.004)
             held |= over(whole.cells, points) & (whole.plane.heights(points) < within)
     hangs = _hanging(points, levels[0]) & ~held
     if hangs.any():
-        high, pieces = points[hangs], linked(points[hangs], _LINKED)
+        high, pieces = points[hangs], linked(points[hangs], 0.03)
         on_robot = np.isin(pieces, pieces[_near(high, robot)])
-        note = _ON_ROBOT if on_robot.any() else ""
+        if on_robot.any():
+            note = "what hangs where the robot stands is taken for a part of the robot, and is no obstacle"
         if not on_robot.all():
             cells, lows, tops = _columns(high[~on_robot], _SQUARE)
-            boxes += _boxes(cells, _SQUARE, lows - _MORE, tops, _THICK)
+            boxes += _boxes(cells, _SQUARE, lows - _MORE, tops, 0.02)
     return Obstacles(tuple(boxes), held | hangs, note)
 
 
@@ -81,7 +75,7 @@ def _near(points: Array, robot: Array) -> Mask:
 
     if not len(robot):
         return np.zeros(len(points), bool)
-    return np.isfinite(cKDTree(robot).query(points, distance_upper_bound=_TOUCHES)[0])
+    return np.isfinite(cKDTree(robot).query(points, distance_upper_bound=0.02)[0])
 
 
 def _reaching(level: Level, points: Array, within: float) -> Level:
@@ -89,7 +83,7 @@ def _reaching(level: Level, points: Array, within: float) -> Level:
     near = cells_at(points[np.abs(level.plane.heights(points)) < within])
     near, count = np.unique(near, axis=0, return_counts=True)
     if len(near):  # noise at its rim fills cells but little
-        near = near[count > _FILLED * np.median(count)]
+        near = near[count > 0.3 * np.median(count)]
     raster = Raster.of(np.concatenate([near, level.cells]))
     pieces = raster.pieces()
     return level._replace(cells=raster.cells(np.isin(pieces, raster.at(pieces, level.cells))))
@@ -99,14 +93,14 @@ def _hanging(points: Array, table: Level) -> Mask:
     """Return which points (M, 3) hang: there is air below them in their cell, and around there the table is seen."""
     from scipy.ndimage import binary_erosion
 
-    high = points[:, 2] > _HIGH
+    high = points[:, 2] > 0.25  # m: hands reach past lower things
     if not high.any():
         return high
     cells, row = np.unique(cells_at(points), axis=0, return_inverse=True)
     below, above = np.zeros(len(cells)), np.full(len(cells), np.inf)
     np.maximum.at(below, row[~high], points[~high, 2])
     np.minimum.at(above, row[high], points[high, 2])
-    free = np.isfinite(above) & (above - below > _AIR)
+    free = np.isfinite(above) & (above - below > 0.08)
     if not free.any():
         return free[row]
     raster, piece = Raster.of(cells[free]), np.zeros(len(cells), np.int64)
@@ -115,11 +109,13 @@ def _hanging(points: Array, table: Level) -> Mask:
     inner[free] = raster.at(binary_erosion(raster.image, np.ones((3, 3))), cells[free])
     seen = over(table.cells, (cells + 0.5) * CELL) & inner
     share = np.bincount(piece, seen) / np.maximum(np.bincount(piece, inner), 1)
-    return np.asarray(high & (free & (share > _SEEN_BELOW)[piece])[row])
+    return np.asarray(high & (free & (share > 0.15)[piece])[row])
 
 
 def _boxes(cells: Index, side: float, lows: Array, tops: Array, alike: float) -> Iterator[Array]:
-    """Yield the corners (8, 3) m of boxes over cells (K, 2) from heights (K,) m to heights: of runs that are alike."""
+    """Yield the corners (8, 3) m of boxes over cells (K, 2) from heights (K,) m to heights: of runs that are as high,
+    within `alike` m.
+    """
     order = np.lexsort((cells[:, 1], cells[:, 0]))
     cells, lows, tops = cells[order], lows[order], tops[order]
     apart = (np.diff(cells[:, 0]) != 0) | (np.diff(cells[:, 1]) != 1) | (np.abs(np.diff(tops)) > alike)

@@ -188,7 +188,9 @@ def stand_on(
     cloud = cloud.moved(cloud.points + cell.base)
     support = find_support(cloud, rng, cell, (selector or TargetSelector()).meant(cloud))
     clearance = max(_LEAST_CLEARANCE, SIGMAS * support.plane.rms)
-    robot = np.zeros(len(cloud), bool) if own is None else own(placed(inverse(support.T), support.cloud.points))
+    robot = (
+        np.zeros(len(cloud), bool) if own is None else own(placed(inverse(support.T), support.cloud.points))
+    )
     above = isolate(support.cloud.select(~robot), support.plane, clearance)
     above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND_AND_OVER)
     obstacles = find_obstacles(above.points, support.levels, clearance, support.cloud.points[robot])
