@@ -69,7 +69,7 @@ def test_drawings_of_nothing_and_of_a_line(tmp_path):
     line = np.linspace([0.4, 0.0, 0.1], [0.5, 0.0, 0.1], 5)
     for drawing in (
         Drawing({}, np.zeros((0, 3))),
-        Drawing({"1: a line": line}, line, around=[line], title="a line"),
+        Drawing({"1: a line": line}, line, title="a line"),
     ):
         assert scene_picture(tmp_path / "a.png", drawing).stat().st_size > 1000
 

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from dexgrasp_env.perception.selection import TargetSelector
     from dexgrasp_env.robot.cell import Cell
 
-_DRAWN = 20_000  # points of a cloud in which nothing was found
-_HAND = 0.04  # m beside the object that fingers need
-_LEVEL = 0.99  # cosine of the angle between tables that both pass for level
 _BESIDE = 0.15  # m from the object within which it is said what stands there
 
 
@@ -82,7 +79,7 @@ class Scan(Options):
         if self.pose is None or self.camera_pose is None:
             return ""
         words, other = next(misread_poses(self.pose, self.camera_pose))
-        likely = "xyzw" in words and other[2, :3] @ self.pose[2, :3] > _LEVEL
+        likely = "xyzw" in words and other[2, :3] @ self.pose[2, :3] > 0.99
         return (
             "warning: --camera-pose is read as x y z qw qx qy qz; ROS's order, w last, would be level too"
             if likely
@@ -182,7 +179,7 @@ def blocking_lines(scene: "Scene", seen: "list[DetectedObject]", found: "PlanRes
     for words, alone, apart in (*around, ("what is no object", replace(scene, neighbours=()), inf)):
         if raised_into(replace(found.target, neighbours=neighbours_of(alone)), RAISED) > 0.0:
             over.append(f"in the way of lifting it straight up: {words}: take that away first")
-        elif apart < _HAND:
+        elif apart < 0.04:  # m that fingers need
             beside.append(f"perhaps too near for the hand: {words}, {100 * apart:.1f} cm away")
     return over or beside
 
@@ -209,7 +206,7 @@ def draw_scan(
         clouds = [one.points for one in (scene.target, *scene.neighbours) if len(one)]
         rest = scene.rest.points
         if not clouds:  # all that there is
-            rest = placed(cell.T_world_base, scan.points[:: max(1, len(scan) // _DRAWN)])
+            rest = placed(cell.T_world_base, scan.points[:: max(1, len(scan) // 20_000)])
         scene_picture(
             path,
             Drawing(
@@ -217,7 +214,6 @@ def draw_scan(
                 rest,
                 scene.plane,
                 None if target is None else target.distance.triangles,
-                () if target is None else [corners for parts in target.neighbours for corners in parts],
                 {} if grasp is None else {"hand, where it grasps": hand_triangles(cell, grasp.q)},
                 scene.sentence or (found and found.reason) or ("a grasp" if grasp else ""),
             ),

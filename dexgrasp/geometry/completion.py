@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from dexgrasp.geometry.completion_network import CompletionNetwork, shipped_network
-from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
 from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
 from dexgrasp.geometry.hull import cloud_corners, trim_extremes
 from dexgrasp.geometry.target import PART_FACES, GraspTarget, Spread
 from dexgrasp.geometry.visible_side import ONE_SIDED, UNIT, WRITTEN, VisibleSide, one_sidedness
@@ -58,7 +58,7 @@ def target_of(scene: Scene, mass: float | None = None, parts: int = MOST_PARTS) 
 
 
 def _nearest_guess(cloud: ObjectCloud, plane: Plane) -> ConvexDistance | None:
-    """Return the least that an object may be: the hull of what was seen, with walls straight down, None if it is flat."""
+    """Return the least that an object may be, what was seen with walls straight down; None if it is flat."""
     points = trim_extremes(cloud.points, plane.rms)
     plane = replace(plane, offset=plane.offset + cloud.foot)
     feet = points - plane.heights(points)[:, None] * plane.normal

@@ -162,9 +162,7 @@ def scene_of(
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
     cell = cell or default_cell()
     data = posed(compiled_robot(cell), cell.robot.home if start is None else start)
-    return find_object(
-        cloud, np.random.default_rng(seed), cell, selector=selector, own=_shape(cell).at(data)
-    )
+    return find_object(cloud, np.random.default_rng(seed), cell, selector=selector, own=_shape(cell).at(data))
 
 
 @lru_cache(maxsize=8)

@@ -10,14 +10,12 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
-from dexgrasp_env.poses import rigid
+from dexgrasp_env.poses import least_turn, rigid
 
 TOLERANCE = 0.010  # m within which points are the table's
 _TILT = np.radians(8.0)  # steeper hypotheses are dropped
-_HYPOTHESES, _SAMPLES = 64, 1500  # triples tried, points on which they are scored
-_LEAST_CLEARANCE = 0.002  # m
+_SAMPLES = 1500  # points on which hypotheses are scored
 _COMMON = 0.012  # m: points of a view this close to the plane of all views count as table
-_LEAST_VIEW = 100  # points: a view with fewer of them stays as it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +59,7 @@ class Plane:
 
 def fit_plane(
     points: Array, rng: np.random.Generator, *, off: float = 0.05, min_inliers: int = 200, tilt: float = _TILT,
-    within: float | None = None, triples: int = _HYPOTHESES,
+    within: float | None = None, triples: int = 64,
 ) -> Plane | None:  # fmt: skip
     """Fit the table by RANSAC (Fischler and Bolles 1981) and least squares on its inliers.
 
@@ -141,7 +139,7 @@ def table_clearance(plane: Plane, depth: Array, reference: float, sigmas: float)
         reference: depth at which the noise is that RMS, see `noise_depth`.
         sigmas: how much of the noise's tail is table.
     """
-    return np.maximum(_LEAST_CLEARANCE, sigmas * plane.rms * (depth / reference) ** 2)
+    return np.maximum(0.002, sigmas * plane.rms * (depth / reference) ** 2)
 
 
 def view_corrections(cloud: Cloud, plane: Plane, views: int) -> Array:
@@ -156,7 +154,7 @@ def view_corrections(cloud: Cloud, plane: Plane, views: int) -> Array:
     table = np.abs(plane.heights(cloud.points)) < _COMMON
     for k in range(views):
         own = cloud.points[table & (cloud.camera == k)]
-        fit = refine_plane(own, plane.normal, plane.offset, _COMMON, _LEAST_VIEW)
+        fit = refine_plane(own, plane.normal, plane.offset, _COMMON, 100)
         if fit is not None:
             corrections[k] = _onto(fit, plane, own.mean(0))
     return corrections
@@ -172,9 +170,7 @@ def level_views(cloud: Cloud, corrections: Array) -> Cloud:
 
 
 def _onto(own: Plane, common: Plane, centre: Array) -> Array:
-    """Return the pose (4, 4) that lays a plane into a nearby one by the smallest turn (Rodrigues), about a point."""
+    """Return the pose (4, 4) that lays a plane into a nearby one by the smallest turn about a point."""
     pivot = centre - own.heights(centre) * own.normal
-    v = np.cross(own.normal, common.normal)
-    K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    R = np.eye(3) + K + K @ K / (1.0 + own.normal @ common.normal)
+    R = least_turn(own.normal, common.normal)
     return rigid(R, pivot - common.heights(pivot) * common.normal - R @ pivot)
