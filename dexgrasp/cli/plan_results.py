@@ -55,8 +55,9 @@ def describe(result: Fields, unseen: str = "") -> str:
         found = coloured("grasp found that does not bear the assumed weight", "look")
     figures = figures_of(result["certificate"])
     if (known := result["grasp"]["holds_probability"]) is not None:
-        chances = f"{_chance(known['lifted'])}, {_chance(known['pushed'])}"
-        figures["probability to be lifted and held, and pushed by its weight"] = chances
+        figures["probability to be lifted and held"] = _chance(known["lifted"])
+        if not known["guessed"]:  # with a side that no camera saw it is not calibrated
+            figures["probability to be pushed by its weight as well"] = _chance(known["pushed"])
     hidden = [result["hidden_side"]] if "hidden_side" in result else []
     return "\n  ".join([f"{name}: {found} in {seconds}", *columns(figures), *hidden])
 

@@ -59,11 +59,10 @@ def target_of(scene: Scene, mass: float | None = None, parts: int = MOST_PARTS) 
 
 def _nearest_guess(cloud: ObjectCloud, plane: Plane) -> ConvexDistance | None:
     """Return the least that an object may be, what was seen with walls straight down; None if it is flat."""
-    points = trim_extremes(cloud.points, plane.rms)
     plane = replace(plane, offset=plane.offset + cloud.foot)
-    feet = points - plane.heights(points)[:, None] * plane.normal
+    feet = cloud.points - plane.heights(cloud.points)[:, None] * plane.normal
     with suppress(InputError):
-        return ConvexDistance.from_points(np.concatenate([points, feet]), PART_FACES)
+        return ConvexDistance.from_points(np.concatenate([cloud.points, feet]), PART_FACES)
     return None
 
 
