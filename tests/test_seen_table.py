@@ -157,7 +157,7 @@ def test_a_table_elsewhere_is_said_with_both_figures():
     assert look(seen_at(rng, leaning(0.07), *shown)).reason == reasons.TABLE_HEIGHT
 
 
-@pytest.mark.parametrize("degrees", [2.0, 2.5, 2.9, 3.2, 6.0])
+@pytest.mark.parametrize("degrees", [2.5, 6.0])
 @pytest.mark.parametrize("about", [AMID, np.zeros(3)])
 def test_every_lean_is_levelled_alike(degrees, about):
     rng = np.random.default_rng(int(10 * degrees))
@@ -215,7 +215,7 @@ def test_the_table_is_the_plane_under_the_object(scene, noise):
     rng = np.random.default_rng(11)
     surfaces, height = scene(rng)
     points = seen_at(rng, leaning(0.0), *surfaces, noise=noise)
-    for seed in range(4):
+    for seed in range(2):
         table = look(points, seed, near=(0.5, 0.05, 0.08)).table
         assert table is not None
         above = table.height(np.array([0.5, 0.05])) - height
@@ -223,9 +223,8 @@ def test_the_table_is_the_plane_under_the_object(scene, noise):
         assert np.degrees(table.lean) < 0.3
 
 
-@pytest.mark.parametrize("noise", [0.001, 0.0025])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-@pytest.mark.parametrize("step", [0.01, 0.03])
+@pytest.mark.parametrize(("step", "noise"), [(0.01, 0.0025), (0.03, 0.001)])
 def test_a_table_of_two_levels_is_not_bridged(step, side, noise):
     """The carton stands on the lower half or on the upper one."""
     rng, place = np.random.default_rng(8), (0.5, 0.15 * side)
@@ -289,15 +288,12 @@ def test_what_is_pointed_at_tells_which_level_is_the_table():
 )
 def test_given_clouds_are_planned_clear_of_their_table(name, height, lean):
     points = read_scan(GIVEN / f"{name}.ply")
-    tables = [find_object(points, np.random.default_rng(seed), CELL).table for seed in range(3)]
-    for table in tables:
-        assert -0.001 < table.height(AMID[:2]) - height < 0.004
-        assert np.degrees(table.lean) == pytest.approx(lean, abs=0.2)
+    table = find_object(points, np.random.default_rng(0), CELL).table
+    assert -0.001 < table.height(AMID[:2]) - height < 0.004
+    assert np.degrees(table.lean) == pytest.approx(lean, abs=0.2)
     content = file_of(points)
     assert [check.name for check in verify(record_of(content)) if not check.holds] == []
-    squares = partial(np.percentile, q=50)
-    seen = np.array(tables[0].points)
-    T = np.eye(4)
-    T[2, 3] = squares(seen[:, 2]) if lean < 1.0 else 0.0
     if lean < 1.0:
+        T = np.eye(4)
+        T[2, 3] = np.median(table.points[:, 2])
         assert height_over(content, T) > 0.0
