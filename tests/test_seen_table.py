@@ -16,11 +16,14 @@ from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.planned_record import Origin, grasp_json, planned_record
 from dexgrasp.grasp.record import as_json
 from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp_env.perception import reasons
 from dexgrasp_env.perception.pipeline import find_object
 from dexgrasp_env.perception.scan import cloud_of, read_scan
 from dexgrasp_env.perception.selection import TargetSelector
+from dexgrasp_env.robot.model import compiled_robot, robot_spec
+from dexgrasp_env.robot.table import SeenTable
 
 CLOUDS = [folder / "shared" / "cases" / "clouds" for folder in Path(__file__).parents]
 GIVEN = next((folder for folder in CLOUDS if folder.is_dir()), CLOUDS[0])
@@ -143,6 +146,18 @@ def test_a_trajectory_is_checked_against_the_table_that_was_seen(tmp_path):
     checks = {check.name: check.holds for check in check_trajectory(recording, CELL)}
     assert checks["robot to the points of the table that were seen (m)"]
     assert all(checks.values())
+
+
+def test_the_robot_at_a_seen_table_is_the_one_that_would_be_compiled_there():
+    rng = np.random.default_rng(1)
+    T = leaning(0.02, 3.0, 0.5)
+    there = CELL.seeing(SeenTable.of(flat(rng, (0.4, -0.1), (0.6, 0.1)) @ T[:3, :3].T + T[:3, 3]))
+    fresh, moved = robot_spec(there).compile(), compiled_robot(there)
+    for name in ("body_pos", "body_quat", "geom_pos", "geom_quat", "site_pos", "jnt_axis"):
+        np.testing.assert_array_equal(getattr(moved, name), getattr(fresh, name))
+    tree, before = robot_tree(there), robot_tree(CELL)
+    assert not np.array_equal(tree.rotation[0], before.rotation[0])
+    np.testing.assert_array_equal(tree.rotation[1:], before.rotation[1:])
 
 
 def test_a_table_elsewhere_is_said_with_both_figures():

@@ -192,6 +192,6 @@ def over(floor: Index, points: Array) -> Mask:
     if not len(cells) or not len(floor):
         return np.zeros(len(cells), bool)
     raster = Raster.of(floor)
-    inside = ((cells >= raster.low) & (cells - raster.low < raster.image.shape)).all(1)
+    inside = np.asarray(((cells >= raster.low) & (cells - raster.low < raster.image.shape)).all(1))
     inside[inside] = raster.at(raster.image, cells[inside])
     return inside

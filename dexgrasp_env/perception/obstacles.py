@@ -107,7 +107,7 @@ def _hanging(points: Array, table: Level) -> Mask:
     piece[free] = raster.at(raster.pieces(), cells[free])
     inner = free.copy()  # beside what is solid the table is seen as well
     inner[free] = raster.at(binary_erosion(raster.image, np.ones((3, 3))), cells[free])
-    seen = over(table.cells, (cells + 0.5) * CELL) & inner
+    seen = over(table.cells, np.asarray((cells + 0.5) * CELL, np.float64)) & inner
     share = np.bincount(piece, seen) / np.maximum(np.bincount(piece, inner), 1)
     return np.asarray(high & (free & (share > 0.15)[piece])[row])
 
