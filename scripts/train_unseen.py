@@ -101,7 +101,7 @@ def example(scene: Scene, hull: Array, mirror: bool) -> tuple[Array, Array]:
     """Return features (391,) and what the support of the seen side lacks (361,), in units of `OUTPUT`."""
     side = _MIRROR if mirror else np.ones(3)
     assert scene.plane is not None
-    plane = Plane(scene.plane.normal * side, scene.plane.offset, scene.plane.rms, 0)
+    plane = Plane(scene.plane.normal * side, scene.plane.offset, scene.plane.rms)
     view = VisibleSide.of(scene.target.points * side, scene.target.normals * side, plane)
     whole = (((hull * side - view.origin) @ view.R.T / UNIT) @ WRITTEN.T).max(0)
     return view.features(), (whole - view.seen()) * UNIT / OUTPUT

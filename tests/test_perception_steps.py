@@ -85,7 +85,7 @@ def test_levelling_undoes_tilt_and_height_of_a_view():
     wrong = true.copy()
     tilt = trimesh.transformations.rotation_matrix(np.radians(0.3), [1, 0.5, 0], [1.0, 0.4, 0.5])[:3, :3]
     wrong[5001:] = (true[5001:] - [1, 0.4, 0.5]) @ tilt.T + [1, 0.4, 0.501]
-    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0, 100)
+    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0)
     cloud = as_cloud(wrong, camera)
     level = level_views(cloud, view_corrections(cloud, plane, 2)).points
     assert np.abs(level[:5001] - true[:5001]).max() < 1e-9
@@ -175,7 +175,7 @@ def test_downsampling_is_even_exact_in_number_and_seeded():
 
 
 def test_hull_reaches_the_table_and_forgets_noise():
-    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0, 100)
+    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0)
     box = trimesh.creation.box([0.05, 0.05, 0.1])
     surface = box.sample(4000, seed=0) + np.array([0, 0, 0.05])
     seen = surface[surface[:, 2] > 0.005]

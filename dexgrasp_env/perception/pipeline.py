@@ -33,9 +33,7 @@ from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
     level_views,
-    noise_depth,
     refine_plane,
-    remove_plane,
     table_clearance,
     view_corrections,
 )
@@ -88,7 +86,7 @@ def segment(
     table = level_views(sparse, corrections)
     plane = refine_plane(table.points, plane.normal, plane.offset) or plane
     found = level_views(crop(everything, WORKSPACE_LOW, WORKSPACE_HIGH), corrections)
-    clearance = table_clearance(plane, found.depth, noise_depth(table, plane), SIGMAS)
+    clearance = table_clearance(plane, table, found.depth, SIGMAS)
     above = isolate(found, plane, clearance, own)
     instances, number = _selected(above, selector or TargetSelector(), plane)
     return replace(scene_around(above, instances, number, plane, rng), cameras=poses)
@@ -186,7 +184,7 @@ def stand_on(
 
 def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None = None) -> Cloud:
     """Return the points of a cloud that are neither the table's, `clearance` m high, nor the robot's, nor alone."""
-    cloud = remove_plane(cloud, plane, clearance)
+    cloud = cloud.select(plane.heights(cloud.points) > clearance)
     if own is not None:
         cloud = cloud.select(~own(cloud.points))
     return remove_outliers(cloud)

@@ -26,13 +26,11 @@ class Plane:
         normal: (3,) unit, upwards.
         offset: metres.
         rms: RMS distance of the points it was fitted to, metres; a measure of the sensor's noise.
-        inliers: their number.
     """
 
     normal: Array
     offset: float
     rms: float
-    inliers: int
 
     @staticmethod
     def to_array(plane: "Plane | None") -> Array:
@@ -41,11 +39,11 @@ class Plane:
 
     @classmethod
     def from_array(cls, values: Array) -> "Plane | None":
-        """Return what `to_array` (5,) was made of, but for the number of inliers; None for no plane."""
+        """Return what `to_array` (5,) was made of; None for no plane."""
         values = np.asarray(values, dtype=float)
         if np.linalg.norm(values[:3]) < 0.5:
             return None
-        return cls(values[:3], float(values[3]), float(values[4]), 0)
+        return cls(values[:3], float(values[3]), float(values[4]))
 
     def placed(self, T: Array) -> "Plane":
         """Return it in a frame in which its own has pose `T` (4, 4)."""
@@ -105,7 +103,7 @@ def refine_plane(
             return None
         normal, offset, rms = _least_squares(inliers)
         tolerance = min(tolerance, max(3.0 * rms, 5e-4))
-    return Plane(normal, offset, rms, len(inliers))
+    return Plane(normal, offset, rms)
 
 
 def _least_squares(points: Array) -> tuple[Array, float, float]:
@@ -116,29 +114,19 @@ def _least_squares(points: Array) -> tuple[Array, float, float]:
     return normal, float(normal @ centre), float(np.sqrt(max(values[0], 0.0)))
 
 
-def remove_plane(cloud: Cloud, plane: Plane, clearance: float | Array) -> Cloud:
-    """Return the points more than `clearance` metres, one or one each (M,), above the plane."""
-    return cloud.select(plane.heights(cloud.points) > clearance)
-
-
-def noise_depth(cloud: Cloud, plane: Plane) -> float:
-    """Return the depth, metres, at which the noise is the plane's RMS.
+def table_clearance(plane: Plane, cloud: Cloud, depth: Array, sigmas: float) -> Array:
+    """Return the heights (M,) m below which points may be table noise.
 
     Noise grows with depth^2, so the RMS over the table is that at the root mean fourth power of its depths.
-    """
-    table = cloud.depth[np.abs(plane.heights(cloud.points)) < TOLERANCE]
-    return float((table**4).mean() ** 0.25) if len(table) else 1.0
-
-
-def table_clearance(plane: Plane, depth: Array, reference: float, sigmas: float) -> Array:
-    """Return the heights (M,) m below which points may be table noise.
 
     Args:
         plane: the table with its RMS.
-        depth: (M,) m, of the points.
-        reference: depth at which the noise is that RMS, see `noise_depth`.
+        cloud: points of it, and others.
+        depth: (M,) m, of the points that are judged.
         sigmas: how much of the noise's tail is table.
     """
+    table = cloud.depth[np.abs(plane.heights(cloud.points)) < TOLERANCE]
+    reference = float((table**4).mean() ** 0.25) if len(table) else 1.0
     return np.maximum(0.002, sigmas * plane.rms * (depth / reference) ** 2)
 
 

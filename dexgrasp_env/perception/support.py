@@ -98,7 +98,7 @@ def find_support(cloud: Cloud, rng: Generator, cell: Cell, meant: Mask | None = 
         raise NoTargetError(TABLE_HEIGHT, f"found at z = {at:.3f} m, the cell has {cell.table_height:g} m")
     there = cell.seeing(seen)
     T = there.T_world_base @ cell.T_base_world
-    level = Plane(np.array([0.0, 0.0, 1.0]), 0.0, plane.rms, plane.inliers)
+    level = Plane(np.array([0.0, 0.0, 1.0]), 0.0, plane.rms)
     return Support(
         cloud.moved(placed(T, cloud.points)), level, there, T, tuple(one.placed(T) for one in levels)
     )

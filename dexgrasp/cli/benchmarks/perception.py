@@ -24,8 +24,8 @@ from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.placement import Placement
 
 _SEGMENT = (
-    "remove_flying", "gather", "fit_plane", "view_corrections", "level_views", "refine_plane", "crop", "noise_depth",
-    "remove_plane", "remove_outliers", "linked", "downsample", "smooth",
+    "remove_flying", "gather", "fit_plane", "view_corrections", "level_views", "refine_plane", "crop",
+    "table_clearance", "remove_outliers", "linked", "downsample", "smooth",
 )  # fmt: skip
 _STEPS = ((RayCameras, "render"), (SensorModel, "measure"), *((pipeline, name) for name in _SEGMENT))
 """What an observation calls, by the place that it finds it at."""
