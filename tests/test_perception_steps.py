@@ -9,8 +9,7 @@ import trimesh
 from robots import CELL, HOME
 from scipy.spatial import ConvexHull
 
-from dexgrasp.geometry.hull import cloud_corners, trim_extremes
-from dexgrasp_env.arrays import fibonacci_directions
+from dexgrasp.geometry.hull import cloud_corners
 from dexgrasp_env.perception.cloud import (
     Cloud,
     deproject,
@@ -133,20 +132,6 @@ def test_all_that_cameras_see_of_the_robot_over_the_table_is_its_own():
         seen = deproject(depth, camera)[is_valid(depth)]
         assert len(seen) > 1000
         assert own(seen).all()
-
-
-def test_points_that_stick_out_in_a_direction_are_moved_to_where_all_but_a_hundredth_end():
-    points = np.random.default_rng(0).uniform(-1.0, 1.0, (1000, 3))
-    trimmed = trim_extremes(points, 0.001)
-    outward = fibonacci_directions(300)
-    outward = outward[outward[:, 2] > -0.1]
-    centre = np.median(points, axis=0)
-    last = np.partition((points - centre) @ outward.T, -11, axis=0)[-11]
-    beyond = (trimmed - centre) @ outward.T - (last - 0.0003)
-    assert beyond.max() < 0.1 * ((points - centre) @ outward.T - last).max()
-    still = ((points - centre) @ outward.T <= last - 0.0003).all(1)
-    assert np.allclose(trimmed[still], points[still], atol=1e-12)
-    assert not np.isclose(trimmed[~still], points[~still]).all(1).any()
 
 
 def test_outliers_and_small_clusters_go():
