@@ -2,12 +2,11 @@
 
 import copy
 from functools import cache, partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 from robots import CELL
-from seen_tables import AMID, block, flat, height_over, leaning, seen_at, standing, without
+from seen_tables import AMID, GIVEN, block, flat, height_over, leaning, seen_at, standing, without
 
 from dexgrasp.export.check import check_trajectory
 from dexgrasp.export.grasp_export import export_grasp
@@ -25,8 +24,6 @@ from dexgrasp_env.perception.selection import TargetSelector
 from dexgrasp_env.robot.model import compiled_robot, robot_spec
 from dexgrasp_env.robot.table import SeenTable
 
-CLOUDS = [folder / "shared" / "cases" / "clouds" for folder in Path(__file__).parents]
-GIVEN = next((folder for folder in CLOUDS if folder.is_dir()), CLOUDS[0])
 BAR, CARTON = (0.035, 0.14, 0.026), (0.06, 0.09, 0.12)
 
 
