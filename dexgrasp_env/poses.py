@@ -129,6 +129,13 @@ def about_z(angle: Array | float) -> Array:
     return np.moveaxis(np.array([[c, -s, zero], [s, c, zero], [zero, zero, one]]), (0, 1), (-2, -1))
 
 
+def least_turn(start: Array, end: Array) -> Array:
+    """Return the rotation matrix (3, 3) of the smallest turn that takes a unit vector (3,) to another (Rodrigues)."""
+    x, y, z = np.cross(start, end)
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + K + K @ K / (1.0 + start @ end))
+
+
 def shifted(T: Array, offset: Array) -> Array:
     """Return a pose (4, 4) moved by `offset` (3,) m."""
     moved = T.copy()

@@ -1,5 +1,7 @@
 """Clouds of tables that are not where a cell has them, made point by point, and how near a robot comes to a plane."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 from robots import ARM_BODIES, CELL
@@ -8,6 +10,9 @@ from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.model import robot_spec
 
 AMID = np.array([0.52, 0.0, 0.0])
+CLOUDS = [folder / "shared" / "cases" / "clouds" for folder in Path(__file__).parents]
+GIVEN = next((folder for folder in CLOUDS if folder.is_dir()), CLOUDS[0])
+"""Captures that nobody here made, beside the checkout; not everybody has them."""
 
 
 def leaning(height, degrees=0.0, towards=0.0, about=AMID):

@@ -34,7 +34,9 @@ TEXTS = {
     "c.csv": '"time","intensity","X","Y","Z"\n' + rows("{n},0.5,{0},{1},{2}"),
     "d.pts": "60\n" + rows("{0} {1} {2} -1200 10 20 30"),
     "e.xyz": "//X Y Z R G B\n60\n" + rows("{0} {1} {2} 1 2 3"),
-    "f.asc": "# written by hand\n" + rows("{0};{1};{2}"),
+    "f.asc": "\ufeff# written by hand\n" + rows("{0};{1};{2}"),
+    "g.csv": "X;Y;Z\n" + rows("{0};{1};{2}").replace(".", ","),
+    "h.txt": "# made in Jena\n\n" + rows("{0} {1} {2}").replace(".", ",") + " # the last\n",
 }
 
 

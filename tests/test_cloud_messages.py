@@ -12,11 +12,9 @@ from test_scene_cloud import scene_points
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
 from dexgrasp.cli.scan import blocking_lines
-from dexgrasp.evaluation.reasons import REASONS, explain
 from dexgrasp.planning.plan_scene import plan_scene
 from dexgrasp.planning.planner import Planner
 from dexgrasp_env.perception.detected import detected_objects
-from dexgrasp_env.perception.picture import Drawing, scene_picture
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 HOME = CELL.robot.home
@@ -65,15 +63,6 @@ def test_a_picture_that_cannot_be_drawn_stops_no_plan(clouds, capsys):
     assert (clouds / "out" / "grasp.json").is_file()
 
 
-def test_drawings_of_nothing_and_of_a_line(tmp_path):
-    line = np.linspace([0.4, 0.0, 0.1], [0.5, 0.0, 0.1], 5)
-    for drawing in (
-        Drawing({}, np.zeros((0, 3))),
-        Drawing({"1: a line": line}, line, around=[line], title="a line"),
-    ):
-        assert scene_picture(tmp_path / "a.png", drawing).stat().st_size > 1000
-
-
 def leaning(x):
     """A thing beside the target at x = 0.5 whose top is over it."""
     upright = shell(x, 0.0, np.array([0.05, 0.06, 0.22]))
@@ -97,12 +86,3 @@ def test_what_blocks_a_lift_is_named():
     (line,) = blocking_lines(scene, detected_objects(scene, CELL.T_base_world), found)
     assert line.startswith("perhaps too near for the hand: object 3 (")
     assert line.endswith("3.0 cm away")
-
-
-def test_hints_for_clouds_name_no_option_of_other_plans():
-    hints = [reason.hint for reason in REASONS.values() if isinstance(reason.hint, dict)]
-    assert len(hints) > 10
-    assert not any(word in hint["cloud"] for hint in hints for word in ("--seed", "--mesh", "doctor"))
-    text = explain("no_grasp:approach_blocked", {"approach_blocked": 3}, {}, "cloud")
-    assert "seen.png" in text
-    assert "--seed" in explain("no_grasp:approach_blocked", {"approach_blocked": 3}, {})

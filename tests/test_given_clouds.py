@@ -1,9 +1,8 @@
 """Captures that nobody here made, where they lie beside the checkout: each does what is right for it."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from seen_tables import GIVEN
 
 from dexgrasp.planning.plan_scene import plan_cloud, scene_of
 from dexgrasp_env.perception.camera_pose import read_pose
@@ -11,7 +10,6 @@ from dexgrasp_env.perception.reasons import SEVERAL
 from dexgrasp_env.perception.scan import read_scan
 from dexgrasp_env.perception.selection import TargetSelector
 
-FOLDER = Path(__file__).parents[2] / "shared" / "cases" / "clouds"
 ONE = [
     "one_mustard",
     "one_cheezit",
@@ -30,11 +28,11 @@ ONE = [
     "leans_2.5deg_about_the_object",
     "shelf_over_the_table",
 ]
-pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the captures are not here")
+pytestmark = pytest.mark.skipif(not GIVEN.is_dir(), reason="the captures are not here")
 
 
 def points_of(name):
-    return read_scan(FOLDER / f"{name}.ply").points
+    return read_scan(GIVEN / f"{name}.ply").points
 
 
 @pytest.mark.parametrize("name", ONE)
@@ -62,7 +60,7 @@ def test_one_object_is_grasped(name):
 
 @pytest.mark.parametrize("name", ["stack_can_on_tin", "stack_box_on_box"])
 def test_a_stack_is_two(name):
-    truth = np.load(FOLDER / f"{name}_mask.npy")
+    truth = np.load(GIVEN / f"{name}_mask.npy")
     scene = scene_of(points_of(name))
     assert scene.reason == SEVERAL
     assert len(scene.neighbours) >= len(np.unique(truth[truth > 0]))
@@ -90,13 +88,13 @@ def test_splinters_of_the_object_that_is_meant_do_not_block_it():
 
 
 def test_three_objects_are_three():
-    truth = np.load(FOLDER / "good_three_objects_mask.npy")
+    truth = np.load(GIVEN / "good_three_objects_mask.npy")
     scene = scene_of(points_of("good_three_objects"))
     assert scene.reason == SEVERAL
     assert len(scene.neighbours) == len(np.unique(truth[truth > 0]))
 
 
 def test_a_cloud_of_the_cameras_frame_stands_on_its_table():
-    pose = read_pose(str(FOLDER / "camera_frame_T_base_camera.txt"))
-    scene = scene_of(read_scan(FOLDER / "camera_frame.pcd", T_base_camera=pose))
+    pose = read_pose(str(GIVEN / "camera_frame_T_base_camera.txt"))
+    scene = scene_of(read_scan(GIVEN / "camera_frame.pcd", T_base_camera=pose))
     assert scene.reason in (None, SEVERAL)

@@ -10,7 +10,7 @@ from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.poses import about_z
 
-TABLE = Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.0008, 1000)
+TABLE = Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.0008)
 
 
 def above(*things):

@@ -12,14 +12,13 @@ from dexgrasp.agent import public_info
 from dexgrasp.agents import bilevel, stages
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.geometry.completion import target_of
-from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.distance_grid import field_at, field_of
 from dexgrasp.geometry.neighbours import SEEN, UNSEEN, columns, neighbours_of
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.planned_record import planned_record
 from dexgrasp.grasp.verify.scene import Scene as Judge
 from dexgrasp.grasp.verify.verify import verify
-from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR, clearance_rows, empty_rows
+from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR
 from dexgrasp.mechanics.kinematics.forward import body_frames, fingertips
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
@@ -79,18 +78,6 @@ def test_walled_in_all_round_there_is_no_grasp():
     plan = Planner(settings).plan(replace(ALONE, neighbours=wall), SEED, HOME)
     assert not plan.found
     assert plan.reason.startswith("no_grasp:")
-
-
-def test_tips_may_touch_the_object_and_no_neighbour(plans):
-    grasp = plans[0].found[0].grasp
-    shape = ALONE.distance.obstacle
-    rows = empty_rows(160, TREE)
-    count = clearance_rows(TREE, body_frames(grasp.q, TREE), (NOTHING, shape), 0.0, True, rows)
-    tips = [TREE.tip_body[k] for k in range(3)]
-    assert set(tips) <= set(rows.labels[:count, 1][rows.labels[:count, 0] == NEIGHBOUR])
-    far = replace(ALONE, neighbours=SIDES)
-    pregrasp = plans[1].found[0].grasp.motion.pregrasp
-    assert not len(too_near(pregrasp, GraspProblem(far, CELL, PlannerSettings()), 0.004))
 
 
 def test_tips_are_proposed_where_they_fit_and_idle_fingers_fold():

@@ -14,7 +14,7 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
-TABLE = Plane(np.array([0, 0, 1.0]), 0.0, 0.0005, 100)
+TABLE = Plane(np.array([0, 0, 1.0]), 0.0, 0.0005)
 
 
 def cloud(*meshes, count=1000, noise=0.0005, seed=0):

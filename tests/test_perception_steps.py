@@ -6,27 +6,21 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from cloud_accuracy import covered_share, surface_distance
 from robots import CELL, HOME
 from scipy.spatial import ConvexHull
 
-from dexgrasp.geometry.hull import cloud_corners, trim_extremes
-from dexgrasp_env.arrays import fibonacci_directions
+from dexgrasp.geometry.hull import cloud_corners
 from dexgrasp_env.perception.cloud import (
     Cloud,
-    cells_of,
-    crop,
     deproject,
     downsample,
-    gather,
     is_valid,
     pad,
     remove_flying,
     remove_outliers,
-    smooth,
 )
 from dexgrasp_env.perception.neighbourhoods import linked
-from dexgrasp_env.perception.plane import Plane, fit_plane, level_views, remove_plane, view_corrections
+from dexgrasp_env.perception.plane import Plane, fit_plane, level_views, view_corrections
 from dexgrasp_env.perception.robot import RobotShape, robot_geoms
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.sensing.raycast import RayCameras
@@ -46,23 +40,6 @@ def table_points(rng, n=5000, noise=0.0, height=0.0):
     return np.stack(
         [rng.uniform(0.2, 0.8, n), rng.uniform(-0.4, 0.4, n), height + noise * rng.standard_normal(n)], -1
     )
-
-
-def test_gather_skips_what_is_no_measurement():
-    depths = np.full((4, 120, 160), np.nan)
-    depths[0, 3, 4], depths[1, 5, 6], depths[2, 0, 0], depths[3, 1, 1] = 0.5, 0.7, np.inf, -1.0
-    cloud = gather(depths, CELL.make_cameras())
-    assert cloud.camera.tolist() == [0, 1]
-    assert cloud.pixel.tolist() == [3 * 160 + 4, 120 * 160 + 5 * 160 + 6]
-    camera = CELL.make_cameras()[1]
-    assert cloud.points[1] + cloud.views[1] * np.linalg.norm(
-        cloud.points[1] - camera.position
-    ) == pytest.approx(camera.position)
-
-
-def test_crop_keeps_the_box():
-    cloud = as_cloud([[0.5, 0, 0.1], [0.5, 0, 0.5], [0.5, np.nan, 0.1], [2, 0, 0.1]])
-    assert crop(cloud, (0, -1, 0), (1, 1, 0.2)).pixel.tolist() == [0]
 
 
 def test_flying_pixels_go_and_surfaces_stay():
@@ -100,19 +77,6 @@ def test_no_plane_where_there_is_none():
     assert fit_plane(np.full((500, 3), 0.01), rng) is None
 
 
-def test_plane_removal_keeps_what_stands_above():
-    cloud = as_cloud([[0, 0, 0.001], [0, 0, 0.004], [0, 0, -0.1]])
-    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0, 100)
-    assert remove_plane(cloud, plane, 0.002).pixel.tolist() == [1]
-
-
-def test_a_plane_survives_its_observation():
-    plane = Plane(np.array([0.0, 0.1, 0.99]), -0.02, 0.001, 100)
-    back = Plane.from_array(Plane.to_array(plane).astype(np.float32))
-    np.testing.assert_allclose(np.r_[back.normal, back.offset, back.rms], Plane.to_array(plane), atol=1e-7)
-    assert Plane.from_array(Plane.to_array(None)) is None
-
-
 def test_levelling_undoes_tilt_and_height_of_a_view():
     rng = np.random.default_rng(0)
     true = np.concatenate([table_points(rng), [[0.5, 0, 0.1]], table_points(rng), [[0.5, 0, 0.1]]])
@@ -120,7 +84,7 @@ def test_levelling_undoes_tilt_and_height_of_a_view():
     wrong = true.copy()
     tilt = trimesh.transformations.rotation_matrix(np.radians(0.3), [1, 0.5, 0], [1.0, 0.4, 0.5])[:3, :3]
     wrong[5001:] = (true[5001:] - [1, 0.4, 0.5]) @ tilt.T + [1, 0.4, 0.501]
-    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0, 100)
+    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0)
     cloud = as_cloud(wrong, camera)
     level = level_views(cloud, view_corrections(cloud, plane, 2)).points
     assert np.abs(level[:5001] - true[:5001]).max() < 1e-9
@@ -160,12 +124,6 @@ def test_robot_points_go_and_others_stay(kind):
     assert len(own(np.empty((0, 3)))) == 0
 
 
-def test_covers_that_stand_out_of_the_robots_foot_are_its_own():
-    model = compiled_robot(CELL)
-    own = RobotShape(model).at(posed(model, HOME))
-    assert own(np.array([[0.115, 0.0, 0.02], [0.15, 0.0, 0.02]])).tolist() == [True, False]
-
-
 def test_all_that_cameras_see_of_the_robot_over_the_table_is_its_own():
     cameras, model = CELL.make_cameras(), compiled_robot(CELL)
     data = posed(model, [0.1, 0.6, 0.0, -2.0, 0.0, 2.6, 0.8, *HOME[7:]])
@@ -174,29 +132,6 @@ def test_all_that_cameras_see_of_the_robot_over_the_table_is_its_own():
         seen = deproject(depth, camera)[is_valid(depth)]
         assert len(seen) > 1000
         assert own(seen).all()
-
-
-def test_points_that_stick_out_in_a_direction_are_moved_to_where_all_but_a_hundredth_end():
-    points = np.random.default_rng(0).uniform(-1.0, 1.0, (1000, 3))
-    trimmed = trim_extremes(points, 0.001)
-    outward = fibonacci_directions(300)
-    outward = outward[outward[:, 2] > -0.1]
-    centre = np.median(points, axis=0)
-    last = np.partition((points - centre) @ outward.T, -11, axis=0)[-11]
-    beyond = (trimmed - centre) @ outward.T - (last - 0.0003)
-    assert beyond.max() < 0.1 * ((points - centre) @ outward.T - last).max()
-    still = ((points - centre) @ outward.T <= last - 0.0003).all(1)
-    assert np.allclose(trimmed[still], points[still], atol=1e-12)
-    assert not np.isclose(trimmed[~still], points[~still]).all(1).any()
-
-
-def test_points_are_numbered_by_their_cells_in_order():
-    points = np.random.default_rng(1).uniform(-1.0, 1.0, (500, 3))
-    rows, which = np.unique(np.floor(points / 0.3), axis=0, return_inverse=True)
-    numbers, same = np.unique(cells_of(points, 0.3), return_inverse=True)
-    assert len(numbers) == len(rows)
-    assert (same == which.ravel()).all()
-    assert len(cells_of(np.empty((0, 3)), 0.3)) == 0
 
 
 def test_outliers_and_small_clusters_go():
@@ -224,27 +159,8 @@ def test_downsampling_is_even_exact_in_number_and_seeded():
     assert pad(np.ones((2, 3)), 4).sum() == 6
 
 
-def test_normals_of_a_sphere_point_out():
-    normal = np.array(trimesh.creation.icosphere(4).vertices)
-    cloud = as_cloud(0.05 * normal, views=normal)
-    _, found = smooth(cloud, cloud, 0.0)
-    assert (found * normal).sum(-1).min() > 0.99
-    apart = as_cloud([[0, 0, 0.0], [1, 1, 1]])
-    assert smooth(apart, apart, 0.0)[1] == pytest.approx(np.array([[0, 0, 1.0]] * 2))
-
-
-def test_smoothing_removes_noise_and_without_noise_moves_nothing():
-    rng = np.random.default_rng(0)
-    points = rng.uniform(0, 0.05, (1500, 3)) * [1, 1, 0]
-    noisy = as_cloud(points + [0, 0, 0.0015] * rng.standard_normal((1500, 3)))
-    smoothed, normals = smooth(noisy, noisy, 0.0015)
-    assert smoothed[:, 2].std() < 0.5 * noisy.points[:, 2].std()
-    assert np.median(normals[:, 2]) > 0.97
-    assert np.array_equal(smooth(noisy, noisy, 0.0)[0], noisy.points)
-
-
 def test_hull_reaches_the_table_and_forgets_noise():
-    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0, 100)
+    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0)
     box = trimesh.creation.box([0.05, 0.05, 0.1])
     surface = box.sample(4000, seed=0) + np.array([0, 0, 0.05])
     seen = surface[surface[:, 2] > 0.005]
@@ -257,11 +173,3 @@ def test_hull_reaches_the_table_and_forgets_noise():
     assert abs(trimmed / box.volume - 1.0) < 0.7 * (raw / box.volume - 1.0)
     assert cloud_corners(np.zeros((9, 3))) is None
     assert cloud_corners(np.zeros((2, 3))) is None
-
-
-def test_distance_to_a_mesh_and_coverage():
-    box, T = trimesh.creation.box([0.2, 0.2, 0.2]), np.eye(4)
-    T[:3, 3] = [1, 0, 0]
-    points = np.array([[1, 0, 0.13], [1.14, 0.13, 0.0], [1, 0, 0.02], [1.1, 0.1, 0.1]])
-    assert surface_distance(points, box, T) == pytest.approx([0.03, 0.05, 0.08, 0.0], abs=1e-12)
-    assert covered_share(np.zeros((1, 3)), np.array([[0, 0, 0.005], [0, 0, 0.5]])) == 0.5

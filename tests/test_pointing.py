@@ -8,9 +8,8 @@ from test_scene_cloud import scene_points
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
-from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.selection import mask_of, point_of_pixel
+from dexgrasp_env.perception.selection import point_of_pixel
 
 PLACES = ((0.5, 0.12), (0.5, -0.02), (0.5, -0.2))
 
@@ -130,14 +129,3 @@ def test_a_pixel_is_the_point_behind_it(tmp_path):
     for wrong in (("side", 1, 1), ("front", 10, 0), ("front", 0, 0)):
         with pytest.raises(InputError):
             point_of_pixel(tmp_path, *wrong)
-
-
-def test_masks_in_python(scan):
-    points = np.load(scan / "scene.npy")
-    assert mask_of(np.array([[0, 4], [4, 0]])).sum() == 2
-    assert plan_cloud(points).reason == "several_objects"
-    with pytest.raises(InputError, match="one value each"):
-        plan_cloud(points, mask=[True])
-    found = plan_cloud(points, mask=np.load(scan / "mask.npy"), label=3)
-    assert np.allclose(found.target.centre[:2], PLACES[2], atol=0.01)
-    assert len(plan_cloud(points, box=(0.4, 0.06, 0, 0.6, 0.2, 0.2)).target.neighbours) == 2

@@ -21,7 +21,9 @@ from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.grasp.file import record_of
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.margin import cone_margin
-from dexgrasp_env.perception.neighbourhoods import have_neighbours, linked, local_planes
+from dexgrasp_env.perception.cloud import remove_outliers
+from dexgrasp_env.perception.neighbourhoods import linked, local_planes
+from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate
 from dexgrasp_env.valid import NATURAL, number
 
@@ -83,7 +85,8 @@ def test_distances_to_a_box_are_the_analytic_ones(points, sides):
 def test_neighbours_and_clusters_are_those_of_all_distances(points, radius):
     near = np.linalg.norm(points[:, None] - points, axis=-1)
     assume(np.abs(near - radius).min() > 1e-12)  # on the radius itself rounding decides
-    assert_array_equal(have_neighbours(points, radius, 3), (near <= radius).sum(axis=1) > 3)
+    kept = remove_outliers(cloud_of(points), radius, 3).pixel
+    assert_array_equal(kept, np.flatnonzero((near <= radius).sum(axis=1) > 3))
     labels = connected_components(near <= radius, directed=False)[1]
     assert_array_equal(linked(points, radius), labels)
 

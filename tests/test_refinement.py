@@ -6,7 +6,7 @@ import pytest
 from robots import CELL
 from test_scene_cloud import box, table
 
-from dexgrasp.geometry.completion import completed_corners, with_guess
+from dexgrasp.geometry.completion import completed_corners, guesses_said
 from dexgrasp_env.perception import refinement
 from dexgrasp_env.perception.cloud import Cloud, gather
 from dexgrasp_env.perception.pipeline import find_object, stand_on
@@ -150,7 +150,7 @@ def test_a_side_that_is_guessed_is_said():
     scene = find_object(
         views(((0.07, 0.09, 0.15), (0.5, 0.0, 0.075)), eye=front), np.random.default_rng(0), CELL
     )
-    assert "side that no camera saw" in with_guess(scene.target, scene.plane).doubt
+    assert "side that no camera saw" in guesses_said(scene).target.doubt
 
 
 def test_a_captured_image_has_holes_shadows_and_steps():

@@ -2,12 +2,11 @@
 
 import copy
 from functools import cache, partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 from robots import CELL
-from seen_tables import AMID, block, flat, height_over, leaning, seen_at, standing, without
+from seen_tables import AMID, GIVEN, block, flat, height_over, leaning, seen_at, standing, without
 
 from dexgrasp.export.check import check_trajectory
 from dexgrasp.export.grasp_export import export_grasp
@@ -16,14 +15,15 @@ from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.planned_record import Origin, grasp_json, planned_record
 from dexgrasp.grasp.record import as_json
 from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp_env.perception import reasons
 from dexgrasp_env.perception.pipeline import find_object
 from dexgrasp_env.perception.scan import cloud_of, read_scan
 from dexgrasp_env.perception.selection import TargetSelector
+from dexgrasp_env.robot.model import compiled_robot, robot_spec
+from dexgrasp_env.robot.table import SeenTable
 
-CLOUDS = [folder / "shared" / "cases" / "clouds" for folder in Path(__file__).parents]
-GIVEN = next((folder for folder in CLOUDS if folder.is_dir()), CLOUDS[0])
 BAR, CARTON = (0.035, 0.14, 0.026), (0.06, 0.09, 0.12)
 
 
@@ -145,6 +145,18 @@ def test_a_trajectory_is_checked_against_the_table_that_was_seen(tmp_path):
     assert all(checks.values())
 
 
+def test_the_robot_at_a_seen_table_is_the_one_that_would_be_compiled_there():
+    rng = np.random.default_rng(1)
+    T = leaning(0.02, 3.0, 0.5)
+    there = CELL.seeing(SeenTable.of(flat(rng, (0.4, -0.1), (0.6, 0.1)) @ T[:3, :3].T + T[:3, 3]))
+    fresh, moved = robot_spec(there).compile(), compiled_robot(there)
+    for name in ("body_pos", "body_quat", "geom_pos", "geom_quat", "site_pos", "jnt_axis"):
+        np.testing.assert_array_equal(getattr(moved, name), getattr(fresh, name))
+    tree, before = robot_tree(there), robot_tree(CELL)
+    assert not np.array_equal(tree.rotation[0], before.rotation[0])
+    np.testing.assert_array_equal(tree.rotation[1:], before.rotation[1:])
+
+
 def test_a_table_elsewhere_is_said_with_both_figures():
     rng = np.random.default_rng(3)
     shown = standing(rng, (0.5, 0.05), CARTON)
@@ -157,14 +169,14 @@ def test_a_table_elsewhere_is_said_with_both_figures():
     assert look(seen_at(rng, leaning(0.07), *shown)).reason == reasons.TABLE_HEIGHT
 
 
-@pytest.mark.parametrize("degrees", [2.0, 2.5, 2.9, 3.2, 6.0])
+@pytest.mark.parametrize("degrees", [2.5, 6.0])
 @pytest.mark.parametrize("about", [AMID, np.zeros(3)])
 def test_every_lean_is_levelled_alike(degrees, about):
     rng = np.random.default_rng(int(10 * degrees))
     T = leaning(0.0, degrees, 0.4, about)
     found = look(seen_at(rng, T, *standing(rng, (0.52, 0.0), CARTON)))
     assert found.reason is None
-    assert np.degrees(found.tilt) == pytest.approx(degrees, abs=0.2)
+    assert np.degrees(found.table.lean) == pytest.approx(degrees, abs=0.2)
     assert np.degrees(np.arccos(found.table.normal @ T[:3, 2])) < 0.2
     world = CELL.seeing(found.table).T_world_base
     corner = T[:3, :3] @ [0.55, 0.045, 0.12] + T[:3, 3]  # a corner of the carton, as the robot has it
@@ -215,7 +227,7 @@ def test_the_table_is_the_plane_under_the_object(scene, noise):
     rng = np.random.default_rng(11)
     surfaces, height = scene(rng)
     points = seen_at(rng, leaning(0.0), *surfaces, noise=noise)
-    for seed in range(4):
+    for seed in range(2):
         table = look(points, seed, near=(0.5, 0.05, 0.08)).table
         assert table is not None
         above = table.height(np.array([0.5, 0.05])) - height
@@ -223,9 +235,8 @@ def test_the_table_is_the_plane_under_the_object(scene, noise):
         assert np.degrees(table.lean) < 0.3
 
 
-@pytest.mark.parametrize("noise", [0.001, 0.0025])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-@pytest.mark.parametrize("step", [0.01, 0.03])
+@pytest.mark.parametrize(("step", "noise"), [(0.01, 0.0025), (0.03, 0.001)])
 def test_a_table_of_two_levels_is_not_bridged(step, side, noise):
     """The carton stands on the lower half or on the upper one."""
     rng, place = np.random.default_rng(8), (0.5, 0.15 * side)
@@ -289,15 +300,12 @@ def test_what_is_pointed_at_tells_which_level_is_the_table():
 )
 def test_given_clouds_are_planned_clear_of_their_table(name, height, lean):
     points = read_scan(GIVEN / f"{name}.ply")
-    tables = [find_object(points, np.random.default_rng(seed), CELL).table for seed in range(3)]
-    for table in tables:
-        assert -0.001 < table.height(AMID[:2]) - height < 0.004
-        assert np.degrees(table.lean) == pytest.approx(lean, abs=0.2)
+    table = find_object(points, np.random.default_rng(0), CELL).table
+    assert -0.001 < table.height(AMID[:2]) - height < 0.004
+    assert np.degrees(table.lean) == pytest.approx(lean, abs=0.2)
     content = file_of(points)
     assert [check.name for check in verify(record_of(content)) if not check.holds] == []
-    squares = partial(np.percentile, q=50)
-    seen = np.array(tables[0].points)
-    T = np.eye(4)
-    T[2, 3] = squares(seen[:, 2]) if lean < 1.0 else 0.0
     if lean < 1.0:
+        T = np.eye(4)
+        T[2, 3] = np.median(table.points[:, 2])
         assert height_over(content, T) > 0.0

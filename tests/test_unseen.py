@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from refusals import refused
+from robots import CELL
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.geometry.completion import NoTarget, completed_corners, target_of
@@ -13,7 +14,8 @@ from dexgrasp.geometry.completion_network import read_network
 from dexgrasp.geometry.hull import cloud_corners
 from dexgrasp.geometry.visible_side import ONE_SIDED, one_sidedness
 from dexgrasp.planning.holding import narrowed_friction
-from dexgrasp.planning.plan_scene import plan_cloud
+from dexgrasp.planning.plan_scene import plan_cloud, plan_scene
+from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
@@ -108,6 +110,18 @@ def test_the_planner_from_a_file_completes_too(one_view):
     plan = plan_cloud(np.concatenate([table[~under], one_view.points]), seed=0)
     assert plan.target is not None
     assert np.abs(one_view.off(plan.target.corners[0])).mean() < 0.006
+
+
+def test_a_plan_says_whether_contacts_hold_the_nearest_guess_too(one_view):
+    plan = plan_scene(Planner(cell=CELL), one_view.scene, 0, CELL.robot.home)
+    target, contacts = plan.target, plan.grasp.contacts
+    assert target.near is not None
+    assert target.near.distance(one_view.points).max() < 0.004  # it holds all that was seen
+    assert plan.hidden_side.startswith("doubt") == (target.gap(contacts) >= plan.settings.place_error)
+    plan.target = replace(target, near=target.distance)
+    assert plan.hidden_side.startswith("contacts hold the nearest")
+    plan.target = replace(target, near=None)
+    assert plan.hidden_side == ""
 
 
 def test_one_sidedness_of_a_ball_and_of_half_of_it():

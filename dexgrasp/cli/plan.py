@@ -200,6 +200,7 @@ class Plan(Command, Request, Scan, Scene):
 
     def _look(self, scan: "Cloud") -> "tuple[PerceivedScene, list[DetectedObject]]":
         """Return the scene of a cloud, and the objects that are seen there."""
+        from dexgrasp.geometry.completion import guesses_said
         from dexgrasp.planning.plan_scene import scene_of
         from dexgrasp_env.perception.detected import detected_objects
         from dexgrasp_env.perception.reasons import OF_FRAME
@@ -208,7 +209,7 @@ class Plan(Command, Request, Scan, Scene):
         scene = look(scan)
         if scene.reason in OF_FRAME:
             scene = replace(scene, sentence="; ".join([scene.sentence, *self.frame_words(scan, look)]))
-        return scene, detected_objects(scene, self.cell.seeing(scene.table).T_base_world)
+        return scene, detected_objects(guesses_said(scene), self.cell.seeing(scene.table).T_base_world)
 
     def _list(self, scan: "Cloud") -> Answer:
         """List the objects seen, with a picture where there is a folder for it."""

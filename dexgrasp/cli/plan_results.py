@@ -55,9 +55,11 @@ def describe(result: Fields, unseen: str = "") -> str:
         found = coloured("grasp found that does not bear the assumed weight", "look")
     figures = figures_of(result["certificate"])
     if (known := result["grasp"]["holds_probability"]) is not None:
-        chances = f"{_chance(known['lifted'])}, {_chance(known['pushed'])}"
-        figures["probability to be lifted and held, and pushed by its weight"] = chances
-    return "\n  ".join([f"{name}: {found} in {seconds}", *columns(figures)])
+        figures["probability to be lifted and held"] = _chance(known["lifted"])
+        if not known["guessed"]:  # with a side that no camera saw it is not calibrated
+            figures["probability to be pushed by its weight as well"] = _chance(known["pushed"])
+    hidden = [result["hidden_side"]] if "hidden_side" in result else []
+    return "\n  ".join([f"{name}: {found} in {seconds}", *columns(figures), *hidden])
 
 
 def _describe_set(result: Fields) -> str:
@@ -78,6 +80,8 @@ def _describe_set(result: Fields) -> str:
         ]
     if result["diversity"]:
         lines.append(f"variance in the first component: {result['diversity'][0]:.0%} (lower is more varied)")
+    if "hidden_side" in result:
+        lines.append(result["hidden_side"])
     if count < asked:
         lines.append(f"no more were found [{result['reason']}]\n  {_why(result)}")
     return "\n".join(lines)

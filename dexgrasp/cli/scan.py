@@ -79,8 +79,7 @@ class Scan(Options):
         if self.pose is None or self.camera_pose is None:
             return ""
         words, other = next(misread_poses(self.pose, self.camera_pose))
-        both_level = other[2, :3] @ self.pose[2, :3] > 0.99
-        likely = "xyzw" in words and both_level
+        likely = "xyzw" in words and other[2, :3] @ self.pose[2, :3] > 0.99
         return (
             "warning: --camera-pose is read as x y z qw qx qy qz; ROS's order, w last, would be level too"
             if likely
@@ -206,7 +205,7 @@ def draw_scan(
         grasp = None if found is None else found.grasp
         clouds = [one.points for one in (scene.target, *scene.neighbours) if len(one)]
         rest = scene.rest.points
-        if not clouds:  # all that there is, thinned
+        if not clouds:  # all that there is
             rest = placed(cell.T_world_base, scan.points[:: max(1, len(scan) // 20_000)])
         scene_picture(
             path,
@@ -215,7 +214,6 @@ def draw_scan(
                 rest,
                 scene.plane,
                 None if target is None else target.distance.triangles,
-                () if target is None else [corners for parts in target.neighbours for corners in parts],
                 {} if grasp is None else {"hand, where it grasps": hand_triangles(cell, grasp.q)},
                 scene.sentence or (found and found.reason) or ("a grasp" if grasp else ""),
             ),

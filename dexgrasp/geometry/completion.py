@@ -1,13 +1,16 @@
 """From a scene to the planner's target: the hull of its cloud, the side that no camera saw completed, its parts."""
 
+from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from dexgrasp.geometry.completion_network import CompletionNetwork, shipped_network
+from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
 from dexgrasp.geometry.hull import cloud_corners, trim_extremes
-from dexgrasp.geometry.target import GraspTarget, Spread
+from dexgrasp.geometry.target import PART_FACES, GraspTarget, Spread
 from dexgrasp.geometry.visible_side import ONE_SIDED, UNIT, WRITTEN, VisibleSide, one_sidedness
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -49,9 +52,21 @@ def target_of(scene: Scene, mass: float | None = None, parts: int = MOST_PARTS) 
         target = GraspTarget.of_corners(convex, mass=mass, spread=spread)
     except InputError:
         raise NoTarget(NO_VOLUME) from None
+    if spread is not None and scene.plane is not None:
+        return replace(target, near=_nearest_guess(scene.target, scene.plane))
     return replace(target, seen=scene.target.points.astype(float)) if airy else target
 
 
+def _nearest_guess(cloud: ObjectCloud, plane: Plane) -> ConvexDistance | None:
+    """Return the least that an object may be, what was seen with walls straight down; None if it is flat."""
+    plane = replace(plane, offset=plane.offset + cloud.foot)
+    feet = cloud.points - plane.heights(cloud.points)[:, None] * plane.normal
+    with suppress(InputError):
+        return ConvexDistance.from_points(np.concatenate([cloud.points, feet]), PART_FACES)
+    return None
+
+
+@lru_cache(maxsize=64)  # of a target it is asked for by the list of objects, the plan and what stands around
 def completed_corners(
     cloud: ObjectCloud, plane: Plane | None, network: CompletionNetwork | None = None
 ) -> tuple[Array | None, Spread | None]:
@@ -74,8 +89,13 @@ def completed_corners(
     return cloud_corners(points, plane), None
 
 
-def with_guess(cloud: ObjectCloud, plane: Plane | None) -> ObjectCloud:
-    """Return a cloud that says, as a doubt, where its unseen side is taken to make its section much larger."""
+def guesses_said(scene: Scene) -> Scene:
+    """Return a scene whose objects say, as a doubt, where a guessed side is taken to make their section much larger."""
+    target, *others = (_guess_said(one, scene.plane) for one in (scene.target, *scene.neighbours))
+    return replace(scene, target=target, neighbours=tuple(others))
+
+
+def _guess_said(cloud: ObjectCloud, plane: Plane | None) -> ObjectCloud:
     corners, spread = completed_corners(cloud, plane)
     if corners is None or spread is None or plane is None:
         return cloud

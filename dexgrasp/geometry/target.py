@@ -62,6 +62,8 @@ class GraspTarget:
         seen: (N, 3) m, points of its surface, where the parts hold air: a cup's mouth is none. None where all of their
             surface is the object's, as far as is known.
         demand: what is asked of its grasp; None for nothing.
+        near: the least that the object may be, where `distance` completes a side that no camera saw, farther out; None
+            where nothing was guessed.
     """
 
     distance: ConvexDistance
@@ -71,6 +73,7 @@ class GraspTarget:
     neighbours: tuple[Parts, ...] = ()
     seen: Array | None = None
     demand: Demand | None = None
+    near: ConvexDistance | None = None
 
     @classmethod
     def of(
@@ -119,6 +122,10 @@ class GraspTarget:
     def guessed(self, normals: Array) -> float:
         """Return the largest error, m, expected of surfaces with normals (N, 3); 0 where all sides were seen."""
         return 0.0 if self.spread is None else float(self.spread.along(normals).max())
+
+    def gap(self, contacts: Array) -> float:
+        """Return how far, m, the surface may lie behind contacts (N, 3) m, where its nearest guess is true."""
+        return 0.0 if self.near is None else max(0.0, float(self.near.distance(contacts).max()))
 
     def was_seen(self, points: Array) -> Mask:
         """Return which points (..., 3) m of the parts' surface lie where the object was seen to be (...).

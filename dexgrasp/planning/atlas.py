@@ -55,6 +55,7 @@ class HandAtlas(NamedTuple):
     search: KDTree  # over `triangle_sides`, m
 
 
+@lru_cache(maxsize=8)  # hashing the cell that is looked up takes 0.2 ms, eleven times a plan
 def hand_atlas(cell: Cell) -> HandAtlas:
     """Return the atlas of a robot's hand, sampled once and kept in the cache; mount and table do not matter."""
     return _atlas(replace(cell, table_height=0.0, table=None).mounted(cell.mounts[0]))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.agent import Observation
-from dexgrasp.geometry.completion import NoTarget, target_of, with_guess
+from dexgrasp.geometry.completion import NoTarget, target_of
 from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp.geometry.request import ANYHOW, Demand, GraspRequest
 from dexgrasp.planning.cvae_source import make_source
@@ -162,11 +162,7 @@ def scene_of(
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
     cell = cell or default_cell()
     data = posed(compiled_robot(cell), cell.robot.home if start is None else start)
-    scene = find_object(
-        cloud, np.random.default_rng(seed), cell, selector=selector, own=_shape(cell).at(data)
-    )
-    target, *others = (with_guess(one, scene.plane) for one in (scene.target, *scene.neighbours))
-    return replace(scene, target=target, neighbours=tuple(others))
+    return find_object(cloud, np.random.default_rng(seed), cell, selector=selector, own=_shape(cell).at(data))
 
 
 @lru_cache(maxsize=8)

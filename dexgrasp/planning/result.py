@@ -148,6 +148,16 @@ class PlanResult:
         return None if self.found else self.reason
 
     @property
+    def hidden_side(self) -> str:
+        """Words on whether contacts hold both guesses of a side that no camera saw; empty where none was guessed."""
+        if self.target is None or self.target.near is None or not self.found:
+            return ""
+        gap = max(self.target.gap(grasp.contacts) for grasp in self.grasps)
+        if gap < self.settings.place_error:
+            return "contacts hold the nearest and the farthest guess of the side that no camera saw"
+        return f"doubt: contacts are on a side that no camera saw; it may be {1000 * gap:.0f} mm nearer"
+
+    @property
     def diversity(self) -> list[float]:
         """Share of variance in the first 1 to 5 principal components of palm pose and joints; lower is more varied."""
         return component_shares(np.array([grasp_features(grasp) for grasp in self.grasps]))
@@ -219,8 +229,8 @@ class PlanResult:
             "grasp": first,
             "certificate": None if first is None else first["certificate"],
         }
-        if self.relaxation:
-            result["relaxation"] = self.relaxation
+        beside = {"relaxation": self.relaxation, "hidden_side": self.hidden_side}
+        result |= {key: words for key, words in beside.items() if words}
         if self.asked is None:
             return result
         return result | {

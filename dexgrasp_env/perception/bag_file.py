@@ -17,7 +17,6 @@ from dexgrasp_env.perception.cloud import check_count
 BAGS = (".bag", ".db3", ".mcap")
 """Endings of bags, and of the files in the folders of ROS 2."""
 _KIND = "sensor_msgs/msg/PointCloud2"
-_NUMBERS = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")  # of PointField's datatypes, from 1 on
 
 
 def bag_of(path: Path) -> Path | None:
@@ -68,11 +67,11 @@ def _rows(message: Any, path: str) -> NDArray[Any]:
     order, fields = "<>"[bool(message.is_bigendian)], {field.name: field for field in message.fields}
     if not {*"xyz"} <= fields.keys():
         raise InputError(f"{path} has fields {', '.join(fields)}: x, y and z are needed")
-    axes = [fields[axis] for axis in "xyz"]
+    axes, numbers = [fields[axis] for axis in "xyz"], ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
     row = np.dtype(
         {
             "names": [*"xyz"],
-            "formats": [order + _NUMBERS[field.datatype - 1] for field in axes],
+            "formats": [order + numbers[field.datatype - 1] for field in axes],
             "offsets": [field.offset for field in axes],
             "itemsize": message.point_step,
         }

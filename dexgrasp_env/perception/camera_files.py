@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -35,10 +35,7 @@ _OF_ROS = {
     "projection_matrix": "P",
 }
 """Keys of ROS's CameraInfo, as messages and as calibration files have them -> ours."""
-_IMAGES = (".npy", ".png", ".tif", ".tiff")
-_FARTHEST = 20.0  # m: images of a median beyond are in another unit
 _MODELS = ("", "plumb_bob", "rational_polynomial")  # of distortion that are undone
-_ITERATIONS, _UNDONE = 50, 1e-4  # of the undoing; focal lengths that a ray may be off in the end
 
 
 def _inside(value: Any) -> str:
@@ -70,29 +67,21 @@ def _intrinsic(value: Any) -> Array:
     return K
 
 
-def _of(words: str, valid: Callable[[Any], bool]) -> Rule:
-    """Return the rule of what has to be as it is without use."""
-
-    def validate(value: Any) -> Any:
-        """Return the value."""
-        if not valid(value):
-            raise ValueError
-        return value
-
-    return Rule(words, validate)
+def _admitted(valid: Callable[[Any], Any], value: Any) -> Any:
+    if not valid(value):
+        raise ValueError
+    return value
 
 
 _K = Rule("3 x 3 numbers fx, 0, cx, 0, fy, cy, 0, 0, 1", _intrinsic)
-_ONE = _of("0 or 1: images of another size need their own K", lambda value: value in (0, 1))
-_PLAIN = {
-    "R": _of(
-        "the unit matrix: rectify the image", lambda R: np.allclose(np.ravel(_data(R)), np.eye(3).ravel())
-    ),
-    "binning_x": _ONE,
-    "binning_y": _ONE,
-    "roi": _of("the whole image", lambda roi: not any(roi.get(key) for key in ("x_offset", "y_offset"))),
-    "header": _of("anything", lambda header: True),
-    "P": _of("anything", lambda P: True),
+_BINNED = "0 or 1: images of another size need their own K", lambda value: value in (0, 1)
+_PLAIN: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "R": ("the unit matrix: rectify the image", lambda R: np.allclose(np.ravel(_data(R)), np.eye(3).ravel())),
+    "binning_x": _BINNED,
+    "binning_y": _BINNED,
+    "roi": ("the whole image", lambda roi: not (roi.get("x_offset") or roi.get("y_offset"))),
+    "header": ("anything", lambda header: True),
+    "P": ("anything", lambda P: True),
 }
 """Keys of a CameraInfo beside K and distortion, which say how the image was taken -> what they have to be."""
 
@@ -117,11 +106,11 @@ class Lens(CameraIntrinsics):
         if not any(self.distortion):
             return rays
         seen = rays[..., :2].copy()
-        for _ in range(_ITERATIONS):
+        for _ in range(50):
             scale, shift = self._bent(rays[..., :2])
             rays[..., :2] = (seen - shift) / scale
         scale, shift = self._bent(rays[..., :2])
-        if not (np.abs(rays[..., :2] * scale + shift - seen) < _UNDONE).all():
+        if not (np.abs(rays[..., :2] * scale + shift - seen) < 1e-4).all():  # focal lengths
             raise InputError(f"distortion {self.distortion} folds the image: check its coefficients")
         return rays
 
@@ -181,7 +170,7 @@ class DepthImage:
             scale = self.depth_scale or (1.0 if image.dtype.kind == "f" else 0.001)
             depth = (np.asarray(image, dtype=float) * scale).astype(np.float32)
         far = float(np.median(depth[is_valid(depth)])) if is_valid(depth).any() else 0.0
-        if far > _FARTHEST:
+        if far > 20.0:  # m: the unit is another
             raise InputError(
                 f"{path} is {far:.0f} m away in the median: depth_scale in {CAMERAS_FILE} is metres a unit, 0.001 for "
                 "millimetres"
@@ -251,10 +240,12 @@ def _plain(entry: Mapping[str, Any], folder: Path, what: str) -> Fields:
         plain |= zip(
             _LENS, check(f"{what} K", plain.pop("K"), _K)[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), strict=True
         )
-    for key, rule in _PLAIN.items():
-        if key in plain:
-            check(f"{what} {key}", plain.pop(key), rule)
-    if "depth" not in plain and (images := sorted(p.name for p in folder.iterdir() if p.suffix in _IMAGES)):
+    for key in _PLAIN.keys() & plain.keys():
+        words, valid = _PLAIN[key]
+        check(f"{what} {key}", plain.pop(key), Rule(words, partial(_admitted, valid)))
+    if "depth" not in plain and (
+        images := sorted(p.name for p in folder.iterdir() if p.suffix in (".npy", ".png", ".tif", ".tiff"))
+    ):
         if len(images) > 1:
             raise InputError(f"{what} depth is missing: which of {', '.join(images)}?")
         plain["depth"] = images[0]

@@ -10,7 +10,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, parse_json, readable
-from dexgrasp_env.poses import quat_to_matrix, rigid
+from dexgrasp_env.poses import inverse, quat_to_matrix, rigid
 from dexgrasp_env.valid import Rule, check
 from dexgrasp_env.yaml_file import read_yaml
 
@@ -19,13 +19,7 @@ _WORDS = (
 )
 _WITHIN = ("T_base_camera", "matrix", "data", "pose", "transform", "transformation")
 """Keys of mappings that hold a pose, as ROS and calibration tools write them."""
-_PLACES = (("translation", "rotation"), ("position", "orientation"))
 _OFF = 0.01  # of the products of a rotation's rows, and of a quaternion's length: what few digits leave
-_EXACT = 1e-6  # within which it stays as it is
-_FARTHEST = 10.0  # m from the base: beyond, the unit is wrong
-_OPTICAL = np.array(
-    [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
-)  # in ROS's frame of a body: x forward
 
 
 def pose_of(value: Any) -> Array:
@@ -59,17 +53,18 @@ def pose_of(value: Any) -> Array:
     R, off = T[:3, :3], np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max()
     if not (off < _OFF and np.linalg.det(R) > 0):
         raise InputError("the rotation of the camera's pose must be orthonormal and right-handed")
-    if not (away := np.abs(T[:3, 3]).max()) < _FARTHEST:
+    if not (away := np.abs(T[:3, 3]).max()) < 10.0:
         raise InputError(f"the camera's pose is {away:.4g} m away: valid are metres")
-    if off > _EXACT:
-        U, _, Vt = np.linalg.svd(R)
-        T[:3, :3] = U @ Vt
+    if off > 1e-6:
+        from scipy.spatial.transform import Rotation
+
+        T[:3, :3] = Rotation.from_matrix(R).as_matrix()  # the nearest
     return T
 
 
 def _seven(value: Mapping[str, Any]) -> Any:
     """Return x, y, z, qw, qx, qy, qz of a mapping, or its matrix; a list of four that ROS's names hold ends in w."""
-    for place, turn in _PLACES:
+    for place, turn in (("translation", "rotation"), ("position", "orientation")):
         if place in value:
             t, R = (
                 [part[axis] for axis in "xyzw" if axis in part] if isinstance(part, Mapping) else part
@@ -125,11 +120,11 @@ def _numbers(text: str) -> list[float] | None:
 
 def misread_poses(T: Array, given: str) -> Iterator[tuple[str, Array]]:
     """Yield what is often given for a pose (4, 4), in words, and the pose that is meant then."""
-    numbers, back = _numbers(given), T[:3, :3].T
-    inverse = rigid(back, -back @ T[:3, 3])
+    numbers = _numbers(given)
     if numbers is not None and len(numbers) == 7 and not given.strip().endswith(("wxyz", "xyzw")):
         other = pose_of([*numbers[:3], numbers[6], *numbers[3:6]])
         yield "had the quaternion as ROS does, qx qy qz qw: then say so by `xyzw` behind it", other
-    yield "were inverted: valid is the camera in the base, not the base in the camera", inverse
-    optical = T @ rigid(_OPTICAL, np.zeros(3))
+    yield "were inverted: valid is the camera in the base, not the base in the camera", inverse(T)
+    optical = T.copy()
+    optical[:3, :3] = T[:3, :3] @ [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
     yield "were of a camera's body, x forward: valid is its optical frame, z forward", optical

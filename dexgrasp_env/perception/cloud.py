@@ -10,16 +10,14 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Fields, Index, Mask, Single
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.neighbourhoods import have_neighbours, local_planes
+from dexgrasp_env.perception.neighbourhoods import local_planes
 from dexgrasp_env.robot.camera import Camera
 
 MIN_POINTS = 40
 """Fewer raw points are no object."""
 WORKSPACE_LOW, WORKSPACE_HIGH = (0.28, -0.40, -0.03), (0.78, 0.40, 0.30)
 """Corners, m, of the box in which objects are looked for."""
-_SUPPORT, _SUPPORTS = 0.015, 3  # m of depth within which a neighbour supports a pixel, and how many it needs
 _MOST_POINTS = 6_000_000  # of 250 bytes each until they are thinned
-_FEWEST = 8  # points of a neighbourhood that is smoothed: with fewer the radius is doubled once
 _POOL = 3  # candidates to a chosen point, at most: bounds the cost of downsampling
 
 
@@ -138,15 +136,17 @@ def remove_flying(depths: NDArray[Any]) -> Single:
     with np.errstate(invalid="ignore"):
         for dv in range(3):
             for du in range(3):
-                support += np.abs(padded[:, dv : dv + h, du : du + w] - z) < _SUPPORT
-    return np.where(support > _SUPPORTS, z, np.float32(np.inf))  # a pixel supports itself
+                support += np.abs(padded[:, dv : dv + h, du : du + w] - z) < 0.015
+    return np.where(support > 3, z, np.float32(np.inf))  # a pixel supports itself
 
 
 def remove_outliers(cloud: Cloud, radius: float = 0.012, least: int = 4) -> Cloud:
     """Return the points with at least `least` others within `radius` metres (Open3D's radius filter)."""
     if len(cloud) <= least:
         return cloud.select(np.zeros(len(cloud), bool))
-    return cloud.select(have_neighbours(cloud.points, radius, least))
+    from scipy.spatial import cKDTree
+
+    return cloud.select(cKDTree(cloud.points).query(cloud.points, k=[least + 1])[0][:, 0] <= radius)
 
 
 def downsample(points: Array, count: int, rng: Generator) -> Index:
@@ -181,6 +181,11 @@ def cells_of(points: Array, side: float) -> Index:
     return np.ravel_multi_index(tuple(cells.T), tuple(cells.max(0) + 1))
 
 
+def thinned(points: Array, side: float) -> Index:
+    """Return the indices, in order, of the first of points (M, n) in each cell, `side` m wide."""
+    return np.sort(np.unique(cells_of(points, side), return_index=True)[1])
+
+
 def pad(rows: NDArray[Any], count: int) -> NDArray[Any]:
     """Return `rows` (M, ...) as (count, ...), zeros after the last."""
     padded = np.zeros((count, *rows.shape[1:]), rows.dtype)
@@ -204,9 +209,7 @@ def smooth(cloud: Cloud, queries: Cloud, noise: float, radius: float = 0.010) ->
     Returns:
         Points (Q, 3) m and unit normals (Q, 3) towards the cameras.
     """
-    centres, normals, residuals = local_planes(
-        queries.points, cloud.points, cloud.depth**-4.0, radius, _FEWEST
-    )
+    centres, normals, residuals = local_planes(queries.points, cloud.points, cloud.depth**-4.0, radius, 8)
     normals = np.where((normals * queries.views).sum(-1, keepdims=True) < 0, -normals, normals)
     normals = np.where((normals**2).sum(-1, keepdims=True) < 0.5, queries.views, normals)
     offset = ((queries.points - centres) * normals).sum(-1)

@@ -19,8 +19,6 @@ from dexgrasp_env.files import check_bytes, check_file, plain_text, read_npz
 from dexgrasp_env.perception.cloud import check_count
 
 _LINES = 1_000  # of a header
-_KINDS = {"F": "f", "I": "i", "U": "u"}  # letters of PCD, and of numpy
-_RECORD = 54  # bytes that a record in front of the points of a las file has at least
 _NAMES = ("points", "xyz", "pc", "vertices")  # of the cloud among the arrays of an npz file
 
 
@@ -78,7 +76,7 @@ def read_pcd(path: Path) -> Array:
     if not packed and kind != "binary":
         raise InputError(f"{path}: PCD data {kind!r} is none of ascii, binary and binary_compressed")
     kinds = zip(header["TYPE"], map(int, header["SIZE"]), repeats, strict=True)
-    row = np.dtype([(f"f{i}", f"<{_KINDS[letter]}{wide}", (n,)) for i, (letter, wide, n) in enumerate(kinds)])
+    row = np.dtype([(f"f{i}", f"<{letter.lower()}{wide}", (n,)) for i, (letter, wide, n) in enumerate(kinds)])
     size = count * row.itemsize
     check_bytes(size, f"{path} unpacked", ".pcd")
     if packed:  # the fields follow each other, instead of the points
@@ -173,7 +171,9 @@ def _read_las(path: Path) -> Array:
         points, records = np.frombuffer(
             head.read(104)[96:], "<u4"
         ).tolist()  # where points begin, records before
-    if _RECORD * records > min(points, path.stat().st_size):  # laspy would read them past the end of the file
+    if 54 * records > min(
+        points, path.stat().st_size
+    ):  # bytes of one at least; laspy would read them past the end of the file
         raise InputError(f"{path} is damaged: its header says that {records} records stand before the points")
     with laspy.open(path, read_evlrs=False) as file:
         check_count(file.header.point_count, str(path))

@@ -20,23 +20,9 @@ LEAST_POINTS, LEAST_EXTENT = 50, 0.02
 """Points, and m of the longest side of a box around them, from which on a part is an object."""
 MOST_EXTENT = 0.35
 """m of the longest side: what is longer is a wall, a bin, furniture."""
-_CELLS, _SPACINGS = (0.0045, 0.006), 1.2  # m, sides of cells; spacings of the points that one is wide
-_JUDGED = 2000  # points whose spacing is looked at
-_LINK, _AROUND = 2.45, 1.47  # cells: across a seam; within which points are counted that are dense
-_PATCH = 10  # points of a patch, on average
-_SMOOTHED = 0.008  # m around a point of which its normal is made
+_LINK = 2.45  # cells, across a seam
 _STEP = 1.3  # cells from a level side at which it is looked what stands before and behind it
-_TURN, _ROUNDS = 0.012, 3  # m apart that opposite normals count as half; how often patches are centred
-_CREASE, _FACING, _HIGH, _DENSE, _BIAS = -3.4, -2.8, -18.0, -0.38, 2.36  # of a seam, by logistic regression
-_TALL = 0.1  # m above the table from which on height tells nothing more
 _DOUBT = 0.5  # that a seam is off what parts and what joins, within which it is doubtful
-_NARROW = 0.1  # links of a bridge, for each point of the smaller of two things, at most
-_WEAK = -2.0  # that a bridge joins by
-_CRUMBS = 0.015  # m from a larger part within which what is no object is of it
-_SHEET = (0.015, 0.05)  # m, most thickness and least length of a sheet
-_UPRIGHT = 0.5  # of a sheet's normal that is up, at most
-_HOLLOW, _SHARE = 0.15, 0.25  # m, side of things whose hulls are one where they share so much of the smaller
-_FEW = 10  # points of such a hull
 
 
 MAY_BE_TWO = "may be two objects, or a part of the next"
@@ -60,13 +46,18 @@ class Instances(NamedTuple):
 
     def objects(self, cloud: Cloud) -> list[int]:
         """Return the numbers of those things on the table that are objects, the largest first."""
-        counts = np.bincount(self.labels)
-        found = [
-            k
-            for k in np.flatnonzero(counts >= LEAST_POINTS).tolist()
-            if LEAST_EXTENT <= longest_side(cloud.points[self.labels == k]) <= MOST_EXTENT
-        ]
-        return sorted(found, key=lambda k: -counts[k])
+        return objects_in(cloud.points, self.labels)
+
+
+def objects_in(points: Array, labels: Index) -> list[int]:
+    """Return the numbers, the largest first, of the things among points (N, 3) m of which each has a label (N,)."""
+    counts = np.bincount(labels)
+    found = [
+        k
+        for k in np.flatnonzero(counts >= LEAST_POINTS).tolist()
+        if LEAST_EXTENT <= longest_side(points[labels == k]) <= MOST_EXTENT
+    ]
+    return sorted(found, key=lambda k: -counts[k])
 
 
 def segment_instances(cloud: Cloud, plane: Plane) -> Instances:
@@ -74,7 +65,7 @@ def segment_instances(cloud: Cloud, plane: Plane) -> Instances:
     if len(cloud) < LEAST_POINTS:
         return Instances(np.zeros(len(cloud), np.int64), ("",))
     cell = _cell_of(cloud.points)
-    points, normals = smooth(cloud, cloud, plane.rms, _SMOOTHED)
+    points, normals = smooth(cloud, cloud, plane.rms, 0.008)
     _, which = np.unique(cells_of(points, cell), return_inverse=True)
     points, normals = _means(which, points), unit(_means(which, normals))
     if not np.ptp(cloud.views, axis=0).any():  # nobody knows who saw the points
@@ -93,9 +84,9 @@ def _cell_of(points: Array) -> float:
     """Return the side, m, of the cells to which points are thinned: as small as they lie close."""
     from scipy.spatial import cKDTree
 
-    few = points[:: max(1, len(points) // _JUDGED)]
+    few = points[:: max(1, len(points) // 2000)]
     spacing = np.median(cKDTree(points).query(few, k=2)[0][:, 1])
-    return float(np.clip(_SPACINGS * spacing, *_CELLS))
+    return float(np.clip(1.2 * spacing, 0.0045, 0.006))
 
 
 def _means(which: Index, rows: Array) -> Array:
@@ -128,9 +119,11 @@ def _patches(points: Array, normals: Array, cell: float) -> Index:
 
     from dexgrasp_env.perception.kernels import farthest_points
 
-    rows = np.concatenate([points, _TURN * normals], axis=1)
-    middles = rows[farthest_points(np.ascontiguousarray(points), max(1, len(points) // _PATCH), 0)]
-    for _ in range(_ROUNDS):
+    rows = np.concatenate(
+        [points, 0.012 * normals], axis=1
+    )  # m apart that normals count as which are 1 apart
+    middles = rows[farthest_points(np.ascontiguousarray(points), max(1, len(points) // 10), 0)]
+    for _ in range(3):
         which = cKDTree(middles).query(rows)[1]
         middles = _means(which, rows)
     _, which = np.unique(which, return_inverse=True)
@@ -145,18 +138,18 @@ def _seams(
 
     tree = cKDTree(points)
     pairs = tree.query_pairs(_LINK * cell, output_type="ndarray")
-    near = tree.query_pairs(_AROUND * cell, output_type="ndarray")
+    near = tree.query_pairs(1.47 * cell, output_type="ndarray")
     dense, up = np.bincount(near.ravel(), minlength=len(points)), plane.heights(points)
     pairs = pairs[patches[pairs[:, 0]] != patches[pairs[:, 1]]]
     a, b = pairs.T
     way = unit(points[a] - points[b])
     crease = np.minimum((normals[a] * way).sum(1), -(normals[b] * way).sum(1))
-    parts = (
-        _CREASE * crease
-        + _FACING * (normals[a] * normals[b]).sum(1)
-        + _HIGH * np.minimum(0.5 * (up[a] + up[b]), _TALL)
-        + _DENSE * np.minimum(dense[a], dense[b])
-        + _BIAS
+    parts = (  # by logistic regression
+        -3.4 * crease
+        - 2.8 * (normals[a] * normals[b]).sum(1)
+        - 18.0 * np.minimum(0.5 * (up[a] + up[b]), 0.1)  # m above the table; more tells nothing
+        - 0.38 * np.minimum(dense[a], dense[b])
+        + 2.36
     )
     low, high = np.sort(patches[pairs], axis=1).T
     seams, which = np.unique(low * len(points) + high, return_inverse=True)
@@ -191,7 +184,7 @@ def _join(
     def bridge(mean: float, i: int, j: int, link: int) -> bool:
         """Return true for a seam of stray points alone; the sides of a sheet are joined by few, too."""
         few = min(cells[i], cells[j])
-        if mean < _WEAK or few < LEAST_POINTS or link > _NARROW * few:
+        if mean < -2.0 or few < LEAST_POINTS or link > 0.1 * few:
             return False
         return not any(_is_sheet(points[things[patches] == k]) for k in (i, j))
 
@@ -229,7 +222,7 @@ def _with_crumbs(points: Array, labels: Index) -> Index:
     if not large.any():
         return labels
     crumbs = np.flatnonzero(~large)
-    distance, nearest = cKDTree(points[large]).query(points[crumbs], distance_upper_bound=_CRUMBS)
+    distance, nearest = cKDTree(points[large]).query(points[crumbs], distance_upper_bound=0.015)  # m
     near = np.isfinite(distance)
     labels[crumbs[near]] = labels[large][nearest[near]]
     return _with_shared(points, labels)
@@ -237,16 +230,16 @@ def _with_crumbs(points: Array, labels: Index) -> Index:
 
 def _with_shared(points: Array, labels: Index) -> Index:
     """Return labels (M,) in which things whose hulls share space are one: the inside of a cup is seen apart from it."""
-    numbers = [k for k in np.unique(labels) if (labels == k).sum() >= _FEW]
+    numbers = [k for k in np.unique(labels) if (labels == k).sum() >= 10]
     hulls = {k: _hull(points[labels == k]) for k in sorted(numbers, key=lambda k: -(labels == k).sum())}
-    small = [k for k, (corners, _) in hulls.items() if longest_side(corners) <= _HOLLOW]
+    small = [k for k, (corners, _) in hulls.items() if longest_side(corners) <= 0.15]
     for j, other in enumerate(small):
         for k in small[:j]:
             (mine, volume), (its, least) = hulls[k], hulls[other]
             if (mine.max(0) < its.min(0)).any() or (its.max(0) < mine.min(0)).any():
                 continue
             both = _hull(np.concatenate([mine, its]))
-            if volume + least - both[1] > _SHARE * min(volume, least):
+            if volume + least - both[1] > 0.25 * min(volume, least):
                 labels[labels == other], hulls[k] = k, both
                 break
     return labels
@@ -254,6 +247,8 @@ def _with_shared(points: Array, labels: Index) -> Index:
 
 def _with_walls(labels: Index, cloud: Cloud, link: float) -> Index:
     """Return labels (M,) in which upright sheets that stand in one row, longer than an object, are one thing."""
+    if longest_side(cloud.points) <= MOST_EXTENT:
+        return labels
     rows = linked(cloud.points, link)
     for row in range(rows.max() + 1):
         own = np.unique(labels[rows == row])
@@ -271,11 +266,11 @@ def longest_side(points: Array) -> float:
 
 def _is_sheet(points: Array) -> bool:
     """Return true for points (N, 3) in an upright sheet."""
-    if len(points) < LEAST_POINTS or longest_side(points) < _SHEET[1]:
+    if len(points) < LEAST_POINTS or longest_side(points) < 0.05:
         return False
     across = np.linalg.svd(points - points.mean(0), full_matrices=False)[2][2]
     low, high = np.quantile(points @ across, (0.02, 0.98))
-    return bool(high - low < _SHEET[0] and abs(across[2]) < _UPRIGHT)
+    return bool(high - low < 0.015 and abs(across[2]) < 0.5)  # m thick; of its normal that is up
 
 
 def _hull(points: Array) -> tuple[Array, float]:

@@ -7,13 +7,14 @@ show, and only where what is held hangs together.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index, Mask
-from dexgrasp_env.perception.cloud import cells_of
+from dexgrasp_env.perception.cloud import thinned
 from dexgrasp_env.perception.neighbourhoods import local_planes
 from dexgrasp_env.perception.plane import Plane, fit_plane, refine_plane
 from dexgrasp_env.poses import placed
@@ -21,24 +22,44 @@ from dexgrasp_env.poses import placed
 CELL = 0.02
 """m, of the grid on which what a level holds hangs together."""
 STEEPEST = np.radians(60.0)  # of a level that is looked for, to say its angle
-_THIN, _FINE = 0.010, 0.005  # m, sides of cubes: of what is judged, and of what it is averaged over
-_PATCH, _FEW, _THICK = (
-    0.022,
-    8,
-    2.0,
-)  # m, radius of patches; their points; times the noise that a flat one is thick
-_LEAST_NOISE = 1e-4  # m, of clouds that were computed, whose tables have none
+_THIN = 0.010  # m, side of cubes of which one point each is judged: a surface counts by its area
 _BAND = (0.003, 0.006)  # m within which the middle of a patch is a level's, at least and at most
-_WARP = 0.007  # m that depth cameras bend a surface
-_LEVELS = 6  # looked for
-_TRIPLES = 300  # tried for each
-_SHARE = 0.1  # of the largest piece, that another piece of a level has
 _SHADOW = 4  # cells across that a thing, or its shadow, hides
-_WIDE = 0.14  # m, both ways: larger than faces of objects
-_OBJECT_TOP = (0.05, 0.09)  # m that it is higher than a level at least, and m2 that it has at most
-_STANDS, _HIGHEST = 0.012, 0.30  # m above a level from where, and up to where, what is there stands on it
-_LEVEL = np.radians(3.0)
-_LIKELIER = 1.5  # times that a level surface counts, to one that leans
+_STANDS = 0.012  # m above a level from where on what is there stands on it
+
+
+class Raster(NamedTuple):
+    """Cells of the table as an image.
+
+    Attributes:
+        low: (2,) the cell of its first pixel.
+        image: (W, H) True where a cell is.
+    """
+
+    low: Index
+    image: Mask
+
+    @classmethod
+    def of(cls, cells: Index, border: int = 0) -> "Raster":
+        """Return the image of cells (K, 2), with so many empty ones around."""
+        low = cells.min(0) - border
+        image = np.zeros(np.ptp(cells, axis=0) + 2 * border + 1, bool)
+        image[tuple((cells - low).T)] = True
+        return cls(low, image)
+
+    def at(self, image: NDArray[Any], cells: Index) -> NDArray[Any]:
+        """Return what an image of the same size holds at cells (K, 2)."""
+        return np.asarray(image[tuple((cells - self.low).T)])
+
+    def cells(self, image: Mask) -> Index:
+        """Return the cells (K, 2) where an image of the same size is True."""
+        return np.argwhere(image) + self.low
+
+    def pieces(self) -> Index:
+        """Return the image of the number, from 1 on, of the connected piece that each pixel is of; 0 for none."""
+        from scipy.ndimage import label
+
+        return np.asarray(label(self.image, np.ones((3, 3)))[0])
 
 
 class Level(NamedTuple):
@@ -78,10 +99,8 @@ def find_levels(points: Array, rng: Generator, off: float) -> list[Level]:
     """Return the wide planes of points (M, 3) m within `off` m of z = 0, the largest first."""
     left, band = _surface(points)
     found = list[Level]()
-    for _ in range(_LEVELS):
-        plane = fit_plane(
-            left, rng, off=off, min_inliers=60, tilt=STEEPEST, within=0.5 * band, triples=_TRIPLES
-        )
+    for _ in range(6):
+        plane = fit_plane(left, rng, off=off, min_inliers=60, tilt=STEEPEST, within=0.5 * band, triples=300)
         if plane is None:
             break
         near = np.abs(plane.heights(left)) < max(band, 3.0 * plane.rms)
@@ -97,46 +116,38 @@ def _surface(points: Array) -> tuple[Array, float]:
 
     Where two levels meet, a patch of both is thicker than noise: it is left out.
     """
-    thin, some = thinned(points), thinned(points, _FINE)
-    middles, normals, residuals = local_planes(thin, some, np.ones(len(some)), _PATCH, _FEW)
+    thin, some = points[thinned(points, _THIN)], points[thinned(points, 0.5 * _THIN)]
+    middles, normals, residuals = local_planes(thin, some, np.ones(len(some)), 0.022, 8)
     flat = np.abs(normals[:, 2]) > np.cos(STEEPEST)
     if not flat.any():
         return thin, _BAND[1]
-    noise = max(float(np.median(residuals[flat])), _LEAST_NOISE)
-    return middles[flat & (residuals < _THICK * noise)], float(np.clip(noise, *_BAND))
-
-
-def thinned(points: Array, side: float = _THIN) -> Array:
-    """Return one of points (M, 3) m a cube, `side` m wide, so that a surface counts by its area."""
-    _, first = np.unique(cells_of(points, side), return_index=True)
-    return points[np.sort(first)]
+    noise = max(float(np.median(residuals[flat])), 1e-4)  # m: of computed clouds, whose tables have none
+    return middles[flat & (residuals < 2.0 * noise)], float(np.clip(noise, *_BAND))
 
 
 def _is_warp(points: Array, plane: Plane) -> bool:
     """Return True for points (M, 3) so near a plane that they are of one surface, which depth cameras bend."""
-    return bool(np.percentile(np.abs(plane.heights(points)), 90) < _WARP)
+    return bool(np.percentile(np.abs(plane.heights(points)), 90) < 0.007)
 
 
 def _connected(points: Array, near: Mask, plane: Plane, band: float) -> tuple[Level | None, Mask]:
     """Return the level of the largest pieces of a plane, None where none is wide, and what it holds (M,)."""
-    from scipy.ndimage import binary_closing, binary_fill_holes, label
+    from scipy.ndimage import binary_closing, binary_fill_holes
 
     cells = cells_at(points[near])
-    low = cells.min(0) - _SHADOW
-    grid = np.zeros(np.ptp(cells, axis=0) + 2 * _SHADOW + 1, bool)
-    grid[tuple((cells - low).T)] = True
-    pieces, count = label(grid, np.ones((3, 3)))
-    sizes = np.bincount(pieces.ravel(), minlength=count + 1)
+    raster = Raster.of(cells, _SHADOW)
+    pieces = raster.pieces()
+    sizes = np.bincount(pieces.ravel())
     sizes[0] = 0
-    kept = np.isin(pieces, np.flatnonzero(sizes >= _SHARE * sizes.max()) if count else [])
+    kept = (sizes >= 0.1 * sizes.max())[pieces] & raster.image
     held = near.copy()
-    held[near] = kept[tuple((cells - low).T)]
+    held[near] = raster.at(kept, cells)
     whole = refine_plane(points[held], plane.normal, plane.offset, band, 60)
     largest = np.argwhere(pieces == sizes.argmax())
-    if whole is None or np.ptp(largest, axis=0).min() * CELL < _WIDE:
+    if whole is None or np.ptp(largest, axis=0).min() * CELL < 0.14:  # m: faces of objects
         return None, near
     floor = binary_fill_holes(binary_closing(kept, np.ones((3, 3)), _SHADOW))
-    return Level(whole, np.argwhere(kept) + low, np.argwhere(floor) + low), held
+    return Level(whole, raster.cells(kept), raster.cells(floor)), held
 
 
 def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = None) -> Level | None:
@@ -152,27 +163,27 @@ def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = N
     tables = [one for k, one in enumerate(levels) if not any(_is_top(one, two) for two in levels[:k])]
     if len(tables) < 2:
         return tables[0] if tables else None
-    some = thinned(points) if meant is None or not len(meant) else meant
+    some = points[thinned(points, _THIN)] if meant is None or not len(meant) else meant
     heights = np.array([one.plane.heights(some) for one in tables])
     under = np.array([over(one.floor, some) for one in tables]) & (heights > 0.0)
     gaps = np.where(under, heights, np.inf)
     free = (np.abs(heights) > _STANDS).all(0) | (meant is not None and len(meant) > 0)
-    standing = free & (gaps.min(0) > _STANDS) & (gaps.min(0) < _HIGHEST)
+    standing = free & (gaps.min(0) > _STANDS) & (gaps.min(0) < 0.30)
     counts = np.bincount(gaps.argmin(0)[standing], minlength=len(tables))
-    level = np.array([one.plane.normal[2] > np.cos(_LEVEL) for one in tables])
-    weights = np.where(level, _LIKELIER, 1.0) * (counts if counts.any() else [one.area for one in tables])
+    level = np.array([one.plane.normal[2] > np.cos(np.radians(3.0)) for one in tables])
+    weights = np.where(level, 1.5, 1.0) * (counts if counts.any() else [one.area for one in tables])
     return tables[int(np.argmax(weights))]
 
 
 def _is_top(one: Level, lower: Level) -> bool:
-    """Return True for a level that is the top of an object on a larger one."""
+    """Return True for a level that is the top of an object on a larger one: 5 cm higher, of less than 0.09 m2."""
     rise = (one.top(one.floor) - lower.top(one.floor)).mean()
-    return bool(rise > _OBJECT_TOP[0]) and one.area < _OBJECT_TOP[1]
+    return bool(rise > 0.05 and one.area < 0.09)
 
 
-def cells_at(points: Array) -> Index:
-    """Return the cells (M, 2) of points (M, 2 or 3) m."""
-    return np.floor(points[:, :2] / CELL).astype(np.int64)
+def cells_at(points: Array, side: float = CELL) -> Index:
+    """Return the cells (M, 2), `side` m wide, of points (M, 2 or 3) m."""
+    return np.floor(points[:, :2] / side).astype(np.int64)
 
 
 def over(floor: Index, points: Array) -> Mask:
@@ -180,7 +191,7 @@ def over(floor: Index, points: Array) -> Mask:
     cells = cells_at(points)
     if not len(cells) or not len(floor):
         return np.zeros(len(cells), bool)
-    low, high = np.minimum(floor.min(0), cells.min(0)), np.maximum(floor.max(0), cells.max(0))
-    grid = np.zeros(high - low + 1, bool)
-    grid[tuple((floor - low).T)] = True
-    return np.asarray(grid[tuple((cells - low).T)])
+    raster = Raster.of(floor)
+    inside = np.asarray(((cells >= raster.low) & (cells - raster.low < raster.image.shape)).all(1))
+    inside[inside] = raster.at(raster.image, cells[inside])
+    return inside

@@ -1,21 +1,14 @@
-"""Neighbourhoods of a cloud's points: counts, clusters, local planes."""
+"""Neighbourhoods of a cloud's points: clusters, local planes."""
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.arrays import Array, Index
 
 _AT_ONCE = 8192  # queries: the pairs of more would fill the memory
 _ROW, _COLUMN = (
     np.array([0, 0, 1, 0, 1, 2]),
     np.array([0, 1, 1, 2, 2, 2]),
 )  # of a symmetric matrix's six entries
-
-
-def have_neighbours(points: Array, radius: float, least: int) -> Mask:
-    """Return which points (M, 3) have at least `least` others within `radius` metres."""
-    from scipy.spatial import cKDTree
-
-    return np.asarray(cKDTree(points).query(points, k=[least + 1])[0][:, 0] <= radius)
 
 
 def linked(points: Array, step: float) -> Index:

@@ -1,6 +1,5 @@
 """A picture for people: a scene with all that is seen in it, its hull, and what is known of hand and true object."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,7 +32,6 @@ class Drawing:
         rest: (N, 3) points of what is no object.
         plane: the table.
         hull: (F, 3, 3) triangles that the object is taken for.
-        around: (N, 3) corners of each convex part of what is kept clear of.
         solids: (F, 3, 3) triangles of what is known of the hand, or of the true object, by its line of the legend.
         title: above the picture.
     """
@@ -42,7 +40,6 @@ class Drawing:
     rest: Array
     plane: "Plane | None" = None
     hull: Array | None = None
-    around: Sequence[Array] = ()
     solids: dict[str, Array] = field(default_factory=dict)
     title: str = ""
 
@@ -96,8 +93,6 @@ def _draw_side(panel: Any, drawing: Drawing, axes: list[int], low: Array, high: 
     for number, (words, points) in enumerate(drawing.objects.items(), start=1):
         panel.plot(*points[:, axes].T, ".", markersize=1.5, label=words)
         panel.annotate(str(number), middle(points)[axes], fontsize=14, ha="center", va="center")
-    outlines = [_outline(corners[:, axes]) for corners in drawing.around]
-    panel.add_collection(LineCollection(outlines, colors="0.4", linewidths=0.6, label="kept clear of"))
     if drawing.hull is not None:
         triangles = drawing.hull[:, [0, 1, 2, 0]][..., axes]
         panel.add_collection(
@@ -105,14 +100,3 @@ def _draw_side(panel: Any, drawing: Drawing, axes: list[int], low: Array, high: 
         )
     for which, axis in zip("xy", axes, strict=True):
         panel.set(**{f"{which}lim": (low[axis], high[axis]), f"{which}label": f"{'xyz'[axis]}, m"})
-
-
-def _outline(points: Array) -> Array:
-    """Return the convex outline (N, 2) of points, closed; of points in a line what they span."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        around = ConvexHull(points).vertices
-    except QhullError:
-        return points[[0, -1]]
-    return points[[*around, around[0]]]

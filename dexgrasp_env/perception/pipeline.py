@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, middle, unit
+from dexgrasp_env.arrays import Array, Fields, middle, unit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import (
     MIN_POINTS,
@@ -33,9 +33,7 @@ from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
     level_views,
-    noise_depth,
     refine_plane,
-    remove_plane,
     table_clearance,
     view_corrections,
 )
@@ -45,6 +43,7 @@ from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.perception.selection import TargetSelector, check_reach
 from dexgrasp_env.perception.support import Support, find_support, near_base, table_around
+from dexgrasp_env.poses import inverse, placed
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
 
@@ -52,10 +51,6 @@ COUNT = 1024  # points of an object that is meant, at most
 SIGMAS = 4.5  # points lower than this many times the table's noise, at their depth, are table
 LINK = 0.015  # m: an object's points are linked by steps of at most this
 STRIDE = 7  # every so many-th pixel goes into the fits of the table
-_OTHERS, _REST = 300, 1000  # points of a neighbour, and of what belongs to no object, at most
-_LEAST_CLEARANCE = 0.004  # m above the table of a recorded cloud
-_AROUND = 0.25  # m beyond the workspace within which things stand in the way of a recorded object
-_AROUND_AND_OVER = np.array([_AROUND, _AROUND, 0.9])  # m, and above: what hangs there is in the arm's way
 
 
 def segment(
@@ -80,27 +75,21 @@ def segment(
     depths = np.asarray(depths)
     if depths.shape[0] != len(cameras):
         raise InputError(f"{depths.shape[0]} depth images for {len(cameras)} cameras: valid is one each")
-    everything = gather(remove_flying(depths), cameras)
-    found = _scene_of_views(everything, len(cameras), rng, own, selector or TargetSelector())
-    return replace(found, cameras=np.stack([camera.T_world_camera for camera in cameras]))
-
-
-def _scene_of_views(
-    everything: Cloud, views: int, rng: Generator, own: Own | None, selector: TargetSelector
-) -> Scene:
+    everything, poses = gather(remove_flying(depths), cameras), np.stack([c.T_world_camera for c in cameras])
     if not len(everything):
-        return Scene(reason=OUT_OF_VIEW)
+        return Scene(reason=OUT_OF_VIEW, cameras=poses)
     sparse = everything.select(slice(None, None, STRIDE))
     plane = fit_plane(sparse.points, rng)
     if plane is None:
-        return Scene(reason=NO_PLANE)
-    corrections = view_corrections(sparse, plane, views)
+        return Scene(reason=NO_PLANE, cameras=poses)
+    corrections = view_corrections(sparse, plane, len(cameras))
     table = level_views(sparse, corrections)
     plane = refine_plane(table.points, plane.normal, plane.offset) or plane
     found = level_views(crop(everything, WORKSPACE_LOW, WORKSPACE_HIGH), corrections)
-    clearance = table_clearance(plane, found.depth, noise_depth(table, plane), SIGMAS)
+    clearance = table_clearance(plane, table, found.depth, SIGMAS)
     above = isolate(found, plane, clearance, own)
-    return scene_around(above, *_selected(above, selector, plane), plane, rng)
+    instances, number = _selected(above, selector or TargetSelector(), plane)
+    return replace(scene_around(above, instances, number, plane, rng), cameras=poses)
 
 
 def _selected(cloud: Cloud, selector: TargetSelector, plane: Plane) -> tuple[Instances, int]:
@@ -164,15 +153,11 @@ def find_object(
             plane=plane, reason=refused.reason, sentence=refused.sentence, neighbours=seen, table=cell.table
         )
     scene = scene_around(above, instances, number, plane, rng, cameras_known=False)
-    return _settled(replace(scene, tilt=support.tilt, boxes=obstacles.boxes, note=obstacles.note), support)
-
-
-def _settled(scene: Scene, support: Support) -> Scene:
-    """Return a scene in the world of the table as it is seen around its target."""
+    scene = replace(scene, boxes=obstacles.boxes, note=obstacles.note, table=cell.table)
     if not len(scene.target):
-        return replace(scene, table=support.cell.table)
+        return scene
     table = table_around(support, scene.target.points)
-    return scene.standing_on(table, support.cell.seeing(table).T_world_base @ support.cell.T_base_world)
+    return scene.standing_on(table, cell.seeing(table).T_world_base @ cell.T_base_world)
 
 
 def stand_on(
@@ -186,16 +171,20 @@ def stand_on(
     cloud = near_base(cloud)
     cloud = cloud.moved(cloud.points + cell.base)
     support = find_support(cloud, rng, cell, (selector or TargetSelector()).meant(cloud))
-    clearance = max(_LEAST_CLEARANCE, SIGMAS * support.plane.rms)
-    above = isolate(support.cloud, support.plane, clearance, support.own(own))
-    above = crop(above, np.array(WORKSPACE_LOW) - _AROUND, np.array(WORKSPACE_HIGH) + _AROUND_AND_OVER)
-    obstacles = find_obstacles(above.points, support.levels, clearance, support.robot(own))
+    clearance = max(0.004, SIGMAS * support.plane.rms)
+    robot = (
+        np.zeros(len(cloud), bool) if own is None else own(placed(inverse(support.T), support.cloud.points))
+    )
+    above = isolate(support.cloud.select(~robot), support.plane, clearance)
+    # m beyond the workspace within which things are in the way of a recorded object, or hang in the arm's.
+    above = crop(above, np.subtract(WORKSPACE_LOW, 0.25), np.add(WORKSPACE_HIGH, (0.25, 0.25, 0.9)))
+    obstacles = find_obstacles(above.points, support.levels, clearance, support.cloud.points[robot])
     return cloud, support, above.select(~obstacles.points), obstacles
 
 
-def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None) -> Cloud:
+def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None = None) -> Cloud:
     """Return the points of a cloud that are neither the table's, `clearance` m high, nor the robot's, nor alone."""
-    cloud = remove_plane(cloud, plane, clearance)
+    cloud = cloud.select(plane.heights(cloud.points) > clearance)
     if own is not None:
         cloud = cloud.select(~own(cloud.points))
     return remove_outliers(cloud)
@@ -207,27 +196,26 @@ def scene_around(
 ) -> Scene:  # fmt: skip
     """Return the scene in which one of the things in an isolated cloud is the target, and the others stand around."""
     numbers = [number, *(k for k in instances.objects(cloud) if k != number)]
-    things = [instances.labels == k for k in numbers]
-    doubt, *doubts = (instances.doubts[k] for k in numbers)
-    foot, *feet = [0.0] * len(things)
-    if not cameras_known:
-        heights = plane.heights(cloud.points)
-        foot, *feet = (foot_of(cloud.points, mine, heights) for mine in things)
-        for mine in things:
+    seen, heights = (
+        partial(object_cloud, plane=plane, cameras_known=cameras_known),
+        plane.heights(cloud.points),
+    )
+    things = list[tuple[Cloud, Fields]]()
+    for k in numbers:
+        mine, foot = instances.labels == k, 0.0
+        if not cameras_known:
+            foot = foot_of(cloud.points, mine, heights)
             mine[mine] = without_skirt(cloud.points[mine], heights[mine])
-    target, *others = map(cloud.select, things)
-    seen = partial(object_cloud, plane=plane, cameras_known=cameras_known)
+        things.append((cloud.select(mine), {"doubt": instances.doubts[k], "foot": foot}))
+    (target, said), *others = things
     around = Scene(
         plane=plane,
-        neighbours=tuple(
-            replace(seen(one, count=_OTHERS, doubt=its), foot=its_foot)
-            for one, its, its_foot in zip(others, doubts, feet, strict=True)
-        ),
-        rest=seen(cloud.select(~np.isin(instances.labels, numbers)), count=_REST),
+        neighbours=tuple(seen(one, count=300, **its) for one, its in others),
+        rest=seen(cloud.select(~np.isin(instances.labels, numbers)), count=1000),
     )
     if len(target) < MIN_POINTS:
         return replace(around, reason=TOO_FEW if len(target) else OUT_OF_VIEW)
-    return replace(around, target=replace(seen(target, count=COUNT, doubt=doubt, rng=rng), foot=foot))
+    return replace(around, target=seen(target, count=COUNT, rng=rng, **said))
 
 
 def object_cloud(
@@ -237,6 +225,7 @@ def object_cloud(
     doubt: str = "",
     rng: Generator | None = None,
     *,
+    foot: float = 0.0,
     cameras_known: bool = True,
 ) -> ObjectCloud:
     """Return a cloud as `count` smoothed points at most, in single precision, as observations hold them.
@@ -250,4 +239,4 @@ def object_cloud(
         cloud = replace(cloud, views=unit(cloud.points - middle(cloud.points)))
     chosen = cloud.select(downsample(cloud.points, count, rng or np.random.default_rng(len(cloud))))
     points, normals = smooth(cloud, chosen, 0.0 if plane is None else plane.rms)
-    return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubt)
+    return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubt, foot)

@@ -10,14 +10,12 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
-from dexgrasp_env.poses import rigid
+from dexgrasp_env.poses import least_turn, rigid
 
 TOLERANCE = 0.010  # m within which points are the table's
 _TILT = np.radians(8.0)  # steeper hypotheses are dropped
-_HYPOTHESES, _SAMPLES = 64, 1500  # triples tried, points on which they are scored
-_LEAST_CLEARANCE = 0.002  # m
+_SAMPLES = 1500  # points on which hypotheses are scored
 _COMMON = 0.012  # m: points of a view this close to the plane of all views count as table
-_LEAST_VIEW = 100  # points: a view with fewer of them stays as it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +26,11 @@ class Plane:
         normal: (3,) unit, upwards.
         offset: metres.
         rms: RMS distance of the points it was fitted to, metres; a measure of the sensor's noise.
-        inliers: their number.
     """
 
     normal: Array
     offset: float
     rms: float
-    inliers: int
 
     @staticmethod
     def to_array(plane: "Plane | None") -> Array:
@@ -43,11 +39,11 @@ class Plane:
 
     @classmethod
     def from_array(cls, values: Array) -> "Plane | None":
-        """Return what `to_array` (5,) was made of, but for the number of inliers; None for no plane."""
+        """Return what `to_array` (5,) was made of; None for no plane."""
         values = np.asarray(values, dtype=float)
         if np.linalg.norm(values[:3]) < 0.5:
             return None
-        return cls(values[:3], float(values[3]), float(values[4]), 0)
+        return cls(values[:3], float(values[3]), float(values[4]))
 
     def placed(self, T: Array) -> "Plane":
         """Return it in a frame in which its own has pose `T` (4, 4)."""
@@ -61,7 +57,7 @@ class Plane:
 
 def fit_plane(
     points: Array, rng: np.random.Generator, *, off: float = 0.05, min_inliers: int = 200, tilt: float = _TILT,
-    within: float | None = None, triples: int = _HYPOTHESES,
+    within: float | None = None, triples: int = 64,
 ) -> Plane | None:  # fmt: skip
     """Fit the table by RANSAC (Fischler and Bolles 1981) and least squares on its inliers.
 
@@ -107,7 +103,7 @@ def refine_plane(
             return None
         normal, offset, rms = _least_squares(inliers)
         tolerance = min(tolerance, max(3.0 * rms, 5e-4))
-    return Plane(normal, offset, rms, len(inliers))
+    return Plane(normal, offset, rms)
 
 
 def _least_squares(points: Array) -> tuple[Array, float, float]:
@@ -118,30 +114,20 @@ def _least_squares(points: Array) -> tuple[Array, float, float]:
     return normal, float(normal @ centre), float(np.sqrt(max(values[0], 0.0)))
 
 
-def remove_plane(cloud: Cloud, plane: Plane, clearance: float | Array) -> Cloud:
-    """Return the points more than `clearance` metres, one or one each (M,), above the plane."""
-    return cloud.select(plane.heights(cloud.points) > clearance)
-
-
-def noise_depth(cloud: Cloud, plane: Plane) -> float:
-    """Return the depth, metres, at which the noise is the plane's RMS.
+def table_clearance(plane: Plane, cloud: Cloud, depth: Array, sigmas: float) -> Array:
+    """Return the heights (M,) m below which points may be table noise.
 
     Noise grows with depth^2, so the RMS over the table is that at the root mean fourth power of its depths.
-    """
-    table = cloud.depth[np.abs(plane.heights(cloud.points)) < TOLERANCE]
-    return float((table**4).mean() ** 0.25) if len(table) else 1.0
-
-
-def table_clearance(plane: Plane, depth: Array, reference: float, sigmas: float) -> Array:
-    """Return the heights (M,) m below which points may be table noise.
 
     Args:
         plane: the table with its RMS.
-        depth: (M,) m, of the points.
-        reference: depth at which the noise is that RMS, see `noise_depth`.
+        cloud: points of it, and others.
+        depth: (M,) m, of the points that are judged.
         sigmas: how much of the noise's tail is table.
     """
-    return np.maximum(_LEAST_CLEARANCE, sigmas * plane.rms * (depth / reference) ** 2)
+    table = cloud.depth[np.abs(plane.heights(cloud.points)) < TOLERANCE]
+    reference = float((table**4).mean() ** 0.25) if len(table) else 1.0
+    return np.maximum(0.002, sigmas * plane.rms * (depth / reference) ** 2)
 
 
 def view_corrections(cloud: Cloud, plane: Plane, views: int) -> Array:
@@ -156,7 +142,7 @@ def view_corrections(cloud: Cloud, plane: Plane, views: int) -> Array:
     table = np.abs(plane.heights(cloud.points)) < _COMMON
     for k in range(views):
         own = cloud.points[table & (cloud.camera == k)]
-        fit = refine_plane(own, plane.normal, plane.offset, _COMMON, _LEAST_VIEW)
+        fit = refine_plane(own, plane.normal, plane.offset, _COMMON, 100)
         if fit is not None:
             corrections[k] = _onto(fit, plane, own.mean(0))
     return corrections
@@ -172,9 +158,7 @@ def level_views(cloud: Cloud, corrections: Array) -> Cloud:
 
 
 def _onto(own: Plane, common: Plane, centre: Array) -> Array:
-    """Return the pose (4, 4) that lays a plane into a nearby one by the smallest turn (Rodrigues), about a point."""
+    """Return the pose (4, 4) that lays a plane into a nearby one by the smallest turn about a point."""
     pivot = centre - own.heights(centre) * own.normal
-    v = np.cross(own.normal, common.normal)
-    K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    R = np.eye(3) + K + K @ K / (1.0 + own.normal @ common.normal)
+    R = least_turn(own.normal, common.normal)
     return rigid(R, pivot - common.heights(pivot) * common.normal - R @ pivot)

@@ -11,52 +11,25 @@ from typing import Any
 import numpy as np
 
 from dexgrasp_env.arrays import Array, Index, Mask
-from dexgrasp_env.perception.cloud import Cloud, cells_of
+from dexgrasp_env.perception.cloud import Cloud, thinned
 from dexgrasp_env.perception.instances import (
     LEAST_EXTENT,
     LEAST_POINTS,
     MAY_BE_TWO,
     Instances,
     longest_side,
+    objects_in,
     segment_instances,
 )
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.viewpoint import find_viewpoint, hidden_in_part
 
+# Figures of this file were set on scenes of the catalogue by `scripts/parted_clouds.py`, other seeds than published.
 _CELL = 0.004  # m, to which points are thinned
-# What is joined: splinters along a larger thing or hanging beside it, sides that end in one rim.
-_TOUCH, _ALONG, _BESIDE = (
-    0.004,
-    0.010,
-    0.5,
-)  # m to its nearest points; m within which so much of a splinter lies
-_SMALL = 0.3  # of the larger thing's points that a splinter has at most
+_TOUCH = 0.004  # m between points of one thing
 _HIGH = 0.02  # m over the table of what hangs, or was seen from above alone
-_LARGEST, _NEAR = 0.10, 0.025  # m, size of what hangs, and how near what it is of
-_RIM, _LOWEST = 0.15, 0.012  # of a thing's height, and m, that its rim is high
-_WALL, _THICK = 0.012, 0.12  # m from the outline of a rim within which it lies, or of its width
-_ON_IT, _CLOSED = 0.85, 0.65  # share of a rim that lies on its outline; of that outline that is seen
-_WIDEST, _NARROWEST, _ALL_ROUND = 0.26, 0.04, 16  # m, of a rim; places on each side of its outline
-_SPREAD = 0.6  # of a hollow thing's outline that its rim encloses
-# What is parted or doubtful; set on scenes of the catalogue by `scripts/parted_clouds.py`, other seeds than published.
-_DEEP, _MOST_DEEP, _LEFT_DEEP = (
-    0.010,
-    0.07,
-    0.05,
-)  # m in a hull; share that may be so deep, of a whole, of its levels
-_LEVEL, _PEAK = 0.004, 2.5  # m, height of a level; how much fuller than others one with a top is
-_CLOSE, _MEETING = 0.005, 12  # m within which so many points of things that touch lie
-_UNSEEN = 0.5  # of a thing's height, so much of whose sides was not seen
-# What carries a thing, and what of the table is taken for its foot.
-_LOW, _GAP, _CARRIES = (
-    0.02,
-    0.012,
-    5,
-)  # quantile of its lowest; m within which what carries it ends; points of that
-_SKIRT, _MOST_SKIRT = (
-    0.010,
-    0.15,
-)  # m over the table that a skirt reaches; share of points from which on it is none
+_LOW = 0.02  # quantile of a thing's lowest, and highest, points
+_LEVEL = 0.004  # m, height of a level
 TOP_ONLY = "was seen from above alone: its walls are taken to go straight down"
 HIDDEN = "is hidden in part by another"
 TOUCHES = "touches the next, or is one with it"
@@ -73,22 +46,23 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances
     found, heights = segment_instances(cloud, plane), plane.heights(cloud.points)
     labels = _with_splinters(cloud.points, _with_rims(cloud.points, found.labels, heights), heights)
     _, labels = np.unique(labels, return_inverse=True)
-    whole = Instances(labels, ("",) * (labels.max(initial=-1) + 1))
-    for k in whole.objects(cloud):
+    numbers = objects_in(cloud.points, labels)
+    odd = {k: may_be_two(cloud.points[labels == k], heights[labels == k]) for k in numbers}
+    for k in filter(odd.get, odd):
         labels = _by_level(cloud.points, labels, labels == k, heights)
-    parted = Instances(labels, ("",) * (labels.max(initial=-1) + 1))
-    numbers = parted.objects(cloud)
+    numbers = objects_in(cloud.points, labels)
     things = {k: (cloud.points[labels == k], heights[labels == k]) for k in numbers}
     marked = np.where(np.isin(labels, numbers), labels, -1)
     hidden = _hidden(cloud, everything, plane, marked) if len(things) > 1 else set()
-    doubts = list(parted.doubts)
+    doubts = [""] * (labels.max(initial=-1) + 1)
     for k, (points, high) in things.items():
         others = [other for j, (other, _) in things.items() if j != k]
         said = {
-            MAY_BE_TWO: may_be_two(points, high),
+            MAY_BE_TWO: odd.get(k, True) and may_be_two(points, high),
             TOUCHES: any(_touch(points, other) for other in others),
             HIDDEN: k in hidden,
-            TOP_ONLY: np.quantile(high, _LOW) > max(_HIGH, _UNSEEN * high.max()),
+            TOP_ONLY: np.quantile(high, _LOW)
+            > max(_HIGH, 0.5 * high.max()),  # half of its sides was not seen
         }
         doubts[k] = "; ".join(words for words, true in said.items() if true)
     return Instances(labels, tuple(doubts))
@@ -112,18 +86,18 @@ def _hidden(cloud: Cloud, everything: Cloud, plane: Plane, labels: Index) -> set
 def foot_of(points: Array, mine: Mask, heights: Array) -> float:
     """Return the height, m over the table, of what carries a thing (N,) among points (N, 3) m; 0 for the table."""
     low, outline = float(np.quantile(heights[mine], _LOW)), _hull(points[mine, :2])
-    under = ~mine & (np.abs(heights - low) < _GAP)
+    under = ~mine & (np.abs(heights - low) < 0.012)  # m within which what carries it ends
     if low < _HIGH or outline is None or not under.any():
         return 0.0
     under[under] = _beyond(outline, points[under, :2]) < 0.0
-    return float(min(np.median(heights[under]), low)) if under.sum() >= _CARRIES else 0.0
+    return float(min(np.median(heights[under]), low)) if under.sum() >= 5 else 0.0
 
 
 def without_skirt(points: Array, heights: Array) -> Mask:
     """Return which of a thing's points (N, 3) m are not the table's, which bends up at the foot of things."""
-    low = heights < _SKIRT
+    low = heights < 0.010  # m that the table bends up; where it is more of the thing, it is its own
     outline = _hull(points[~low, :2])
-    if outline is None or not 0.0 < low.mean() < _MOST_SKIRT:
+    if outline is None or not 0.0 < low.mean() < 0.15:
         return np.ones(len(points), bool)
     low[low] = _beyond(outline, points[low, :2]) > _TOUCH
     return ~low
@@ -147,34 +121,29 @@ def _touch(one: Array, other: Array) -> bool:
     """Return true for points (N, 3) m and (M, 3) that lie against each other."""
     from scipy.spatial import cKDTree
 
-    near = cKDTree(_thinned(one)).query(_thinned(other), distance_upper_bound=_CLOSE)[0] < _CLOSE
-    return bool(near.sum() >= _MEETING)
-
-
-def _thinned(points: Array) -> Array:
-    return points[np.unique(cells_of(points, _CELL), return_index=True)[1]]
+    one, other = (points[thinned(points, _CELL)] for points in (one, other))
+    near = np.isfinite(cKDTree(one).query(other, distance_upper_bound=0.005)[0])  # m
+    return bool(near.sum() >= 12)
 
 
 def deep_share(points: Array) -> float:
-    """Return the share of points (N, 3) m that lie deep inside their convex hull."""
-    points = _thinned(points)
+    """Return the share of points (N, 3) m that lie deep, 1 cm, inside their convex hull."""
+    points = points[thinned(points, _CELL)]
     hull = _hull(points)
-    return 0.0 if hull is None else float((_beyond(hull, points) < -_DEEP).mean())
+    return 0.0 if hull is None else float((_beyond(hull, points) < -0.010).mean())
 
 
 def may_be_two(points: Array, heights: Array) -> bool:
     """Return true for points (N, 3) m, as high over the table, of a shape that is neither convex nor hollow."""
-    return deep_share(points) > _MOST_DEEP and not is_hollow(points, heights)
+    return deep_share(points) > 0.07 and not is_hollow(points, heights)
 
 
 def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index:
     """Return labels (N,) in which what stands on a level top of a thing is another."""
-    if not may_be_two(points[mine], heights[mine]):
-        return labels
     steps = np.floor(heights[mine] / _LEVEL).astype(int)
     counts = np.bincount(steps)
-    best, least = labels, _LEFT_DEEP
-    for step in np.flatnonzero(counts > _PEAK * counts.mean()):
+    best, least = labels, 0.05  # share of either part that may be deep
+    for step in np.flatnonzero(counts > 2.5 * counts.mean()):  # a top fills its level
         upper = mine & (heights > (step + 2.5) * _LEVEL)
         lower = mine & ~upper
         if min(upper.sum(), lower.sum()) < LEAST_POINTS or np.ptp(heights[upper]) < LEAST_EXTENT:
@@ -194,7 +163,7 @@ def _with_rims(points: Array, labels: Index, heights: Array) -> Index:
         numbers = [k for k in np.argsort(-counts) if counts[k] >= LEAST_POINTS]
         for i, j in combinations(numbers, 2):
             both = (labels == i) | (labels == j)
-            if longest_side(points[both]) < _WIDEST and is_hollow(points[both], heights[both]):
+            if longest_side(points[both]) < 0.26 and is_hollow(points[both], heights[both]):
                 labels = np.where(labels == j, i, labels)
                 joined = True
                 break
@@ -206,18 +175,20 @@ def is_hollow(points: Array, heights: Array) -> bool:
     from scipy.spatial import cKDTree
 
     top = np.quantile(heights, 1.0 - _LOW)
-    rim = _thinned(points[heights > top - max(_LOWEST, _RIM * top), :2])
+    rim = points[heights > top - max(0.012, 0.15 * top), :2]
+    rim = rim[thinned(rim, _CELL)]
     around, whole, width = _hull(rim), _hull(points[:, :2]), np.ptp(rim, axis=0).min()
-    if around is None or width < _NARROWEST or around.volume < _SPREAD * whole.volume:
+    if around is None or width < 0.04 or around.volume < 0.6 * whole.volume:
         return False
-    wall = max(_WALL, _THICK * width)
+    wall = max(0.012, 0.12 * width)  # m from its outline within which a rim lies
     on_it = _beyond(around, rim) > -wall
     corners = rim[around.vertices]
     sides = np.roll(corners, -1, axis=0) - corners
-    outline = (corners + np.linspace(0.0, 1.0, _ALL_ROUND)[:, None, None] * sides).reshape(-1, 2)
-    length = np.tile(np.linalg.norm(sides, axis=1), _ALL_ROUND)
+    places = np.linspace(0.0, 1.0, 16)  # of each side
+    outline = (corners + places[:, None, None] * sides).reshape(-1, 2)
+    length = np.tile(np.linalg.norm(sides, axis=1), len(places))
     seen = cKDTree(rim[on_it]).query(outline)[0] < wall
-    return bool(on_it.mean() > _ON_IT and length[seen].sum() > _CLOSED * length.sum())
+    return bool(on_it.mean() > 0.85 and length[seen].sum() > 0.65 * length.sum())
 
 
 def _with_splinters(points: Array, labels: Index, heights: Array) -> Index:
@@ -226,12 +197,12 @@ def _with_splinters(points: Array, labels: Index, heights: Array) -> Index:
 
     for k in np.argsort(np.bincount(labels)):
         mine = labels == k
-        larger = np.bincount(labels)[labels] > mine.sum() / _SMALL
+        larger = np.bincount(labels)[labels] > mine.sum() / 0.3  # of its points
         if not mine.any() or not larger.any():
             continue
         distance, nearest = cKDTree(points[larger]).query(points[mine])
-        along = np.quantile(distance, 0.1) < _TOUCH and (distance < _ALONG).mean() > _BESIDE
-        hangs = heights[mine].min() > _HIGH and longest_side(points[mine]) < _LARGEST
-        if along or (hangs and distance.min() < _NEAR):
+        along = np.quantile(distance, 0.1) < _TOUCH and (distance < 0.010).mean() > 0.5
+        hangs = heights[mine].min() > _HIGH and longest_side(points[mine]) < 0.10
+        if along or (hangs and distance.min() < 0.025):
             labels[mine] = np.bincount(labels[larger][nearest]).argmax()
     return labels

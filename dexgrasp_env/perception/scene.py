@@ -82,7 +82,6 @@ class Scene:
         rest: what belongs to no object, e.g. walls.
         boxes: corners (8, 3) m of boxes that are kept clear of as well: wide levels, what hangs over the table.
         cameras: (K, 4, 4) T_world_camera as they are believed to be; none where they are unknown.
-        tilt: rad by which the table leaned in what came in, and was levelled.
         note: in words, what people should know of how it was read.
         table: where it was seen, which is where the world is then (`Cell.seeing`); None: where the cell has it.
     """
@@ -95,7 +94,6 @@ class Scene:
     rest: ObjectCloud = field(default_factory=ObjectCloud)
     boxes: tuple[Array, ...] = ()
     cameras: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
-    tilt: float = 0.0
     note: str = ""
     table: SeenTable | None = None
 

@@ -17,6 +17,7 @@ from dexgrasp_env.perception.cloud import (
     Cloud,
     cells_of,
     crop,
+    thinned,
 )
 from dexgrasp_env.perception.levels import Level, choose_level, find_levels
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, refine_plane
@@ -29,32 +30,12 @@ from dexgrasp_env.perception.reasons import (
     UPSIDE_DOWN,
     NoTargetError,
 )
-from dexgrasp_env.perception.robot import Own
-from dexgrasp_env.poses import inverse, placed
+from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.table import LEANING, SeenTable
+from dexgrasp_env.robot.table import SeenTable
 
-_VOXEL = 0.002  # m: denser clouds are thinned to one point a cell
 _ROOM = 2.0  # m around the base: what is farther is no business of the arm
-_LARGEST = 5.0  # m from the base: beyond, the unit is wrong
-_HEIGHTS = 0.30  # m above and below the cell's table where one is looked for
-_TABLE_OFF = 0.05  # m that the table may be off the cell's: more is a wrong frame
-_LEVELLED = np.radians(20.5)  # of a table that is not level; that is levelled
-_BESIDE, _AREA = 0.1, 0.02  # share of a table, and m2 of it, that is seen beside what stands on it
-_WALL = 0.08  # m above a table up to where walls begin that stand on it
-_JUDGED = 5000  # of its points
-_BELOW = 0.5  # share of the points near the table that lie under it, from where the cloud is upside down
-_SOME = 500  # points of a table, about, before it is known what is meant
-_SQUARE, _FEW, _FEW_SQUARES = (
-    0.016,
-    3,
-    60,
-)  # m of a square of a table; points of it; squares with so many that will do
-_MOST_SQUARES = 500  # around the object: 20 cm where all of the table is seen
-_FOOT, _BESIDE_FOOT = 0.05, 0.012  # m: height of the foot of things, and how near it points may be theirs
-_TRIMS, _SIGMAS, _MAD = 3, 3.0, 0.6745
-_BUMP = (0.0015, 0.004)  # m off the others, from where a square is no table
-_DIGITS = 5  # of m in a file
+_FEW_SQUARES = 60  # of a table, that will do
 
 
 class Support(NamedTuple):
@@ -74,22 +55,6 @@ class Support(NamedTuple):
     T: Array
     levels: tuple[Level, ...]
 
-    @property
-    def tilt(self) -> float:
-        """Angle by which the table leaned, rad; 0 where it is next to nothing."""
-        lean = 0.0 if self.cell.table is None else self.cell.table.lean
-        return lean if lean > LEANING else 0.0
-
-    def own(self, own: Own | None) -> Own | None:
-        """Return what tells the robot's points of `cloud`, from what tells those of the cloud that came in."""
-        back = inverse(self.T)
-        return own and (lambda points: own(placed(back, points)))
-
-    def robot(self, own: Own | None) -> Array:
-        """Return the robot's points (K, 3) m of `cloud`."""
-        known, points = self.own(own), self.cloud.points
-        return points[known(points)] if known else points[:0]
-
 
 def near_base(cloud: Cloud) -> Cloud:
     """Return what is around the base, thinned to one point a voxel, the first of each.
@@ -99,13 +64,13 @@ def near_base(cloud: Cloud) -> Cloud:
     """
     if len(cloud) < MIN_POINTS:
         raise NoTargetError(EMPTY, f"{len(cloud)} points")
-    if np.median(np.abs(cloud.points).max(axis=1)) > _LARGEST:
+    if np.median(np.abs(cloud.points).max(axis=1)) > 5.0:  # m
         raise NoTargetError(UNIT, f"median distance from the base {np.median(np.abs(cloud.points)):.0f}")
     cloud = crop(cloud, (-_ROOM,) * 3, (_ROOM,) * 3)
-    _, first = np.unique(cells_of(cloud.points, _VOXEL), return_index=True)
-    if len(first) < MIN_POINTS:
-        raise NoTargetError(EMPTY, f"{len(first)} points within {_ROOM:g} m of the base")
-    return cloud.select(np.sort(first))
+    cloud = cloud.select(thinned(cloud.points, 0.002))
+    if len(cloud) < MIN_POINTS:
+        raise NoTargetError(EMPTY, f"{len(cloud)} points within {_ROOM:g} m of the base")
+    return cloud
 
 
 def find_support(cloud: Cloud, rng: Generator, cell: Cell, meant: Mask | None = None) -> Support:
@@ -123,17 +88,17 @@ def find_support(cloud: Cloud, rng: Generator, cell: Cell, meant: Mask | None = 
         NoTargetError: where there is no table, or it leans or is off too far.
     """
     plane, levels = _find_table(cloud, rng, meant)
-    if np.arccos(min(plane.normal[2], 1.0)) > _LEVELLED:
+    if np.arccos(min(plane.normal[2], 1.0)) > np.radians(20.5):
         raise NoTargetError(TILTED, f"{np.degrees(np.arccos(plane.normal[2])):.0f} degrees")
     flat = cloud.select(np.abs(plane.heights(cloud.points)) < TOLERANCE).points
     offset = float(plane.offset - plane.normal @ cell.base)
-    seen = SeenTable(plane.normal, offset, placed(cell.T_base_world, flat[:: len(flat) // _SOME + 1]))
-    if abs(seen.off(cell.table_height)) > _TABLE_OFF:
+    seen = SeenTable(plane.normal, offset, placed(cell.T_base_world, flat[:: len(flat) // 500 + 1]))
+    if abs(seen.off(cell.table_height)) > 0.05:  # m: the frame is wrong
         at = cell.table_height + seen.off(cell.table_height)
         raise NoTargetError(TABLE_HEIGHT, f"found at z = {at:.3f} m, the cell has {cell.table_height:g} m")
     there = cell.seeing(seen)
     T = there.T_world_base @ cell.T_base_world
-    level = Plane(np.array([0.0, 0.0, 1.0]), 0.0, plane.rms, plane.inliers)
+    level = Plane(np.array([0.0, 0.0, 1.0]), 0.0, plane.rms)
     return Support(
         cloud.moved(placed(T, cloud.points)), level, there, T, tuple(one.placed(T) for one in levels)
     )
@@ -147,35 +112,37 @@ def table_around(support: Support, target: Array) -> SeenTable:
     from scipy.spatial import cKDTree
 
     points, heights = support.cloud.points, support.cloud.points[:, 2]
-    flat, standing = points[np.abs(heights) < TOLERANCE], points[(heights > TOLERANCE) & (heights < _FOOT)]
-    squares = _averaged(flat)
+    flat, standing = points[np.abs(heights) < TOLERANCE], points[(heights > TOLERANCE) & (heights < 0.05)]
+    free = flat
     if len(standing):
-        feet = cKDTree(standing[:, :2]).query(flat[:, :2], distance_upper_bound=_BESIDE_FOOT)[0]
-        free = _averaged(flat[feet == np.inf])
-        squares = free if len(free) > _FEW_SQUARES else squares
+        feet = cKDTree(standing[:, :2]).query(flat[:, :2], distance_upper_bound=0.012)[0]
+        free = flat[feet == np.inf]
+    squares = _averaged(free)
+    if len(squares) <= _FEW_SQUARES:
+        squares = _averaged(flat)
     away = np.linalg.norm(squares[:, :2] - middle(target)[:2], axis=1)
-    squares = squares[np.argsort(away, kind="stable")[:_MOST_SQUARES]]
+    squares = squares[np.argsort(away, kind="stable")[:500]]  # 20 cm around it where all of the table is seen
     held = squares
-    for _ in range(_TRIMS):
+    for _ in range(3):
         fit = SeenTable.of(held)
         off = squares @ fit.normal - np.median(held @ fit.normal)
-        noise = np.median(np.abs(off)) / _MAD
-        held = squares[np.abs(off) < np.clip(_SIGMAS * noise, *_BUMP)]
-    return SeenTable.of(np.round(placed(support.cell.T_base_world, held), _DIGITS))
+        noise = np.median(np.abs(off)) / 0.6745  # the standard deviation of normal noise
+        held = squares[np.abs(off) < np.clip(3.0 * noise, 0.0015, 0.004)]
+    return SeenTable.of(np.round(placed(support.cell.T_base_world, held), 5))
 
 
 def _averaged(points: Array) -> Array:
     """Return the means (K, 3) m of the points (M, 3) in each square, of those with enough points if there are such."""
-    number, count = np.unique(cells_of(points[:, :2], _SQUARE), return_inverse=True, return_counts=True)[1:]
+    number, count = np.unique(cells_of(points[:, :2], 0.016), return_inverse=True, return_counts=True)[1:]
     means = np.stack([np.bincount(number, column) / count for column in points.T], axis=1)
-    return means[count >= _FEW] if (count >= _FEW).sum() > _FEW_SQUARES else means
+    return means[count >= 3] if (count >= 3).sum() > _FEW_SQUARES else means
 
 
 def _find_table(cloud: Cloud, rng: Generator, meant: Mask | None) -> tuple[Plane, list[Level]]:
     """Return the table, level or not, and the levels of a cloud, its own first."""
     local = crop(cloud, (*WORKSPACE_LOW[:2], -np.inf), (*WORKSPACE_HIGH[:2], np.inf))
     pool = local if len(local) > MIN_POINTS else cloud
-    levels = find_levels(pool.points, rng, _HEIGHTS)
+    levels = find_levels(pool.points, rng, 0.30)
     level = choose_level(levels, pool.points, None if meant is None else cloud.points[meant])
     if level is None:
         raise NoTargetError(NO_PLANE, "what is level is an object's" if len(pool) > MIN_POINTS else "")
@@ -187,7 +154,7 @@ def _find_table(cloud: Cloud, rng: Generator, meant: Mask | None) -> tuple[Plane
     if not _reaches_beyond(pool, plane):
         raise NoTargetError(NO_PLANE, "what is level is an object's")
     elsewhere = pool.select(np.asarray((others > TOLERANCE).all(0))) if len(others) else pool
-    if (below := _below(elsewhere, plane)) > _BELOW:
+    if (below := _below(elsewhere, plane)) > 0.5:
         raise NoTargetError(UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table")
     return plane, levels
 
@@ -199,13 +166,13 @@ def _reaches_beyond(cloud: Cloud, plane: Plane) -> bool:
     heights = plane.heights(cloud.points)
     level, above = (
         cloud.points[where, :2]
-        for where in (np.abs(heights) < TOLERANCE, (heights > 2.0 * TOLERANCE) & (heights < _WALL))
+        for where in (np.abs(heights) < TOLERANCE, (heights > 2.0 * TOLERANCE) & (heights < 0.08))
     )
-    level = level[:: max(1, len(level) // _JUDGED)]
+    level = level[:: max(1, len(level) // 5000)]
     far = cKDTree(above).query(level, distance_upper_bound=2.0 * TOLERANCE)[0] if len(above) else np.inf
     free = level[np.broadcast_to(far == np.inf, len(level))]
     area = TOLERANCE**2 * len(np.unique(cells_of(free, TOLERANCE)))
-    return len(free) > _BESIDE * len(level) and area > _AREA
+    return len(free) > 0.1 * len(level) and area > 0.02
 
 
 def _below(cloud: Cloud, plane: Plane) -> float:

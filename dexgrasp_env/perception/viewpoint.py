@@ -6,20 +6,8 @@ from dexgrasp_env.arrays import Array, Index, Mask, unit
 
 _SQUARE, _AROUND = 0.008, 0.25  # m, side of squares of the table that are seen or in shadow; m around things
 _MOST = 3000  # points that throw shadows
-_TRIED = (
-    np.radians(np.arange(0.0, 360.0, 15.0)),
-    np.radians(np.arange(18.0, 84.0, 8.0)),
-    np.array([0.5, 0.8, 1.3]),
-)
-"""Azimuths and elevations, rad, and distances, m, from the things to the camera."""
-_EXPLAINED = 0.45  # share of shadow and of what was not seen that is both
-_PIXEL, _HALF, _STEPS = (
-    0.005,
-    120,
-    8,
-)  # m at the things, of an image of them; half its side; pixels without a ray
-_NOTHING = -2  # in such a pixel
-_NEARER, _LEAST = 0.01, 8  # m by which what hides is nearer; pixels along which it does
+_HALF = 120  # pixels, of 5 mm at the things, half the side of an image of them
+_NOTHING = -2  # in a pixel without a ray
 
 
 def find_viewpoint(above: Array, table: Array) -> Array | None:
@@ -66,12 +54,12 @@ def find_viewpoint(above: Array, table: Array) -> Array | None:
     squares = low + _SQUARE * (np.indices(shape).reshape(2, -1).T + 0.5)
     of_table = (outline.find_simplex(squares) >= 0).reshape(shape)
     unseen = of_table & ~drawn(table[:, :2])
+    azimuths, rises = np.radians(np.arange(0.0, 360.0, 15.0)), np.radians(np.arange(18.0, 84.0, 8.0))
     best = [0.0, np.radians(42.0), 0.8]
-    for axis in (0, 1, 2, 0, 1):
-        best = max(
-            ([*best[:axis], value, *best[axis + 1 :]] for value in _TRIED[axis]), key=lambda b: explained(*b)
-        )
-    return place(*best) if explained(*best) > _EXPLAINED else None
+    for axis, tried in ((0, azimuths), (1, rises), (2, (0.5, 0.8, 1.3)), (0, azimuths), (1, rises)):
+        ways = ([*best[:axis], value, *best[axis + 1 :]] for value in tried)
+        best = max(ways, key=lambda way: explained(*way))
+    return place(*best) if explained(*best) > 0.45 else None  # of shadow and of what was not seen is both
 
 
 def hidden_in_part(points: Array, labels: Index, eye: Array) -> set[int]:
@@ -87,7 +75,7 @@ def hidden_in_part(points: Array, labels: Index, eye: Array) -> set[int]:
     forward = unit(rays[labels >= 0].mean(0))
     right = unit(np.cross(forward, [0.0, 0.0, 1.0]))
     flat = np.stack([rays @ right, rays @ np.cross(right, forward)], axis=1) / (rays @ forward)[:, None]
-    pixels = np.floor(flat * np.median(far[labels >= 0]) / _PIXEL).astype(int)
+    pixels = np.floor(flat * np.median(far[labels >= 0]) / 0.005).astype(int)
     near = (np.abs(pixels) < _HALF).all(1)
     order = np.argsort(-far[near])  # what is nearer comes last, and stays
     where = tuple(pixels[near][order].T + _HALF)
@@ -96,9 +84,9 @@ def hidden_in_part(points: Array, labels: Index, eye: Array) -> set[int]:
     hidden = np.zeros_like(thing, bool)
     for axis, way in ((0, 1), (0, -1), (1, 1), (1, -1)):
         blind = thing >= 0
-        for step in range(way, way * (_STEPS + 1), way):
+        for step in range(way, 9 * way, way):
             other = np.roll(thing, step, axis)
             met = blind & (other >= 0) & (other != thing)
-            hidden |= met & (depth > np.roll(depth, step, axis) + _NEARER)
+            hidden |= met & (depth > np.roll(depth, step, axis) + 0.01)
             blind &= (other == _NOTHING) | (other == thing)
-    return set(np.flatnonzero(np.bincount(thing[hidden], minlength=1) >= _LEAST).tolist())
+    return set(np.flatnonzero(np.bincount(thing[hidden], minlength=1) >= 8).tolist())

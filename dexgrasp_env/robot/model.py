@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterable, Iterator
+from copy import copy
 from functools import lru_cache, partial
 
 import mujoco
@@ -53,8 +54,7 @@ def _stand(base: mujoco.MjsBody, cell: Cell) -> None:
     """Put a robot's base where the cell has it in the world."""
     base.pos = cell.base
     if cell.table is not None:
-        turned = quat_multiply(matrix_to_quat(cell.T_world_base[:3, :3]), np.array(base.quat))
-        base.quat = turned
+        base.quat = _turned(np.array(base.quat), cell)
 
 
 def set_drives(spec: mujoco.MjSpec, hand: Hand) -> None:
@@ -96,9 +96,14 @@ _RIGID = (0.004, 1.0)
 def compiled_robot(cell: Cell) -> mujoco.MjModel:
     """Return the robot alone, compiled; the same model at every call, not to be written to.
 
+    Where a cell sees its table, it is the model of the cell without, its base moved: its kinematics are exact, what a
+    compiler derives from them (`stat`, `invweight0`) is of the base where it was.
+
     Raises:
         InputError: for a description that MuJoCo cannot compile.
     """
+    if cell.table is not None:
+        return _moved(compiled_robot(cell.seeing(None)), cell)
     try:
         model = with_decimal_points(robot_spec(cell).compile)
     except InputError:
@@ -107,6 +112,20 @@ def compiled_robot(cell: Cell) -> mujoco.MjModel:
         raise InputError(f"robot {cell.robot.name!r}: {' '.join(str(error).split())[:200]}") from None
     _check_physical(model, cell.robot)
     return model
+
+
+def _moved(model: mujoco.MjModel, cell: Cell) -> mujoco.MjModel:
+    """Return a copy of a robot's model whose base is where a cell that sees its table has it in the world."""
+    model, base = copy(model), model.body(cell.robot.arm.bodies[0]).id
+    model.body_pos[base] = cell.base
+    model.body_quat[base] = _turned(model.body_quat[base], cell)
+    mujoco.mju_normalize4(model.body_quat[base])
+    return model
+
+
+def _turned(quat: Array, cell: Cell) -> Array:
+    """Return the orientation of a base, which has one (4,) of its own, in the world of a table that was seen."""
+    return quat_multiply(matrix_to_quat(cell.T_world_base[:3, :3]), quat)
 
 
 def _check_physical(model: mujoco.MjModel, robot: Robot) -> None:

@@ -95,6 +95,8 @@ class RobotTree(_Links):
 def robot_tree(cell: Cell) -> RobotTree:
     """Return the tree of a cell's robot where it stands; the same arrays at every call."""
     robot, model = cell.robot, compiled_robot(cell)
+    if cell.table is not None:
+        return _moved_tree(robot_tree(cell.seeing(None)), model, robot)
     bodies = [model.body(name).id for name in robot.bodies]
     index = {body: i for i, body in enumerate(bodies)}
     touching = tuple(finger.tip for finger in robot.grasping)
@@ -157,6 +159,16 @@ def robot_tree(cell: Cell) -> RobotTree:
         starts=_starts(model, robot),
     )
     return tree
+
+
+def _moved_tree(tree: RobotTree, model: mujoco.MjModel, robot: Robot) -> RobotTree:
+    """Return a robot's tree with its base where another model of the same robot has it."""
+    bodies = [model.body(name).id for name in robot.bodies]
+    rotation = tree.rotation.copy()
+    rotation[0] = rotation_matrix(model.body_quat[bodies[0]])
+    moved = tree._replace(offset=model.body_pos[bodies], rotation=rotation)
+    vars(moved).update(starts=_starts(model, robot))
+    return moved
 
 
 def _following(robot: Robot) -> tuple[Index, Array]:
