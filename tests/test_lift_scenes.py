@@ -18,8 +18,7 @@ from dexgrasp_env.objects import rest_poses
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.tasks.control import max_step, normalise
-from dexgrasp_env.tasks.physics import SettleCache
-from dexgrasp_env.tasks.placement import Placement, upright_rest
+from dexgrasp_env.tasks.placement import upright_rest
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
 from dexgrasp_env.tasks.settings import WEIGHTS
 from dexgrasp_env.tasks.simulation import Simulation
@@ -216,39 +215,6 @@ def test_short_soak_of_plans():
     assert found.endings == {"planned": 6}
     assert len(found.seconds) == 6
     assert found.slowdown > 0.0
-
-
-def test_what_lies_alike_is_settled_once_and_put_where_it_was_drawn():
-    rests, rng = SettleCache(), np.random.default_rng(0)
-    for name, apart in (
-        ("sugar_box", 1e-5),
-        ("mustard_bottle", 1e-4),
-        ("massage_ball", 1e-4),
-        ("pill_bottle", 5e-3),
-    ):
-        model = load_object(name)
-        simulation = Simulation(model, CELL)
-        for _ in range(4):
-            simulation.vary(Variation(mass=rng.uniform(0.5, 2.0), friction=rng.uniform(0.4, 1.0)))
-            pose = Placement().sample(model, rng)
-            simulation.place(pose)
-            simulation.settle()
-            qpos, touching = simulation.data.qpos.copy(), simulation.data.ncon
-            simulation.place(pose)
-            rests.settle(simulation)
-            assert_allclose(simulation.data.qpos, qpos, atol=apart)
-            assert simulation.data.ncon == touching
-            assert np.array_equal(simulation.data.ctrl, simulation.cell.robot.home)
-
-
-def test_an_object_of_another_size_settles_for_itself():
-    simulation, rests, settled = Simulation(load_object("sugar_box"), CELL), SettleCache(), []
-    simulation.vary(Variation(size=1.2))
-    for settle in (simulation.settle, lambda: rests.settle(simulation)):
-        simulation.place(np.array([0.5, 0.1, 0.12, 1.0, 0.0, 0.0, 0.0]))
-        settle()
-        settled.append(simulation.data.qpos.copy())
-    assert np.array_equal(*settled)
 
 
 @pytest.mark.parametrize("obs_mode", ["depth", "pointcloud"])

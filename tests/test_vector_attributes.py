@@ -112,7 +112,7 @@ def test_attributes_of_each_are_those_of_gymnasiums_own(mode):
         assert envs.get_attr("level") == (3, 3)
     with pytest.raises(AttributeError, match="other arguments"):
         ours.set_attr("dt", 0.1)
-    with pytest.raises(AttributeError, match="valid are unwrapped, target, "):
+    with pytest.raises(AttributeError, match="valid are .*target"):
         ours.get_attr("speed")
     with refused("3 values given"):
         ours.set_attr("level", [1, 2, 3])

@@ -360,8 +360,7 @@ def test_wrong_use_is_named_in_one_line():
     [
         ({"backend": "mjx"}, "backend is 'mjx'"),
         ({"backend": "warp", "threads": 2}, "threads=2 changes nothing here"),
-        ({"tensors": True}, "tensors=True is of DexGrasp/Lift with backend='warp'"),
-        ({"tensors": True, "env_id": "DexGrasp/ClutterSparse-v1"}, "tensors=True is of DexGrasp/Lift"),
+        ({"backend": "warp", "env_id": "DexGrasp/ClutterSparse-v1"}, "backend is 'warp': valid is mujoco"),
     ],
 )
 def test_what_no_physics_can_do_is_refused_in_one_line(settings, words):

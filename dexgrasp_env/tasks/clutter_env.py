@@ -64,6 +64,7 @@ class ClutterSettings(LiftSettings):
     gaps: Annotated[tuple[float, float] | None, pair(number(ge=0, le=0.5))] = (0.02, 0.05)
     mask: Annotated[str, one_of(MASKS)] = "perceived"
     bin: bool = False
+    backend: Annotated[str, one_of(("mujoco",))] = "mujoco"
 
     def needs(self) -> dict[str, tuple[bool, str]]:
         """Return what arguments need; the mask is of clouds, and neighbours' objects of neighbours."""
@@ -106,7 +107,7 @@ class ClutterEpisodes(Episodes):
         super().__init__(settings, number)
         assert isinstance(settings, ClutterSettings)
         self._clutter, self.walled = settings, settings.bin
-        self.neighbours, self.around = settings.neighbours[1], settings.neighbour_objects
+        self.neighbours = settings.neighbours[1]
         first = next(iter(self.simulations.values())).base
         self.options = ("object", "object_pose", "state")
         self._alone = first.nq, first.nsensordata  # of a scene without neighbours

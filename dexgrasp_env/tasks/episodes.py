@@ -4,7 +4,7 @@ The single environment has one, the vector environment many; only who advances t
 """
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple
 from typing import Any
 
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays, Fields, Index, Mask
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.tasks import kernel
-from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, check_finite
+from dexgrasp_env.tasks.constants import SETTLE_STEPS
+from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, ActionSpace, check_finite
 from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
 from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
 from dexgrasp_env.tasks.grasps import Grasps
@@ -49,8 +49,6 @@ class Episodes(EpisodeInfos):
     """Of a reset."""
     neighbours = 0
     """Most objects beside the one that is meant."""
-    around: Objects = ()
-    """What they are drawn from."""
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
         self.settings, self.views, robot = settings, CameraObserver(settings, number), settings.cell.robot
@@ -60,10 +58,10 @@ class Episodes(EpisodeInfos):
         }
         self.records, self.task_records = np.zeros(number, EPISODE), np.zeros(number, self.task_dtype)
         self.slots = [Slot() for _ in range(number)]
-        self.one_model = number == 1
+        self.one_model = number == 1 or settings.backend == "warp"
         """Whether episodes of an object share its scene's model, which is varied anew for each that is entered."""
-        self.settle: Callable[[Simulation], None] = Simulation.settle
-        """How an object comes to rest where it was drawn to lie."""
+        self.settle_steps = 0 if settings.backend == "warp" and number > 1 else SETTLE_STEPS
+        """Physics steps of an object that was drawn to lie somewhere; by MuJoCo they take longer than all on a GPU."""
         self.info_columns = np.zeros((number, len(INFO_COLUMNS) + len(settings.weights)))
         self.rewards, self._goes_on = np.zeros(number), np.zeros(number, bool)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
@@ -75,6 +73,9 @@ class Episodes(EpisodeInfos):
             for target, hull, end in zip(self.simulations, hulls, ends, strict=True)
         }
         first = next(iter(self.simulations.values()))
+        self.action_space = ActionSpace(
+            settings.control_mode, robot, settings.frame_skip, settings.action_scale, settings.hold
+        )
         self.control = control_of(settings, arm_chain(first.base, robot))
         self.rules = rules_of(settings, first.columns, np.concatenate(hulls), NO_PHYSICS)
         self.layout = layout(settings.obs_mode, robot)
@@ -88,8 +89,6 @@ class Episodes(EpisodeInfos):
         self._grasps = Grasps(settings, first, number) if settings.control_mode in GRASP_MODES else None
         self._features = SceneFeatures(number, self.whole) if settings.obs_mode == FLAT else None
         self.starts: Starts | None = pre_grasps(settings)
-        self.device: Any = None
-        """Where progress is kept between resets, if not here: a `WarpEpisodes`."""
 
     def observation_space(self) -> spaces.Dict:
         """Return the space of one environment's observations; one of a single key `FLAT` is told as that array."""
@@ -126,7 +125,6 @@ class Episodes(EpisodeInfos):
             InputError: for an unknown option, object or a pose that cannot be.
         """
         if not options and self.starts is not None:
-            self.fetch()
             last = self.records[i], self.task_records[i]
             options = self.starts(
                 i, rng, {name: part[name] for part in last for name in part.dtype.names or ()}
@@ -178,10 +176,7 @@ class Episodes(EpisodeInfos):
         """Put the object of episode `i` down at `pose` (7,), drawn or given, and let it settle; return its scene."""
         simulation = self.enter(i)
         simulation.place(pose, self.slots[i].joints)
-        if given:
-            simulation.settle()
-        else:
-            self.settle(simulation)
+        simulation.settle(SETTLE_STEPS if given else self.settle_steps)
         return simulation
 
     def enter(self, i: int) -> Simulation:
@@ -203,7 +198,8 @@ class Episodes(EpisodeInfos):
             simulation = slot.simulation
         elif neighbours:
             models = self.settings.load_objects(neighbours)
-            simulation = simulation.among([models[name] for name in neighbours], self.walled)
+            around = [models[name] for name in neighbours]
+            simulation = Simulation(simulation.object, self.settings.cell, around, walled=self.walled)
         own = slot.simulation is simulation and slot.model is not simulation.base
         slot.simulation = simulation
         if not self.one_model and variation == Variation():
@@ -247,9 +243,7 @@ class Episodes(EpisodeInfos):
         """
         if self._grasps:
             actions = self._grasps.moves(actions, step, self.commands, where)
-        if self.device:
-            self.device.set_points(actions)
-        elif not set_points(self.records, self.commands, actions, self.control, self._rows, self._push):
+        if not set_points(self.records, self.commands, actions, self.control, self._rows, self._push):
             check_finite(actions)
         return self._rows, self._push
 
@@ -275,18 +269,10 @@ class Episodes(EpisodeInfos):
         """
         records = self.records[part]
         noise = self._joint_noise(records, rngs)
-        if self.device and part == slice(None):
-            noisy = self.settings.randomisation.joint_noise is not None
-            rows = self.device.conclude(noise if noisy else None)
-        else:
-            rows = np.empty((len(records), self.width), np.float32)
-            state, out = (
-                (*where.current, self.commands[part]),
-                (self.info_columns[part], self.rewards[part], rows),
-            )
-            kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
-            if self.device:
-                self.device.load(part.start, rows)
+        rows = np.empty((len(records), self.width), np.float32)
+        state = *where.current, self.commands[part]
+        out = self.info_columns[part], self.rewards[part], rows
+        kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
         return self._finish(part, where, judge, cut(rows, self.layout))
 
     def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
@@ -342,17 +328,11 @@ class Episodes(EpisodeInfos):
     def get_state(self, i: int, physics: Array, sensors: Array, rng: Generator) -> EpisodeState:
         """Return the state of episode `i`."""
         slot = self.slots[i]
-        self.fetch()
         return EpisodeState(
             self._of(), slot.target, physics, sensors.copy(), self.info_columns[i].copy(), self.records[i].copy(),
             self.task_records[i].copy(), self.commands[i].copy(), copy.deepcopy(rng.bit_generator.state),
             slot.variation, copy.deepcopy(slot.view), slot.neighbours,
         )  # fmt: skip
-
-    def fetch(self) -> None:
-        """Update records and commands from the device, where they are kept on one."""
-        if self.device:
-            self.device.fetch()
 
     def _of(self) -> Fields:
         """Return what a state has to agree with."""
@@ -392,6 +372,4 @@ class Episodes(EpisodeInfos):
         simulation.set_state(state.physics)
         simulation.data.sensordata[:] = state.sensors[: len(simulation.data.sensordata)]
         self._know_scene(i)
-        if self.device:
-            self.device.load(i)
         return simulation

@@ -96,12 +96,6 @@ class Simulation:
         self._rollout = Rollout(nthread=0)
         self._state = np.zeros((1, mujoco.mj_stateSize(self.base, _PHYSICS)))
 
-    def among(self, neighbours: Sequence[ObjectModel], walled: bool) -> "Simulation":
-        """Return the scene of the object with neighbours around it, advanced by the same physics."""
-        scene = Simulation(self.object, self.cell, neighbours, walled=walled)
-        scene.physics = self.physics
-        return scene
-
     def vary(self, variation: Variation) -> None:
         """Write a variation into `model`; the state is lost."""
         if variation != self.variation:

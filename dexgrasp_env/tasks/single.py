@@ -4,7 +4,6 @@ import copy
 from typing import Any, Self
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 from gymnasium.utils import EzPickle
 from numpy.random import Generator
@@ -12,22 +11,21 @@ from numpy.random import Generator
 from dexgrasp_env.arrays import Array, Arrays, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
-from dexgrasp_env.tasks.control import ActionSpace, check_actions
+from dexgrasp_env.tasks.control import check_actions
 from dexgrasp_env.tasks.episodes import Episodes
+from dexgrasp_env.tasks.member import EpisodeAccess
 from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS
-from dexgrasp_env.tasks.physics import give_physics
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
 
 
-class SingleEnv(gym.Env[Arrays, Single], EzPickle):
+class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
     """Base of single environments of all tasks.
 
     Attributes:
         episodes_type: of the task.
         settings_type: says which arguments it takes, and checks them.
         obs_modes: those that it takes.
-        simulation: of the episode, for pictures and evaluation; agents see observations only.
     """
 
     episodes_type = Episodes
@@ -45,55 +43,15 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         self.metadata = {**self.metadata, "render_fps": round(1 / self.dt)}
         self._episodes = self.episodes_type(self.settings, 1)
         self._views = self._episodes.views
-        s = self.settings
-        self.action_space = ActionSpace(  # type: ignore[assignment]
-            s.control_mode, s.cell.robot, s.frame_skip, s.action_scale, s.hold
-        )
-        self.observation_space = self._episodes.told_space()
+        self.action_space, self.observation_space = self._episodes.action_space, self._episodes.told_space()
         self.simulation = next(iter(self._episodes.simulations.values()))
-        give_physics(self._episodes)
+        if self.settings.backend == "warp":
+            from dexgrasp_env.tasks.warp_batch import WarpPhysics
+
+            physics = WarpPhysics(self._episodes)
+            for simulation in self._episodes.simulations.values():
+                simulation.physics = physics
         self._over = True
-
-    @property
-    def target(self) -> str:
-        """The object of the episode, as `objects` names it: a name, or the path as it was given."""
-        return self._episodes.slots[0].target
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """MuJoCo's model of the episode, with its variation."""
-        return self.simulation.model
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """MuJoCo's live data: the full integration state after every reset and step; `ctrl` the last set-points."""
-        return self.simulation.data
-
-    @property
-    def dt(self) -> float:
-        """Seconds of a control step."""
-        return self.settings.period
-
-    @property
-    def steps_an_action(self) -> int:
-        """Control steps of an action, at most."""
-        return self._episodes.span
-
-    @property
-    def targets(self) -> Array:
-        """Set-points of the servos as the agent has them, (n,) rad."""
-        return self._episodes.commands[0, 0].copy()
-
-    @property
-    def agent_info(self) -> Fields:
-        """Settings that an agent may know; the info of every reset has them."""
-        spaces = {"action_space": self.action_space, "observation_space": self.observation_space}
-        return {**spaces, **self.settings.agent_info}
-
-    @property
-    def disturbance_steps(self) -> int:
-        """Control steps that the disturbance takes: what a time limit should allow for."""
-        return self.settings.disturbance_steps
 
     def reset(self, *, seed: int | None = None, options: Fields | None = None) -> tuple[Arrays, Fields]:
         """Start an episode.

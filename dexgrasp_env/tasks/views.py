@@ -15,7 +15,6 @@ from dexgrasp_env.perception.pipeline import COUNT
 from dexgrasp_env.rendering import ColourCameras
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.perception import Perception
-from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.tasks.constants import AROUND_POINTS
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
@@ -48,8 +47,6 @@ class CameraObserver:
         """Prepare the views of so many episodes side by side."""
         self._settings, self._most = settings, min(number, _MOST_CONTEXTS)
         self._perceptions = WeakKeyDictionary[Simulation, tuple[Any, Perception]]()
-        self.rays: Callable[..., RayCameras] = RayCameras
-        """Makes what casts the rays."""
         self._contexts: dict[tuple[str, Simulation, float], Any] = {}
         self._cameras = settings.cell.make_cameras()
         intrinsics = self._cameras[0].intrinsics
@@ -138,7 +135,6 @@ class CameraObserver:
                 simulation.model,
                 tuple(by_name[name] for name in names),
                 sensor=self._settings.sensor,
-                rays=self.rays,
                 robot=None if known is None else known[1].robot,
             )
             known = self._perceptions[simulation] = key, perception
