@@ -19,7 +19,7 @@ from dexgrasp_env.tasks.vector import ClutterVectorEnv, LiftVectorEnv, PlaceVect
 
 OF_SYNC = {"env_fns", "envs", "copy", "observation_mode"}
 """Of how `SyncVectorEnv` is made of single environments."""
-TOGETHER = {"step", "start_step", "finish_step", "start_from", "close"}
+TOGETHER = {"step", "start_from", "close"}
 """What environments that are side by side do together, with `step` and others of the vector environment."""
 OF_THE_CLASS = {"episodes_type", "settings_type", "obs_modes"}
 OF_WRAPPERS = {"get_wrapper_attr", "has_wrapper_attr", "set_wrapper_attr"}
@@ -112,7 +112,7 @@ def test_attributes_of_each_are_those_of_gymnasiums_own(mode):
         assert envs.get_attr("level") == (3, 3)
     with pytest.raises(AttributeError, match="other arguments"):
         ours.set_attr("dt", 0.1)
-    with pytest.raises(AttributeError, match="valid are .*target"):
+    with pytest.raises(AttributeError, match=r"valid are .*target"):
         ours.get_attr("speed")
     with refused("3 values given"):
         ours.set_attr("level", [1, 2, 3])

@@ -26,8 +26,6 @@ from dexgrasp_env.scene.constants import (
 )
 from dexgrasp_env.scene.sensors import add_sensors
 
-_GL_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # MuJoCo's cameras look along -z with y up
-
 
 def add_cameras(spec: mujoco.MjSpec, cameras: Iterable[Camera]) -> None:
     """Add the cameras to a model under construction, fixed to the world.
@@ -35,11 +33,12 @@ def add_cameras(spec: mujoco.MjSpec, cameras: Iterable[Camera]) -> None:
     MJCF knows a centred principal point only; the depth backends use the full intrinsics whatever is written
     here.
     """
+    flip = np.diag([1.0, -1.0, -1.0])  # MuJoCo's cameras look along -z with y up
     for camera in cameras:
         spec.worldbody.add_camera(
             name=camera.name,
             pos=camera.position,
-            quat=matrix_to_quat(camera.rotation @ _GL_FROM_OPTICAL),
+            quat=matrix_to_quat(camera.rotation @ flip),
             fovy=camera.intrinsics.fovy,
             resolution=[camera.intrinsics.width, camera.intrinsics.height],
         )

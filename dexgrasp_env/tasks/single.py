@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.utils import EzPickle
 from numpy.random import Generator
 
-from dexgrasp_env.arrays import Array, Arrays, Fields, Single
+from dexgrasp_env.arrays import Arrays, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import check_actions
@@ -91,14 +91,22 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
         Raises:
             InputError: if the action has the wrong shape or is not finite, or no episode is running.
         """
+        if self._over:
+            raise InputError("step() called without a running episode: call reset() first")
         episodes, gained = self._episodes, 0.0
-        actions = self._checked(action)
+        actions = check_actions(action, self.action_space.shape)[None]
         for step in range(episodes.span):
-            seen = self._conclude(self.simulation.step(self._start(actions, step)))
+            rows, push = episodes.set_points(actions, self.simulation, step)
+            if self.settings.disturbance.kind == "pushed":
+                self.data.xfrc_applied[self.simulation.body, :3] = push[0]
+            seen = self._conclude(self.simulation.step(rows))
             gained += episodes.rewards[0]
             if not episodes.undecided()[0]:
                 break
-        return self._finish(seen, gained)
+        terminated, truncated = (bool(flags[0]) for flags in episodes.endings())
+        self._over = terminated or truncated
+        observation, info = self._look(self._complete(seen), at_reset=False)
+        return observation, float(self.settings.reward_scale * gained), terminated, truncated, info
 
     def twin(self, **other: Any) -> Self:
         """Return another environment of the same settings, but `other`, without an episode."""
@@ -107,51 +115,6 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none."""
         self._episodes.starts = starts
-
-    def start_step(self, action: Single) -> Array:
-        """Begin a step of one control step, before the physics: move the set-points, and push what is to be pushed.
-
-        Args:
-            action: as for `step`.
-
-        Returns:
-            Set-points of the physics steps (1, frame_skip, n) rad, for `simulation.step`.
-
-        Raises:
-            InputError: as `step`.
-        """
-        if self._episodes.span > 1:
-            raise InputError("an action takes several control steps here: call step()")
-        return self._start(self._checked(action), 0)
-
-    def _checked(self, action: Single) -> Array:
-        if self._over:
-            raise InputError("step() called without a running episode: call reset() first")
-        return check_actions(action, self.action_space.shape)[None]
-
-    def _start(self, actions: Array, step: int) -> Array:
-        rows, push = self._episodes.set_points(actions, self.simulation, step)
-        if self.settings.disturbance.kind == "pushed":
-            self.data.xfrc_applied[self.simulation.body, :3] = push[0]
-        return rows
-
-    def finish_step(self, bits: int) -> tuple[Arrays, float, bool, bool, Fields]:
-        """Finish a step, after the physics: judge and observe.
-
-        Args:
-            bits: the physics' warnings, as `simulation.step` returns them.
-
-        Returns:
-            What `step` returns.
-        """
-        return self._finish(self._conclude(bits), float(self._episodes.rewards[0]))
-
-    def _finish(self, seen: Arrays, gained: float) -> tuple[Arrays, float, bool, bool, Fields]:
-        episodes = self._episodes
-        terminated, truncated = (bool(flags[0]) for flags in episodes.endings())
-        self._over = terminated or truncated
-        observation, info = self._look(self._complete(seen), at_reset=False)
-        return observation, float(self.settings.reward_scale * gained), terminated, truncated, info
 
     def _complete(self, seen: Arrays) -> Arrays:
         return self._episodes.complete(slice(None), self.simulation, seen)
