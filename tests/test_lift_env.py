@@ -1,9 +1,7 @@
 """Lift-v2 against its contract: checkers, determinism, resets, control, endings."""
 
 import json
-import pickle
 import warnings
-from itertools import product
 
 import gymnasium as gym
 import mujoco
@@ -17,8 +15,8 @@ from robots import HOME, LOWER, ROBOT, UPPER
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.rendering import choose_gl
 from dexgrasp_env.tasks import control
-from dexgrasp_env.tasks.control import CONTROL_MODES, GRASP_MODES, max_step
-from dexgrasp_env.tasks.observations import OBS_MODES, knows_state
+from dexgrasp_env.tasks.control import CONTROL_MODES, max_step
+from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.settings import REWARD_MODES
 
@@ -65,22 +63,6 @@ def test_every_id_is_deterministic_and_accepted(name):
     assert_accepted(gym.make(name, objects="gelatin_box", disable_env_checker=True, **few(name)))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", IDS)
-def test_checkers_accept_every_preset_in_every_mode(name):
-    modes = gym.make(name, objects="gelatin_box", disable_env_checker=True).unwrapped.obs_modes
-    for obs_mode, control_mode, reward_mode in product(modes, CONTROL_MODES, ("dense", "sparse")):
-        if control_mode in GRASP_MODES and not knows_state(obs_mode):
-            continue
-        if control_mode == "grasp_once" and ("Place" in name or "Staged" in name):
-            continue
-        skip_without_gl(obs_mode)
-        settings = {"obs_mode": obs_mode, "control_mode": control_mode, "reward_mode": reward_mode}
-        env = gym.make(name, objects="gelatin_box", disable_env_checker=True, **settings)
-        assert_accepted(env)
-        env.close()
-
-
 def test_registrations_know_how_long_disturbances_take():
     for name in IDS:
         env = gym.make(name, objects="sugar_box", disable_env_checker=True)
@@ -92,45 +74,32 @@ def test_registrations_know_how_long_disturbances_take():
         gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
 
 
-def test_a_limit_too_short_for_the_disturbance_is_warned_of():
-    kwargs = {"objects": "sugar_box", "disturbance": "pushed"}
-    with pytest.warns(UserWarning, match="max_episode_steps=380"):
-        gym.make_vec("DexGrasp/Lift-v2", num_envs=1, **kwargs).close()
-    env = gym.make("DexGrasp/Lift-v2", disable_env_checker=True, **kwargs)
-    env.reset(seed=0)
-    while not env.step(np.zeros(23))[3]:
-        pass
-    with pytest.warns(UserWarning, match="max_episode_steps=380"):
-        env.reset()  # a wrapper keeps the limit: it shows when an episode has ended by it
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        env.step(np.zeros(23))
-        env.reset()
-        gym.make_vec("DexGrasp/Lift-v2", num_envs=1, max_episode_steps=380, **kwargs).close()
-
-
 @pytest.mark.parametrize(
     ("name", "frame_skip", "settings", "wanted"),
     [
+        ("Lift-v2", 25, {"disturbance": "pushed"}, 380),
         ("Lift-v2", 5, {}, 1500),
-        ("Lift-v2", 5, {"disturbance": "pushed"}, 1900),
-        ("Lift-v2", 16, {"disturbance": "pushed"}, 600),
         ("LiftPushed-v2", 5, {}, 1900),
-        ("Place-v2", 10, {}, 750),
-        ("ClutterSparse-v1", 5, {}, 3000),
         ("ClutterHeap-v1", 5, {}, 9000),
     ],
 )
-def test_a_limit_that_a_quicker_pace_makes_too_short_is_warned_of(name, frame_skip, settings, wanted):
+def test_a_limit_that_pace_or_disturbance_makes_too_short_is_warned_of(name, frame_skip, settings, wanted):
     settings = {"objects": "sugar_box", "frame_skip": frame_skip, **settings}
     with pytest.warns(UserWarning, match=f"max_episode_steps={wanted}$"):
         gym.make_vec(f"DexGrasp/{name}", num_envs=1, **settings).close()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         gym.make_vec(f"DexGrasp/{name}", num_envs=1, max_episode_steps=wanted, **settings).close()
-        gym.make_vec(
-            f"DexGrasp/{name}", num_envs=1, **settings | {"frame_skip": 50, "disturbance": None}
-        ).close()
+
+
+def test_a_limit_that_a_wrapper_keeps_is_warned_of_where_it_has_ended_an_episode():
+    kwargs = {"objects": "sugar_box", "disturbance": "pushed"}
+    env = gym.make("DexGrasp/Lift-v2", disable_env_checker=True, **kwargs)
+    env.reset(seed=0)
+    while not env.step(np.zeros(23))[3]:
+        pass
+    with pytest.warns(UserWarning, match="max_episode_steps=380"):
+        env.reset()
 
 
 def test_renders():
@@ -214,13 +183,6 @@ def test_spec_serialises():
     assert gym.spec(ID).max_episode_steps == 300
 
 
-def test_pickles():
-    env = make(control_mode="joint_position", friction=0.6).unwrapped
-    copied = pickle.loads(pickle.dumps(env))
-    assert copied.settings == env.settings
-    assert_same(rollout(env, 1, steps=3), rollout(copied, 1, steps=3))
-
-
 @pytest.mark.parametrize("control_mode", [mode for mode in CONTROL_MODES if not mode.endswith("once")])
 def test_set_points_keep_range_and_velocity(control_mode):
     env = make(control_mode=control_mode).unwrapped
@@ -276,10 +238,3 @@ def test_diverged_simulation_terminates_without_reward():
     assert info["mujoco_warnings"]
     assert all(np.isfinite(value).all() for value in observation.values())
     assert env.reset(seed=0)[1]["mujoco_warnings"] == ""
-
-
-def test_time_limit_truncates():
-    env = gym.make(ID, objects="sugar_box", max_episode_steps=4, disable_env_checker=True)
-    env.reset(seed=0)
-    endings = [env.step(np.zeros(23))[2:4] for _ in range(4)]
-    assert endings == [(False, False)] * 3 + [(False, True)]

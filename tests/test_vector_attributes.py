@@ -13,7 +13,7 @@ from vector_envs import assert_same, native, singles
 
 from dexgrasp_env.tasks.clutter_env import ClutterEnv
 from dexgrasp_env.tasks.lift import LiftEnv
-from dexgrasp_env.tasks.observations import OBS_SUMS
+from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.place import PlaceEnv
 from dexgrasp_env.tasks.vector import ClutterVectorEnv, LiftVectorEnv, PlaceVectorEnv
 
@@ -75,10 +75,10 @@ def test_one_is_reset_and_observed_by_itself():
     assert all(np.array_equal(envs.observe()[0][key][1], first[key][0]) for key in first)
 
 
-@pytest.mark.parametrize("obs_mode", [mode for mode in OBS_SUMS if "+" not in mode or "rgbd" in mode])
+@pytest.mark.parametrize("obs_mode", OBS_MODES)
 def test_every_mode_is_that_of_gymnasiums_own(obs_mode):
     """Objects and sizes of each its own: what draws them is made for each."""
-    skip_without_gl(obs_mode.removeprefix("state+"))
+    skip_without_gl(obs_mode)
     settings = {"obs_mode": obs_mode, "objects": ["soda", "pear"]} | (
         {} if obs_mode == "state" else {"views": 2}
     )

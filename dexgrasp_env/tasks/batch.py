@@ -96,16 +96,7 @@ class BatchPhysics:
         return group.batch.state[i - group.first].copy()
 
     def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> Index:
-        """Advance environments by one control step.
-
-        Args:
-            rows: (N, frame_skip, n) set-points of the physics steps, rad.
-            push: (N, 3) forces on the objects, N, or None where nobody pushes.
-            which: indices of those that advance, ascending.
-
-        Returns:
-            (N,) warnings that came up, one bit each.
-        """
+        """Advance environments by one control step; see `Physics`."""
         warnings = np.zeros(self._number, np.int64)
         scenes = self._scenes[which]
         shares = [(scene, which[scenes == scene]) for scene in dict.fromkeys(scenes)]

@@ -32,7 +32,7 @@ from dexgrasp_env.tasks.reset_options import check_joints, check_options
 from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import NO_PHYSICS, Simulation, StateHolder, arm_chain
+from dexgrasp_env.tasks.simulation import NO_PHYSICS, Physics, Simulation, arm_chain
 from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
 from dexgrasp_env.tasks.starts import pre_grasps
 from dexgrasp_env.tasks.views import CameraObserver
@@ -227,7 +227,7 @@ class Episodes(EpisodeInfos):
 
     # -- stepping ------------------------------------------------------------------------------------------------
 
-    def set_points(self, actions: Array, where: StateHolder, step: int = 0) -> tuple[Array, Array]:
+    def set_points(self, actions: Array, where: Physics, step: int = 0) -> tuple[Array, Array]:
         """Move the set-points by one control step.
 
         Args:
@@ -250,7 +250,7 @@ class Episodes(EpisodeInfos):
     def conclude(
         self,
         part: slice,
-        where: StateHolder,
+        where: Physics,
         warnings: Index,
         rngs: Sequence[Generator | None],
         judge: bool = True,
@@ -275,11 +275,11 @@ class Episodes(EpisodeInfos):
         kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
         return self._finish(part, where, judge, cut(rows, self.layout))
 
-    def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
+    def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
         """Apply the task's own rules after `conclude`, and return its observation."""
         return state
 
-    def complete(self, part: slice, where: StateHolder, state: Arrays) -> Arrays:
+    def complete(self, part: slice, where: Physics, state: Arrays) -> Arrays:
         """Return `conclude`'s observation of a part of the episodes with what is made of it once an action."""
         if self._grasps:
             seen = self._grasps.states(part, state["joint_positions"], where)
@@ -304,24 +304,42 @@ class Episodes(EpisodeInfos):
             over |= self.records["elapsed"] > 0
         return over & ~truncated, truncated
 
-    def keep(self, i: int, seen: Arrays) -> tuple[Any, ...]:
-        """Return what episode `i` has come to, for `put_back`: its row of `conclude`'s observation with it."""
-        told = {key: values[i].copy() for key, values in seen.items()}
+    def advance(
+        self, actions: Array, where: Physics, rngs: Sequence[Generator | None], running: NDArray[np.intp]
+    ) -> Arrays:
+        """Step those that run by an action each; `rewards` are then what they gained, of which all are observed.
+
+        The kernel passes over all rows: those whose action has ended are put back to what they had come to.
+
+        Args:
+            actions: (N, m), a copy that may be written to.
+            where: the episodes are.
+            rngs: theirs; None for those that do not run.
+            running: indices, ascending.
+        """
+        everything, pushed = slice(None), self.settings.disturbance.kind == "pushed"
+        going, rngs, gained = running, list(rngs), np.zeros(len(self.slots))
         rows = self.records, self.task_records, self.info_columns, self.commands
-        return told, [row[i].copy() for row in rows]
-
-    def put_back(self, i: int, kept: tuple[Any, ...], seen: Arrays) -> None:
-        """Make episode `i`, and its row of the observation, what `keep` returned."""
-        told, rows = kept
-        for key, values in told.items():
-            seen[key][i] = values
-        self.records[i], self.task_records[i], self.info_columns[i], self.commands[i] = rows
-
-    def undecided(self) -> Mask:
-        """Return in which episodes an action goes on, (N,): while nothing fails, whole grasps until held or missed."""
+        kept = {}
         late = lifted_by(self.settings) if self.whole else self.span
-        goes_on(self.records, self.whole, late, self._goes_on)
-        return self._goes_on
+        for step in range(self.span):
+            set_points, push = self.set_points(actions, where, step)
+            warnings = where.step(set_points, push if pushed else None, going)
+            seen = self.conclude(everything, where, warnings, rngs)
+            gained[going] += self.rewards[going]
+            if self.span == 1:
+                break
+            goes_on(self.records, self.whole, late, self._goes_on)
+            for i in going[~self._goes_on[going]].tolist():
+                kept[i], rngs[i] = copy.deepcopy([part[i] for part in (*seen.values(), *rows)]), None
+            going = going[self._goes_on[going]]
+            if not len(going):
+                break
+        for i, parts in kept.items():
+            for whole, part in zip((*seen.values(), *rows), parts, strict=True):
+                whole[i] = part
+        self.rewards[:] = gained
+        return self.complete(everything, where, seen)
 
     # -- states --------------------------------------------------------------------------------------------------
 

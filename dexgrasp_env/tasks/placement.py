@@ -15,7 +15,7 @@ from dexgrasp_env.objects.rest_poses import rest_poses, stays
 from dexgrasp_env.poses import quat_conjugate, quat_multiply, rotate, yaw_quat
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
-from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_HIGH
+from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, WORKSPACE_HIGH
 from dexgrasp_env.valid import NATURAL, Rule, check, number, pair
 
 PRESENTATIONS = ("rest", "upright")
@@ -43,7 +43,7 @@ class Placement:
 
     x: Annotated[tuple[float, float], pair(number(ge=_FRONT, le=_BACK))] = PLACE_X
     y: Annotated[tuple[float, float], pair(number(ge=-_SIDE, le=_SIDE))] = PLACE_Y
-    yaw: Annotated[tuple[float, float], pair(number())] = PLACE_YAW
+    yaw: Annotated[tuple[float, float], pair(number())] = (-np.pi, np.pi)
     rest_pose: Annotated[str | int, Rule("any, each, likely, or a whole number >= 0", _rest_pose)] = "any"
 
     def sample(self, model: ObjectModel, rng: Generator, presentation: str = "rest") -> Array:

@@ -13,7 +13,7 @@ from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, make_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS, FRICTION, TIMESTEP
 from dexgrasp_env.sensing.sensor import SENSORS, Calibration, SensorModel
-from dexgrasp_env.tasks.constants import LONGEST_SKIP, MAX_EPISODE_STEPS, SHORTEST_SKIP, at_pace
+from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS, SHORTEST_SKIP, at_pace
 from dexgrasp_env.tasks.control import CONTROL_MODES, GRASP_MODES, ONCE_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance
 from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS, has_cameras, knows_state
@@ -73,7 +73,7 @@ class LiftSettings:
     render_size: Annotated[tuple[int, int], RENDER_SIZE] = (480, 640)
     render_camera: str = "front"
     reward_weights: Annotated[dict[str, float] | None, Rule("a mapping of weights by term", _weights)] = None
-    frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)] = CONTROL_STEPS
+    frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=125, whole=True)] = CONTROL_STEPS
     action_scale: Annotated[float, number(gt=0, le=1)] = 1.0
     hold: Count = 1
     reward_scale: Positive = 1.0

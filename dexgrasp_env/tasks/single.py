@@ -6,7 +6,6 @@ from typing import Any, Self
 import gymnasium as gym
 import numpy as np
 from gymnasium.utils import EzPickle
-from numpy.random import Generator
 
 from dexgrasp_env.arrays import Arrays, Fields, Single
 from dexgrasp_env.errors import InputError
@@ -83,7 +82,9 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
             InputError: before the first reset.
         """
         self.get_state()
-        return self._told(self._complete(self._conclude(0, copy.deepcopy(self.np_random), judge=False)))
+        rngs, nothing = [copy.deepcopy(self.np_random)], np.zeros(1, np.int64)
+        seen = self._episodes.conclude(slice(None), self.simulation, nothing, rngs, judge=False)
+        return self._told(self._complete(seen))
 
     def step(self, action: Single) -> tuple[Arrays, float, bool, bool, Fields]:
         """Advance 50 ms, or as long as an action stands for.
@@ -93,20 +94,14 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
         """
         if self._over:
             raise InputError("step() called without a running episode: call reset() first")
-        episodes, gained = self._episodes, 0.0
+        episodes = self._episodes
         actions = check_actions(action, self.action_space.shape)[None]
-        for step in range(episodes.span):
-            rows, push = episodes.set_points(actions, self.simulation, step)
-            if self.settings.disturbance.kind == "pushed":
-                self.data.xfrc_applied[self.simulation.body, :3] = push[0]
-            seen = self._conclude(self.simulation.step(rows))
-            gained += episodes.rewards[0]
-            if not episodes.undecided()[0]:
-                break
+        seen = episodes.advance(actions, self.simulation, [self.np_random], np.arange(1))
         terminated, truncated = (bool(flags[0]) for flags in episodes.endings())
         self._over = terminated or truncated
-        observation, info = self._look(self._complete(seen), at_reset=False)
-        return observation, float(self.settings.reward_scale * gained), terminated, truncated, info
+        reward = float(self.settings.reward_scale * episodes.rewards[0])
+        observation, info = self._look(seen, at_reset=False)
+        return observation, reward, terminated, truncated, info
 
     def twin(self, **other: Any) -> Self:
         """Return another environment of the same settings, but `other`, without an episode."""
@@ -118,10 +113,6 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
 
     def _complete(self, seen: Arrays) -> Arrays:
         return self._episodes.complete(slice(None), self.simulation, seen)
-
-    def _conclude(self, bits: int, rng: Generator | None = None, judge: bool = True) -> Arrays:
-        rngs = [rng or self.np_random]
-        return self._episodes.conclude(slice(None), self.simulation, np.array([bits]), rngs, judge)
 
     def _look(self, observed: Arrays, at_reset: bool) -> tuple[Arrays, Fields]:
         if self.settings.sees:

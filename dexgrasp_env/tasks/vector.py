@@ -184,7 +184,11 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
             raise InputError(
                 f"step() called without running episodes in environments {waiting.tolist()}: reset them first"
             )
-        self._advance(clipped, running)
+        rngs = [None if over else rng for rng, over in zip(self._rngs, self._ended, strict=True)]
+        self._note(slice(None), self._episodes.advance(clipped, self._physics, rngs, running))
+        if self.settings.sees:
+            for i in running.tolist():
+                self._look(i, self._physics.current.qpos[i], partial(self.simulation, i))
         for i in waiting:
             self._reset_one(int(i))
         rewards = self.settings.reward_scale * self._episodes.rewards
@@ -306,33 +310,6 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
             fresh = not (slot.resumed and slot.view.seen)
             self._look(i, simulation.data.qpos, lambda: simulation, at_reset=fresh)
         self._started[i], self._ended[i] = True, False
-
-    def _advance(self, actions: Array, running: NDArray[np.intp]) -> None:
-        """Step those that run; the kernel passes over all rows, and what it makes of the others is overwritten."""
-        episodes, physics, going = self._episodes, self._physics, running
-        everything, pushed = slice(None), self.settings.disturbance.kind == "pushed"
-        gained, kept = np.zeros(self.num_envs), {}
-        rngs = [None if over else rng for rng, over in zip(self._rngs, self._ended, strict=True)]
-        for step in range(episodes.span):
-            rows, push = episodes.set_points(actions, physics, step)
-            warnings = physics.step(rows, push if pushed else None, going)
-            seen = episodes.conclude(everything, physics, warnings, rngs)
-            gained[going] += episodes.rewards[going]
-            if episodes.span == 1:
-                break
-            goes_on = episodes.undecided()[going]
-            for i in going[~goes_on].tolist():
-                kept[i], rngs[i] = episodes.keep(i, seen), None
-            going = going[goes_on]
-            if not len(going):
-                break
-        for i, ended in kept.items():  # the kernel went on with those whose action had ended
-            episodes.put_back(i, ended, seen)
-        episodes.rewards[:] = gained
-        self._note(everything, episodes.complete(everything, physics, seen))
-        if self.settings.sees:
-            for i in running.tolist():
-                self._look(i, physics.current.qpos[i], partial(self.simulation, i))
 
     def _finish(self) -> Fields:
         """Return the last observations and infos of those that ended, and reset them."""

@@ -116,7 +116,7 @@ class WarpPhysics:
         for name in _STATE:
             getattr(simulation.data, name)[:] = self._host[name][i]
 
-    def advance(self, simulation: Simulation, rows: Array) -> int:
+    def advance(self, simulation: Simulation, rows: Array) -> Index:
         """Advance the one environment that there is from what a scene holds, and have the scene hold what is then.
 
         Of applied forces only that on the object counts.
@@ -126,16 +126,16 @@ class WarpPhysics:
             rows: (1, frame_skip, n) set-points of the physics steps, rad.
 
         Returns:
-            The warnings that came up, one bit each.
+            (1,) warnings that came up, one bit each.
         """
         self.load(0, simulation)
         bits = self.step(rows, simulation.data.xfrc_applied[None, self._body, :3], np.arange(1))
         self._give_back(0, simulation)
         simulation.data.sensordata[:] = self._host["sensordata"][0]
-        return int(bits[0])
+        return bits
 
     def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> Index:
-        """Advance all by one control step; arguments and what is returned as of `BatchPhysics.step`."""
+        """Advance all by one control step; see `Physics`."""
         if self._loaded:
             self._send()
         if push is not None:
