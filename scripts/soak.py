@@ -118,7 +118,12 @@ def run(
     for name, mode, more in cycle(kinds):
         if more or "View" in name:
             more = more | {"observe": "reset"}
-        more = more | {"objects": objects, "max_episode_steps": episode, "randomisation": RANDOMISATION}
+        more = more | {
+            "objects": objects,
+            "max_episode_steps": episode,
+            "randomisation": RANDOMISATION,
+            "friction": None,
+        }
         envs = gym.make_vec(name, num_envs=number, control_mode=mode, **more)
         _reset(envs, rng)
         most = 2 * episode + 2  # and a step for each reset

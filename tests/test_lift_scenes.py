@@ -193,10 +193,9 @@ def test_images_come_in_the_order_of_the_views_and_infos_name_them(obs_mode):
     assert envs.reset(seed=0)[1]["perception_cameras"].tolist() == [asked] * 2
 
 
-def test_options_of_other_programs_are_passed_over():
+def test_options_of_lerobot_are_passed_over():
     env = make()
-    with pytest.warns(UserWarning, match="lerobot_new_rollout"):
-        first, _ = env.reset(seed=0, options={"lerobot_new_rollout": True})
+    first, _ = env.reset(seed=0, options={"lerobot_new_rollout": True})
     assert np.array_equal(first["object_pose"], env.reset(seed=0)[0]["object_pose"])
     for key in ("objekt", "object_poze", "objects_pose", "reset_maks"):
         with refused("reset option"):

@@ -4,7 +4,7 @@ The single environment has one, the vector environment many; only who advances t
 """
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple
 from typing import Any
 
@@ -24,7 +24,7 @@ from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
 from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
 from dexgrasp_env.tasks.grasps import Grasps
 from dexgrasp_env.tasks.infos import EpisodeInfos
-from dexgrasp_env.tasks.observations import FLAT, cut, layout, observation_space, unbounded
+from dexgrasp_env.tasks.observations import FLAT, knows_state, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFO_COLUMNS, PHASES
@@ -35,6 +35,7 @@ from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import NO_PHYSICS, Physics, Simulation, arm_chain
 from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
 from dexgrasp_env.tasks.starts import pre_grasps
+from dexgrasp_env.tasks.state import observe
 from dexgrasp_env.tasks.views import CameraObserver
 
 
@@ -45,10 +46,8 @@ class Episodes(EpisodeInfos):
     task_dtype = np.dtype([])
     """Of what the task notes of an episode beside its record."""
     walled = False  # whether what is set out stands in a bin
-    options: tuple[str, ...] = ("object", "object_pose", "joints", "state")
-    """Of a reset."""
-    neighbours = 0
-    """Most objects beside the one that is meant."""
+    options: tuple[str, ...] = ("object", "object_pose", "joints", "state")  # of a reset
+    neighbours = 0  # most objects beside the one that is meant
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
         self.settings, self.views, robot = settings, CameraObserver(settings, number), settings.cell.robot
@@ -66,20 +65,17 @@ class Episodes(EpisodeInfos):
         self.rewards, self._goes_on = np.zeros(number), np.zeros(number, bool)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
         self._rows, self._push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
-        hulls = [simulation.hull for simulation in self.simulations.values()]
-        ends = np.cumsum([len(hull) for hull in hulls]).tolist()
-        self._hull_spans = {
-            target: (end - len(hull), len(hull))
-            for target, hull, end in zip(self.simulations, hulls, ends, strict=True)
-        }
+        hulls, self._hull_spans, first_row = [], {}, 0
+        for target, simulation in self.simulations.items():
+            hulls.append(simulation.hull)
+            self._hull_spans[target] = first_row, len(simulation.hull)
+            first_row += len(simulation.hull)
         first = next(iter(self.simulations.values()))
         self.action_space = ActionSpace(
             settings.control_mode, robot, settings.frame_skip, settings.action_scale, settings.hold
         )
         self.control = control_of(settings, arm_chain(first.base, robot))
         self.rules = rules_of(settings, first.columns, np.concatenate(hulls), NO_PHYSICS)
-        self.layout = layout(settings.obs_mode, robot)
-        self.width = max(part.stop for part in self.layout.values())
         self.truncating = np.zeros(len(FAILURES), bool)
         """Which of `FAILURES` truncate an episode; the others terminate it."""
         self.whole = settings.control_mode in ONCE_MODES
@@ -108,8 +104,6 @@ class Episodes(EpisodeInfos):
         """Return an observation as people are given it."""
         return observation if self._features is None else observation[FLAT]
 
-    # -- starting ------------------------------------------------------------------------------------------------
-
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> tuple[Simulation, Arrays]:
         """Start episode `i`: draw what it is of and let its object settle, or go on from a state.
 
@@ -126,15 +120,28 @@ class Episodes(EpisodeInfos):
         """
         if not options and self.starts is not None:
             last = self.records[i], self.task_records[i]
-            options = self.starts(
-                i, rng, {name: part[name] for part in last for name in part.dtype.names or ()}
-            )
+            told = {name: part[name] for part in last for name in part.dtype.names or ()}
+            options = self.starts(i, rng, told)
         simulation = self._begin(i, rng, check_options(options, self.options, self.simulations))
         judge = not self.slots[i].resumed
         if judge:
             self.records[i]["laid"] = simulation.object_pose()
         self._know_scene(i)
-        return simulation, self.conclude(slice(i, i + 1), simulation, np.zeros(1, np.int64), [rng], judge)
+        return simulation, self.observe(i, simulation, rng, judge)
+
+    def observe(self, i: int, simulation: Simulation, rng: Generator, judge: bool = False) -> Arrays:
+        """Return the observation of episode `i` without cameras, arrays (1, ...) by key."""
+        part, nothing = slice(i, i + 1), np.zeros(1, np.int64)
+        return self.complete(part, simulation, self.conclude(part, simulation, nothing, [rng], judge))
+
+    def look(
+        self, i: int, qpos: Array, scene: Callable[[], Simulation], rng: Generator, begins: bool = False
+    ) -> None:
+        """Have the cameras of episode `i` look, where there are any and it is time; see `CameraObserver.observe`."""
+        slot = self.slots[i]
+        if self.settings.sees:
+            fresh = begins and not (slot.resumed and slot.view.seen)
+            self.views.observe(slot.view, qpos, scene, rng, fresh)
 
     def _know_scene(self, i: int) -> None:
         """Prepare what follows from how the object of episode `i` lay at first."""
@@ -225,8 +232,6 @@ class Episodes(EpisodeInfos):
         record["grip_quat"][0] = 1.0
         record["phase"] = PHASES.index("none" if self.settings.disturbance.kind == "none" else "before")
 
-    # -- stepping ------------------------------------------------------------------------------------------------
-
     def set_points(self, actions: Array, where: Physics, step: int = 0) -> tuple[Array, Array]:
         """Move the set-points by one control step.
 
@@ -268,12 +273,12 @@ class Episodes(EpisodeInfos):
             The observation without cameras: arrays (n, ...) by key.
         """
         records = self.records[part]
-        noise = self._joint_noise(records, rngs)
-        rows = np.empty((len(records), self.width), np.float32)
-        state = *where.current, self.commands[part]
-        out = self.info_columns[part], self.rewards[part], rows
-        kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
-        return self._finish(part, where, judge, cut(rows, self.layout))
+        if judge:
+            told, rewards = self.info_columns[part], self.rewards[part]
+            kernel.judge(records, where.current, warnings, self.rules, told, rewards)
+        noise, private = self._joint_noise(records, rngs), knows_state(self.settings.obs_mode)
+        seen = observe(records, where.current, self.commands[part, 0], noise, self.rules, private)
+        return self._finish(part, where, judge, seen)
 
     def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
         """Apply the task's own rules after `conclude`, and return its observation."""
@@ -288,10 +293,10 @@ class Episodes(EpisodeInfos):
             return state
         return {FLAT: self._features.of(part, state, self.records["elapsed"][part])}
 
-    def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array:
+    def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array | float:
         n = self.settings.cell.robot.dof
         if self.settings.randomisation.joint_noise is None:
-            return np.zeros((len(records), n))
+            return 0.0
         size = records["variation"][:, 5:]
         return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
 
@@ -341,8 +346,6 @@ class Episodes(EpisodeInfos):
         self.rewards[:] = gained
         return self.complete(everything, where, seen)
 
-    # -- states --------------------------------------------------------------------------------------------------
-
     def get_state(self, i: int, physics: Array, sensors: Array, rng: Generator) -> EpisodeState:
         """Return the state of episode `i`."""
         slot = self.slots[i]
@@ -354,14 +357,17 @@ class Episodes(EpisodeInfos):
 
     def _of(self) -> Fields:
         """Return what a state has to agree with."""
-        settings = self.settings
         keys = (
-            "obs_mode", "control_mode", "mount", "disturbance", "frame_skip", "action_scale",
+            "obs_mode",
+            "control_mode",
+            "mount",
+            "disturbance",
+            "frame_skip",
+            "action_scale",
             "reward_weights",
-        )  # fmt: skip
-        own = {key: getattr(settings, key) for key in keys}
-        seen = {"views": settings.views} if settings.sees else {}
-        return {"task": self.task, "robot": settings.cell.robot.name, **own, **seen}
+        )
+        own = {key: getattr(self.settings, key) for key in (*keys, *["views"] * self.settings.sees)}
+        return {"task": self.task, "robot": self.settings.cell.robot.name, **own}
 
     def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:
         """Make episode `i` that of a state, with its scene in it.
@@ -378,13 +384,9 @@ class Episodes(EpisodeInfos):
         if state.target not in self.simulations:
             raise unknown_name("object of the state", state.target, self.simulations)
         simulation = self._mount(i, state.target, state.neighbours, state.variation)
-        self.records[i], self.task_records[i], self.commands[i] = (
-            state.record,
-            state.task_record,
-            state.commands,
-        )
+        self.records[i], self.task_records[i] = state.record, state.task_record
+        self.commands[i], self.info_columns[i] = state.commands, state.info_columns
         self.records[i]["hull_first"], self.records[i]["hull_count"] = self._hull_spans[state.target]
-        self.info_columns[i] = state.info_columns
         self.slots[i].view = copy.deepcopy(state.view)
         rng.bit_generator.state = copy.deepcopy(state.rng)
         simulation.set_state(state.physics)

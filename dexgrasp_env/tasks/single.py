@@ -69,8 +69,8 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
         self.settings.warn_of_limit(int(self._episodes.records["elapsed"][0]))
         self._over = True  # options may be refused
         self.simulation, seen = self._episodes.begin(0, self.np_random, options)
-        self._over, slot = False, self._episodes.slots[0]
-        observation, info = self._look(self._complete(seen), at_reset=not (slot.resumed and slot.view.seen))
+        self._over = False
+        observation, info = self._look(seen, begins=True)
         return observation, info | self.agent_info
 
     def observe(self) -> tuple[Arrays, Fields]:
@@ -82,9 +82,7 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
             InputError: before the first reset.
         """
         self.get_state()
-        rngs, nothing = [copy.deepcopy(self.np_random)], np.zeros(1, np.int64)
-        seen = self._episodes.conclude(slice(None), self.simulation, nothing, rngs, judge=False)
-        return self._told(self._complete(seen))
+        return self._told(self._episodes.observe(0, self.simulation, copy.deepcopy(self.np_random)))
 
     def step(self, action: Single) -> tuple[Arrays, float, bool, bool, Fields]:
         """Advance 50 ms, or as long as an action stands for.
@@ -100,7 +98,7 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
         terminated, truncated = (bool(flags[0]) for flags in episodes.endings())
         self._over = terminated or truncated
         reward = float(self.settings.reward_scale * episodes.rewards[0])
-        observation, info = self._look(seen, at_reset=False)
+        observation, info = self._look(seen)
         return observation, reward, terminated, truncated, info
 
     def twin(self, **other: Any) -> Self:
@@ -111,13 +109,8 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
         """Set the source of options for resets that are given none."""
         self._episodes.starts = starts
 
-    def _complete(self, seen: Arrays) -> Arrays:
-        return self._episodes.complete(slice(None), self.simulation, seen)
-
-    def _look(self, observed: Arrays, at_reset: bool) -> tuple[Arrays, Fields]:
-        if self.settings.sees:
-            view = self._episodes.slots[0].view
-            self._views.observe(view, self.data.qpos, lambda: self.simulation, self.np_random, at_reset)
+    def _look(self, observed: Arrays, begins: bool = False) -> tuple[Arrays, Fields]:
+        self._episodes.look(0, self.data.qpos, lambda: self.simulation, self.np_random, begins)
         if self.render_mode == "human":
             self.render()
         return self._told(observed)

@@ -258,9 +258,8 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         for i in range(self.num_envs) if which is None else which:
             simulation = self._episodes.set_state(i, state, self._rngs[i])
             self._physics.load(i, simulation)
-            rng, only = copy.deepcopy(self._rngs[i]), slice(i, i + 1)
-            now = self._episodes.conclude(only, simulation, np.zeros(1, np.int64), [rng], judge=False)
-            self._note(only, now)
+            seen = self._episodes.observe(i, simulation, copy.deepcopy(self._rngs[i]))
+            self._note(slice(i, i + 1), seen)
             self._note(i, self._episodes.slots[i].view.seen)
             over = state.record["failure"] > 0 or self._timed_out(state.record["elapsed"])
             self._started[i], self._ended[i] = True, over
@@ -304,11 +303,8 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         self._started[i], self._ended[i] = False, True  # options may be refused
         simulation, seen = self._episodes.begin(i, self._rngs[i], options)
         self._physics.load(i, simulation)
-        self._note(slice(i, i + 1), self._episodes.complete(slice(i, i + 1), simulation, seen))
-        if self.settings.sees:
-            slot = self._episodes.slots[i]
-            fresh = not (slot.resumed and slot.view.seen)
-            self._look(i, simulation.data.qpos, lambda: simulation, at_reset=fresh)
+        self._note(slice(i, i + 1), seen)
+        self._look(i, simulation.data.qpos, lambda: simulation, begins=True)
         self._started[i], self._ended[i] = True, False
 
     def _finish(self) -> Fields:
@@ -322,10 +318,9 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         final = {"final_obs": last, "final_info": masked(infos, ended)}
         return final | dict.fromkeys(("_final_obs", "_final_info"), ended)
 
-    def _look(self, i: int, qpos: Array, scene: Callable[[], Simulation], at_reset: bool = False) -> None:
-        view = self._episodes.slots[i].view
-        self._views.observe(view, qpos, scene, self._rngs[i], at_reset)
-        self._note(i, view.seen)
+    def _look(self, i: int, qpos: Array, scene: Callable[[], Simulation], begins: bool = False) -> None:
+        self._episodes.look(i, qpos, scene, self._rngs[i], begins)
+        self._note(i, self._episodes.slots[i].view.seen)
 
     def simulation(self, i: int) -> Simulation:
         """Return the scene of environment `i` with its model and present positions in it, until the next call."""
