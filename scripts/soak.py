@@ -122,7 +122,7 @@ def run(
             "objects": objects,
             "max_episode_steps": episode,
             "randomisation": RANDOMISATION,
-            "friction": None,
+            "friction": None,  # which presets state, and is drawn here
         }
         envs = gym.make_vec(name, num_envs=number, control_mode=mode, **more)
         _reset(envs, rng)
