@@ -204,7 +204,7 @@ def test_calibration_error_has_its_size_and_is_seeded():
 
 
 def test_bad_sensor_settings_are_refused():
-    with refused("dropout = 2"):
+    with refused("dropout is 2"):
         SensorModel(dropout=2)
     with refused("subpixel_rms"):
         SensorModel(subpixel_rms=-1)
