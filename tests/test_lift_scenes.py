@@ -166,13 +166,6 @@ def test_short_soak():
     assert found.endings["dropped"] or found.endings["object_lost"]
 
 
-def test_short_soak_of_plans():
-    found = load_script("soak").run_plans(6, ["soda", "pear"], ["default"], scenes=1)
-    assert found.endings == {"planned": 6}
-    assert len(found.seconds) == 6
-    assert found.slowdown > 0.0
-
-
 @pytest.mark.parametrize("obs_mode", ["depth", "pointcloud"])
 def test_images_come_in_the_order_of_the_views_and_infos_name_them(obs_mode):
     asked, seen = ("side_right", "front_left"), []

@@ -83,9 +83,8 @@ def test_equal_for_a_thousand_steps(number, threads, mode, env_id):
     assert truncated >= 3
 
 
-@pytest.mark.parametrize("threads", [1, 4])
-def test_threads_change_nothing(threads):
-    compare(5, 12, threads=threads, disturbance="pushed", max_episode_steps=9)
+def test_threads_change_nothing():
+    compare(5, 12, threads=4, disturbance="pushed", max_episode_steps=9)
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])

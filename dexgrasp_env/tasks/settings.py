@@ -190,7 +190,7 @@ class LiftSettings:
         """Control steps at 20 Hz that episodes have without a disturbance."""
         return MAX_EPISODE_STEPS
 
-    def warn_of_limit(self, limit: int | None) -> None:
+    def warn_of_limit(self, limit: float) -> None:
         """Warn where a usual time limit, which a wrapper keeps, leaves too few seconds at this pace.
 
         Args:

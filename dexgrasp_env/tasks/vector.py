@@ -189,8 +189,8 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         if self.settings.sees:
             for i in running.tolist():
                 self._look(i, self._physics.current.qpos[i], partial(self.simulation, i))
-        for i in waiting:
-            self._reset_one(int(i))
+        for i in waiting.tolist():
+            self._reset_one(i)
         rewards = self.settings.reward_scale * self._episodes.rewards
         rewards[waiting] = 0.0
         terminated, truncated = self._episodes.endings()
