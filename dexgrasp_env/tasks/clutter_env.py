@@ -25,12 +25,9 @@ from dexgrasp_env.tasks.constants import (
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_SUMS, unbounded
-from dexgrasp_env.tasks.records import INFO_COLUMNS
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Physics, Simulation
 from dexgrasp_env.valid import Rule, number, one_of, pair
-
-_SUCCESS = INFO_COLUMNS.index("is_success")
 
 
 def _counts(value: Any) -> tuple[int, int]:
@@ -174,7 +171,7 @@ class ClutterEpisodes(Episodes):
             for slot, row in zip(self.slots, hit, strict=True)
         ]
         return super().more_infos() | {
-            "is_clean": (self.info_columns[:, _SUCCESS] > 0) & (moved <= NEIGHBOUR_MOVED),
+            "is_clean": self.records["success"] & (moved <= NEIGHBOUR_MOVED),
             "neighbours": self.task_records["neighbours"].copy(),
             "neighbours_moved": moved.copy(),
             "neighbours_hit": hit.sum(axis=1),

@@ -27,7 +27,7 @@ from dexgrasp_env.tasks.infos import EpisodeInfos
 from dexgrasp_env.tasks.observations import FLAT, knows_state, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFO_COLUMNS, PHASES
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES
 from dexgrasp_env.tasks.reset_options import check_joints, check_options
 from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
@@ -61,7 +61,6 @@ class Episodes(EpisodeInfos):
         """Whether episodes of an object share its scene's model, which is varied anew for each that is entered."""
         self.settle_steps = 0 if settings.backend == "warp" and number > 1 else SETTLE_STEPS
         """Physics steps of an object that was drawn to lie somewhere; by MuJoCo they take longer than all on a GPU."""
-        self.info_columns = np.zeros((number, len(INFO_COLUMNS) + len(settings.weights)))
         self.rewards, self._goes_on = np.zeros(number), np.zeros(number, bool)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
         self._rows, self._push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
@@ -274,8 +273,7 @@ class Episodes(EpisodeInfos):
         """
         records = self.records[part]
         if judge:
-            told, rewards = self.info_columns[part], self.rewards[part]
-            kernel.judge(records, where.current, warnings, self.rules, told, rewards)
+            kernel.judge(records, where.current, warnings, self.rules, self.rewards[part])
         noise, private = self._joint_noise(records, rngs), knows_state(self.settings.obs_mode)
         seen = observe(records, where.current, self.commands[part, 0], noise, self.rules, private)
         return self._finish(part, where, judge, seen)
@@ -324,7 +322,7 @@ class Episodes(EpisodeInfos):
         """
         everything, pushed = slice(None), self.settings.disturbance.kind == "pushed"
         going, rngs, gained = running, list(rngs), np.zeros(len(self.slots))
-        rows = self.records, self.task_records, self.info_columns, self.commands
+        rows = self.records, self.task_records, self.commands
         kept = {}
         late = lifted_by(self.settings) if self.whole else self.span
         for step in range(self.span):
@@ -350,7 +348,7 @@ class Episodes(EpisodeInfos):
         """Return the state of episode `i`."""
         slot = self.slots[i]
         return EpisodeState(
-            self._of(), slot.target, physics, sensors.copy(), self.info_columns[i].copy(), self.records[i].copy(),
+            self._of(), slot.target, physics, sensors.copy(), self.records[i].copy(),
             self.task_records[i].copy(), self.commands[i].copy(), copy.deepcopy(rng.bit_generator.state),
             slot.variation, copy.deepcopy(slot.view), slot.neighbours,
         )  # fmt: skip
@@ -385,7 +383,7 @@ class Episodes(EpisodeInfos):
             raise unknown_name("object of the state", state.target, self.simulations)
         simulation = self._mount(i, state.target, state.neighbours, state.variation)
         self.records[i], self.task_records[i] = state.record, state.task_record
-        self.commands[i], self.info_columns[i] = state.commands, state.info_columns
+        self.commands[i] = state.commands
         self.records[i]["hull_first"], self.records[i]["hull_count"] = self._hull_spans[state.target]
         self.slots[i].view = copy.deepcopy(state.view)
         rng.bit_generator.state = copy.deepcopy(state.rng)

@@ -19,7 +19,7 @@ from dexgrasp_env.tasks.constants import (
     WORKSPACE_HIGH,
     WORKSPACE_LOW,
 )
-from dexgrasp_env.tasks.records import FAILURES, INFO_COLUMNS, PHASES, STAGES, Record, Records
+from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, Record, Records
 from dexgrasp_env.tasks.rules import (
     PALM,
     PALM_QUAT,
@@ -39,13 +39,12 @@ _UNTOUCHED, _TOUCHED, _LIFTED, _DROPPED, _HELD = range(len(STAGES))
 _NO_FAILURE, _LOST, _DIVERGED = range(len(FAILURES))
 _NO_PHASE, _BEFORE, _RUNNING, _OVER = range(len(PHASES))
 
-_TERMS = len(INFO_COLUMNS)
 _X0, _Y0, _Z0 = WORKSPACE_LOW
 _X1, _Y1, _Z1 = WORKSPACE_HIGH
 
 
 @njit
-def _judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules, told: Array) -> float:
+def _judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules) -> float:
     """Advance what an episode has achieved by the control step just taken, and return the reward.
 
     Args:
@@ -55,7 +54,6 @@ def _judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules,
         s: `sensordata`.
         warnings: bits of MuJoCo's that came up in the control step.
         rules: of the environment.
-        told: (12 + T,) out.
     """
     at, n = rules.at, rules.joints
     pose = q[n : n + 7]
@@ -79,40 +77,22 @@ def _judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules,
     _follow_grip(e, position, quat, touching and alone)
     _disturb(e, position, rules)
     _conclude(e, rules)
-    reward = _reward(e, pose, R, s, rules, told[_TERMS:])
-    _tell(e, rules.period, told)
-    return reward
+    e.stable = e.airborne and e.slip < STABLE_SLIP and e.tilt < STABLE_TILT
+    return _reward(e, pose, R, s, rules)
 
 
 @njit
-def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> float:
+def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules) -> float:
     """Write the terms, and return the reward of the control step."""
-    reward_terms(e, pose, R, s, rules, terms)
+    reward_terms(e, pose, R, s, rules, e.terms)
     total = 0.0
     for k in range(len(rules.weights)):
-        total += rules.weights[k] * terms[k]
+        total += rules.weights[k] * e.terms[k]
     gain = total - e.total
     e.total = total
     if not rules.dense:
         return 1.0 if e.success and e.failure != _DIVERGED else 0.0
     return gain
-
-
-@njit
-def _tell(e: Record, period: float, t: Array) -> None:
-    """Write the columns of `records.INFO_COLUMNS`."""
-    t[0] = e.success
-    t[1] = e.airborne and e.slip < STABLE_SLIP and e.tilt < STABLE_TILT
-    t[2] = e.grasped
-    t[3] = e.stage
-    t[4] = e.failure
-    t[5] = e.height
-    t[6] = e.slip
-    t[7] = e.tilt
-    t[8] = e.shift
-    t[9] = float(e.held) * period
-    t[10] = e.phase
-    t[11] = e.warnings
 
 
 @njit
@@ -228,9 +208,7 @@ def _conclude(e: Record, rules: Rules) -> None:
 
 
 @njit
-def judge(
-    episodes: Records, now: PhysicsState, warnings: Index, rules: Rules, told: Array, rewards: Array
-) -> None:
+def judge(episodes: Records, now: PhysicsState, warnings: Index, rules: Rules, rewards: Array) -> None:
     """Advance what the episodes have achieved by the control step just taken, and reward them.
 
     Args:
@@ -238,9 +216,8 @@ def judge(
         now: their physics; quaternions wxyz, the target is the first object.
         warnings: (N,) bits of MuJoCo's that came up in the control step.
         rules: of the environment.
-        told: (N, 12 + T) out, `records.INFO_COLUMNS` and the terms, each in [0, 1].
         rewards: (N,) out.
     """
     qpos, qvel, sensors = now
     for i in range(len(episodes)):
-        rewards[i] = _judge(episodes[i], qpos[i], qvel[i], sensors[i], warnings[i], rules, told[i])
+        rewards[i] = _judge(episodes[i], qpos[i], qvel[i], sensors[i], warnings[i], rules)

@@ -23,13 +23,12 @@ from dexgrasp_env.tasks.control import ONCE_MODES
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_SUMS, key_sizes, unbounded
-from dexgrasp_env.tasks.records import FAILURES, INFO_COLUMNS
+from dexgrasp_env.tasks.records import FAILURES
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
 from dexgrasp_env.tasks.simulation import Physics, Simulation
 from dexgrasp_env.valid import Rule, check, one_of
 
-_SUCCESS = INFO_COLUMNS.index("is_success")
 _LOWEST, _HIGHEST = np.array([*WORKSPACE_LOW, -1.0]), np.array([*WORKSPACE_HIGH, 1.0])
 
 
@@ -120,7 +119,7 @@ class PlaceEpisodes(Episodes):
             record["goal"] = self._draw(rng, record["start"])
         if options.get("goal") is not None:
             record["goal"] = self._check_goal(options["goal"])
-            record["at_goal"] = self.info_columns[i, _SUCCESS] = 0
+            record["at_goal"] = self.records[i]["success"] = 0
         return simulation
 
     def _draw(self, rng: Generator, start: Array) -> Array:
@@ -166,9 +165,7 @@ class PlaceEpisodes(Episodes):
         if judge:
             counts = reached & (records["elapsed"] > 0)
             notes["at_goal"] = np.where(counts, notes["at_goal"] + 1, 0)
-            self.info_columns[part, _SUCCESS] = notes["at_goal"] >= at_pace(
-                GOAL_STEPS, self.settings.frame_skip
-            )
+            records["success"] = notes["at_goal"] >= at_pace(GOAL_STEPS, self.settings.frame_skip)
         if self.settings.obs_mode.startswith("state"):
             flat = np.concatenate([state[key] for key in self._order], axis=-1)
             state = {"achieved_goal": achieved, "desired_goal": goals, "observation": flat}

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Fields
 from dexgrasp_env.tasks.constants import HOLD_STEPS, SHORTEST_SKIP, at_pace
+from dexgrasp_env.tasks.settings import WEIGHTS
 
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
 FAILURES = ("", "object_lost", "simulation_diverged")
@@ -47,6 +47,8 @@ EPISODE = np.dtype(
         ("grip_quat", "f8", (4,)),
         ("slip", "f8"),  # m, largest distance from grip_position since
         ("tilt", "f8"),  # rad, largest rotation from grip_quat since
+        ("stable", "?"),  # off the table, and neither has become large
+        ("terms", "f8", (len(WEIGHTS),)),  # of the reward, each in [0, 1]
         # The disturbance.
         ("phase", "i8"),  # of PHASES
         ("disturbed", "i8"),  # control steps it has run
@@ -60,14 +62,13 @@ COMMANDS = ("targets", "command", "before")
 """Set-points of the n joints beside a record, (3, n) rad: the agent's at the end of the control step, what the servos
 are told then (targets and the shaking), and the command before, for late ones."""
 
-INFO_KINDS: Fields = {
-    "is_success": bool, "is_stable": bool, "is_grasped": bool, "stage": STAGES, "failure": FAILURES,
-    "object_height": float, "object_slip": float, "object_tilt": float, "object_shift": float, "held_seconds": float,
-    "disturbance": PHASES, "mujoco_warnings": int,
+INFOS: dict[str, tuple[str, Any]] = {
+    "is_success": ("success", bool), "is_stable": ("stable", bool), "is_grasped": ("grasped", bool),
+    "stage": ("stage", STAGES), "failure": ("failure", FAILURES), "object_height": ("height", float),
+    "object_slip": ("slip", float), "object_tilt": ("tilt", float), "object_shift": ("shift", float),
+    "held_seconds": ("held", float), "disturbance": ("phase", PHASES), "mujoco_warnings": ("warnings", int),
 }  # fmt: skip
-"""Columns of what the kernel tells of an episode, before the terms of the reward, and what infos make of the numbers:
-names, where there are some."""
-INFO_COLUMNS = tuple(INFO_KINDS)
+"""Infos from a record's fields: each a number of a type, or one of some names; `held` counts control steps."""
 
 Records = NDArray[np.void]
 """Array of EPISODE records, (N,)."""
