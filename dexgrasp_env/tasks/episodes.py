@@ -27,7 +27,7 @@ from dexgrasp_env.tasks.infos import EpisodeInfos
 from dexgrasp_env.tasks.observations import FLAT, knows_state, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, PHASES
 from dexgrasp_env.tasks.reset_options import check_joints, check_options
 from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
@@ -56,6 +56,7 @@ class Episodes(EpisodeInfos):
             for target, model in settings.load_objects(settings.objects).items()
         }
         self.records, self.task_records = np.zeros(number, EPISODE), np.zeros(number, self.task_dtype)
+        self.info_fields = self.records[[field for field, _ in INFOS.values()]]
         self.slots = [Slot() for _ in range(number)]
         self.one_model = number == 1 or settings.backend == "warp"
         """Whether episodes of an object share its scene's model, which is varied anew for each that is entered."""
@@ -291,10 +292,10 @@ class Episodes(EpisodeInfos):
             return state
         return {FLAT: self._features.of(part, state, self.records["elapsed"][part])}
 
-    def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array | float:
+    def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array | None:
         n = self.settings.cell.robot.dof
         if self.settings.randomisation.joint_noise is None:
-            return 0.0
+            return None
         size = records["variation"][:, 5:]
         return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
 
@@ -329,9 +330,9 @@ class Episodes(EpisodeInfos):
             set_points, push = self.set_points(actions, where, step)
             warnings = where.step(set_points, push if pushed else None, going)
             seen = self.conclude(everything, where, warnings, rngs)
-            gained[going] += self.rewards[going]
             if self.span == 1:
-                break
+                return self.complete(everything, where, seen)
+            gained[going] += self.rewards[going]
             goes_on(self.records, self.whole, late, self._goes_on)
             for i in going[~self._goes_on[going]].tolist():
                 kept[i], rngs[i] = copy.deepcopy([part[i] for part in (*seen.values(), *rows)]), None

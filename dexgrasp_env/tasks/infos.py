@@ -23,6 +23,7 @@ class EpisodeInfos:
         simulations: scenes by target.
         slots: of the episodes.
         records: (N,) of the episodes.
+        info_fields: (N,) their fields of `INFOS`: a view.
         starts: where episodes begin, if not as usual.
     """
 
@@ -30,14 +31,14 @@ class EpisodeInfos:
     simulations: Mapping[str, Simulation]
     slots: Sequence[Slot]
     records: NDArray[Any]
+    info_fields: NDArray[Any]
     starts: Starts | None
 
     def info(self, i: int) -> Fields:
         """Return the info of episode `i` alone, plain values; `infos` of one takes a tenth of a step."""
-        record = self.records[i]
-        told = {
-            key: kind[record[field]] if isinstance(kind, tuple) else kind(record[field])
-            for key, (field, kind) in INFOS.items()
+        told: Fields = {
+            key: names[value] if names else value
+            for (key, (_, names)), value in zip(INFOS.items(), self.info_fields[i].item(), strict=True)
         }
         told["held_seconds"] *= self.settings.period
         target = self.slots[i].target
@@ -45,21 +46,21 @@ class EpisodeInfos:
             "object": self.simulations[target].object.name if target else "",
             "mujoco_warnings": warning_names(told["mujoco_warnings"]),
             "variation": dict(vars(self.slots[i].variation)),
-            "reward_terms": dict(zip(WEIGHTS, record["terms"].tolist(), strict=True)),
+            "reward_terms": dict(zip(WEIGHTS, self.records["terms"][i].tolist(), strict=True)),
             **{key: values[i : i + 1].tolist()[0] for key, values in self.more_infos().items()},
         }
 
     def infos(self) -> Fields:
         """Return the infos without cameras, arrays (N,) by key: the same at reset and at every step."""
         infos: Fields = {}
-        for key, (field, kind) in INFOS.items():
+        for key, (field, names) in INFOS.items():
             values = self.records[field]
-            infos[key] = np.array(kind, object)[values] if isinstance(kind, tuple) else values.astype(kind)
-        infos["held_seconds"] *= self.settings.period
-        names = [self.simulations[slot.target].object.name if slot.target else "" for slot in self.slots]
+            infos[key] = np.array(names, object)[values] if names else values.copy()
+        infos["held_seconds"] = infos["held_seconds"] * self.settings.period
+        objects = [self.simulations[slot.target].object.name if slot.target else "" for slot in self.slots]
         warnings = [*map(warning_names, infos["mujoco_warnings"].tolist())]
         return infos | {
-            "object": np.array(names, object),
+            "object": np.array(objects, object),
             "mujoco_warnings": np.array(warnings, object),
             "variation": dict(zip(vars(Variation()), self.records["variation"].T.copy(), strict=True)),
             "reward_terms": dict(zip(WEIGHTS, self.records["terms"].T.copy(), strict=True)),

@@ -77,6 +77,7 @@ def _judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules)
     _follow_grip(e, position, quat, touching and alone)
     _disturb(e, position, rules)
     _conclude(e, rules)
+    e.progress[0], e.progress[1] = e.height, min(e.held / rules.hold, 1.0)
     e.stable = e.airborne and e.slip < STABLE_SLIP and e.tilt < STABLE_TILT
     return _reward(e, pose, R, s, rules)
 

@@ -47,6 +47,7 @@ EPISODE = np.dtype(
         ("grip_quat", "f8", (4,)),
         ("slip", "f8"),  # m, largest distance from grip_position since
         ("tilt", "f8"),  # rad, largest rotation from grip_quat since
+        ("progress", "f8", (2,)),  # height, and the share of the hold that is over
         ("stable", "?"),  # off the table, and neither has become large
         ("terms", "f8", (len(WEIGHTS),)),  # of the reward, each in [0, 1]
         # The disturbance.
@@ -62,13 +63,13 @@ COMMANDS = ("targets", "command", "before")
 """Set-points of the n joints beside a record, (3, n) rad: the agent's at the end of the control step, what the servos
 are told then (targets and the shaking), and the command before, for late ones."""
 
-INFOS: dict[str, tuple[str, Any]] = {
-    "is_success": ("success", bool), "is_stable": ("stable", bool), "is_grasped": ("grasped", bool),
-    "stage": ("stage", STAGES), "failure": ("failure", FAILURES), "object_height": ("height", float),
-    "object_slip": ("slip", float), "object_tilt": ("tilt", float), "object_shift": ("shift", float),
-    "held_seconds": ("held", float), "disturbance": ("phase", PHASES), "mujoco_warnings": ("warnings", int),
+INFOS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "is_success": ("success", ()), "is_stable": ("stable", ()), "is_grasped": ("grasped", ()),
+    "stage": ("stage", STAGES), "failure": ("failure", FAILURES), "object_height": ("height", ()),
+    "object_slip": ("slip", ()), "object_tilt": ("tilt", ()), "object_shift": ("shift", ()),
+    "held_seconds": ("held", ()), "disturbance": ("phase", PHASES), "mujoco_warnings": ("warnings", ()),
 }  # fmt: skip
-"""Infos from a record's fields: each a number of a type, or one of some names; `held` counts control steps."""
+"""Infos: of which field of a record, and the names of its values, where they have some; `held` counts steps."""
 
 Records = NDArray[np.void]
 """Array of EPISODE records, (N,)."""

@@ -118,9 +118,11 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
     def _told(self, observed: Arrays) -> tuple[Arrays, Fields]:
         """Return the observation and the info, both with what cameras saw last: callers may write to that."""
         view = self._episodes.slots[0].view
-        seen, info = copy.deepcopy((view.seen, view.info)) if view.seen else ({}, {})
-        observation = {key: values[0] for key, values in observed.items()} | seen
-        return self._episodes.told(dict(sorted(observation.items()))), self._episodes.info(0) | info
+        observation, info = {key: values[0] for key, values in observed.items()}, self._episodes.info(0)
+        if view.seen:
+            seen, about = copy.deepcopy((view.seen, view.info))
+            observation, info = dict(sorted((observation | seen).items())), info | about
+        return self._episodes.told(observation), info
 
     def get_state(self) -> EpisodeState:
         """Return everything that the running episode's future depends on.

@@ -13,7 +13,7 @@ def observe(
     records: NDArray[np.void],
     now: PhysicsState,
     targets: Array,
-    noise: Array | float,
+    noise: Array | None,
     rules: Rules,
     private: bool,
 ) -> Arrays:
@@ -23,36 +23,37 @@ def observe(
         records: (N,), brought up to date.
         now: their physics.
         targets: (N, n) set-points, rad.
-        noise: (N, n) rad, of the joint position sensors; 0 for none.
+        noise: (N, n) rad, of the joint position sensors; None for none.
         rules: of the environment.
         private: whether what no camera tells is among them.
     """
-    qpos, qvel, sensors = now
+    failures = records["failure"]
+    if np.count_nonzero(failures):  # quicker than any()
+        now = _finite(now, failures == FAILURES.index("simulation_diverged"))
     n, tips = rules.joints, 3 * rules.fingers
-    palm, tip, force = (rules.at[reading] for reading in (PALM, TIPS, TIP_FORCES))
-    seen = {
-        "fingertip_positions": sensors[:, tip : tip + tips],
-        "joint_positions": qpos[:, :n] + noise,
-        "joint_targets": targets,
-        "joint_velocities": qvel[:, :n],
-        "palm_pose": sensors[:, palm : palm + 7],  # the quaternion's reading follows the position's
-    }
-    if private:
-        progress = np.column_stack([records["height"], np.minimum(records["held"] / rules.hold, 1.0)])
-        own = {
-            "fingertip_forces": sensors[:, force : force + tips],
-            "object_mass": records["mass"][:, None],
-            "object_pose": qpos[:, n : n + 7],
-            "object_size": 2.0 * records["half_extents"],
-            "object_velocity": qvel[:, n : n + 6],
-            "progress": progress,
-            "variation": records["variation"],
-        }
-        seen = dict(sorted((seen | own).items()))
-    with np.errstate(over="ignore", invalid="ignore"):
-        rows = {key: values.astype(np.float32) for key, values in seen.items()}
-    diverged = records["failure"] == FAILURES.index("simulation_diverged")
-    if diverged.any():
-        for values in rows.values():
-            values[diverged] = np.nan_to_num(values[diverged], nan=0.0, posinf=0.0, neginf=0.0)
-    return rows
+    palm, tip, force = rules.at[PALM], rules.at[TIPS], rules.at[TIP_FORCES]
+    qpos, qvel, sensors = (values.astype(np.float32) for values in now)
+    joints = qpos[:, :n] if noise is None else (now.qpos[:, :n] + noise).astype(np.float32)
+    tip_positions, targets = sensors[:, tip : tip + tips], targets.astype(np.float32)
+    pose = sensors[:, palm : palm + 7]  # the quaternion's reading follows the position's
+    if not private:
+        return {
+            "fingertip_positions": tip_positions, "joint_positions": joints, "joint_targets": targets,
+            "joint_velocities": qvel[:, :n], "palm_pose": pose,
+        }  # fmt: skip
+    half_extents, progress, variation = (
+        records[name].astype(np.float32) for name in ("half_extents", "progress", "variation")
+    )
+    return {
+        "fingertip_forces": sensors[:, force : force + tips], "fingertip_positions": tip_positions,
+        "joint_positions": joints, "joint_targets": targets, "joint_velocities": qvel[:, :n],
+        "object_mass": records["mass"].astype(np.float32)[:, None], "object_pose": qpos[:, n : n + 7],
+        "object_size": 2.0 * half_extents, "object_velocity": qvel[:, n : n + 6],
+        "palm_pose": pose, "progress": progress, "variation": variation,
+    }  # fmt: skip
+
+
+def _finite(now: PhysicsState, diverged: NDArray[np.bool_]) -> PhysicsState:
+    """Return the physics with zeros in place of what is no number of single precision, where it has diverged."""
+    largest = np.finfo(np.float32).max
+    return PhysicsState(*(np.where(diverged[:, None] & ~(np.abs(v) <= largest), 0.0, v) for v in now))

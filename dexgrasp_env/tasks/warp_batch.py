@@ -25,12 +25,6 @@ ROWS, CONTACTS = 128, 32
 """Room of a world for constraints, of which random actions reach 87, and contacts, of which they have 24."""
 _STATE = ("qpos", "qvel", "ctrl", "qacc_warmstart")
 _TOO_LARGE = 1e10  # mjMAXVAL
-_FULL = mjw.OverflowType
-_OVERFLOWS = {
-    "CNSTRFULL": _FULL.NEFC | _FULL.NJMAX_NNZ,
-    "CONTACTFULL": _FULL.BROADPHASE | _FULL.NARROWPHASE | _FULL.CCD | _FULL.EPA_HORIZON | _FULL.CONTACT_MATCH,
-}
-"""MuJoCo's warnings of too little room, and what mujoco_warp calls it."""
 
 
 class WarpPhysics:
@@ -164,10 +158,12 @@ class WarpPhysics:
     def _warnings(self) -> Index:
         self._fetch()
         overflow = self._data.overflow.numpy()
+        of_rows = int(mjw.OverflowType.NEFC | mjw.OverflowType.NJMAX_NNZ)
         found = {
             "BADQPOS": ~(np.abs(self._host["qpos"]) < _TOO_LARGE).all(axis=1),
             "BADQVEL": ~(np.abs(self._host["qvel"]) < _TOO_LARGE).all(axis=1),
-            **{name: overflow & int(bits) != 0 for name, bits in _OVERFLOWS.items()},
+            "CNSTRFULL": overflow & of_rows != 0,
+            "CONTACTFULL": overflow & ~of_rows != 0,
         }
         return sum(
             (warning_mask(name) * over for name, over in found.items()), np.zeros(len(overflow), np.int64)
