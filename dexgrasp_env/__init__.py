@@ -29,52 +29,41 @@ from dexgrasp_env.tasks.constants import CLUTTER_EPISODE_STEPS, HEAP_EPISODE_STE
 __all__ = ["InputError"]
 __version__ = "0.3.0"
 
-_PUSHES = 80  # control steps that the pushes take: `tasks.disturbance`, which is not imported here
-_SOLVED = 75.0  # dense return: without success 50 at most
+_PLAIN: dict[str, Any] = {"obs_mode": "features", "reward_scale": 0.2, "reward_threshold": 15.0}
+"""Of tasks for plain learners: returns from 0 to 20."""
 
 
-_SCALE = 0.2  # of the rewards of tasks for plain learners: returns from 0 to 20
-
-
-def _register(name: str, max_episode_steps: int = MAX_EPISODE_STEPS, **kwargs: Any) -> None:
-    # The entry points are strings so that specs serialise.
+def _register(
+    name: str, max_episode_steps: int = MAX_EPISODE_STEPS, env: str = "lift:Lift",
+    reward_threshold: float | None = 75.0, **kwargs: Any,
+) -> None:  # fmt: skip
+    # Without success the dense return is 50 at most. The entry points are strings so that specs serialise.
     register(
-        id=f"DexGrasp/{name}", entry_point="dexgrasp_env.tasks.lift:LiftEnv",
-        vector_entry_point="dexgrasp_env.tasks.vector:LiftVectorEnv", max_episode_steps=max_episode_steps,
-        reward_threshold=_SOLVED * kwargs.get("reward_scale", 1.0), kwargs=kwargs,
+        id=f"DexGrasp/{name}", entry_point=f"dexgrasp_env.tasks.{env}Env",
+        vector_entry_point=f"dexgrasp_env.tasks.vector:{env.partition(':')[2]}VectorEnv", kwargs=kwargs,
+        max_episode_steps=max_episode_steps, reward_threshold=reward_threshold,
     )  # fmt: skip
 
 
 _register("Lift-v2")
 _register("LiftUpright-v2", presentation="upright")
 _register("LiftSlippery-v2", friction=0.35)
-_register(
-    "LiftPushed-v2", MAX_EPISODE_STEPS + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5}
-)
+# Pushes take 80 control steps: `tasks.disturbance`, which is not imported here.
+_register("LiftPushed-v2", MAX_EPISODE_STEPS + 80, friction=0.5, disturbance={"kind": "pushed", "size": 0.5})
 _register("LiftOneView-v2", obs_mode="pointcloud", views=1)
-_register("LiftOnce-v0", obs_mode="features", control_mode="grasp_once", reward_scale=_SCALE)
+_register("LiftOnce-v0", control_mode="grasp_once", **_PLAIN)
 _register(
-    "LiftVaried-v0", obs_mode="features", control_mode="table_grasp_once", reward_scale=_SCALE, objects="drawn-0..39",
-    object_pose={"rest_pose": "each"}, randomisation={"friction": (0.3, 0.9), "mass": (1.0, 4.0)},
+    "LiftVaried-v0", control_mode="table_grasp_once", objects="drawn-0..39", object_pose={"rest_pose": "each"},
+    randomisation={"friction": (0.3, 0.9), "mass": (1.0, 4.0)}, **_PLAIN,
 )  # fmt: skip
-_register(
-    "LiftFromGrasp-v0", 80, obs_mode="features", control_mode="ee_delta", hold=2, reward_scale=_SCALE,
-    starts="pregrasps",
-)  # fmt: skip
-_register("LiftStaged-v0", 6, obs_mode="features", control_mode="grasp", hold=28, reward_scale=_SCALE)
+_register("LiftFromGrasp-v0", 80, control_mode="ee_delta", hold=2, starts="pregrasps", **_PLAIN)
+_register("LiftStaged-v0", 6, control_mode="grasp", hold=28, **_PLAIN)
 
 for name, count, gaps, limit in (
     ("Sparse", (4, 8), (0.02, 0.05), CLUTTER_EPISODE_STEPS),
     ("Dense", (9, 15), (0.005, 0.02), CLUTTER_EPISODE_STEPS),
     ("Heap", 8, None, HEAP_EPISODE_STEPS),
 ):
-    register(
-        id=f"DexGrasp/Clutter{name}-v1", entry_point="dexgrasp_env.tasks.clutter_env:ClutterEnv",
-        vector_entry_point="dexgrasp_env.tasks.vector:ClutterVectorEnv", max_episode_steps=limit,
-        reward_threshold=_SOLVED, kwargs={"neighbours": count, "gaps": gaps},
-    )  # fmt: skip
+    _register(f"Clutter{name}-v1", limit, "clutter_env:Clutter", neighbours=count, gaps=gaps)
 
-register(
-    id="DexGrasp/Place-v2", entry_point="dexgrasp_env.tasks.place:PlaceEnv",
-    vector_entry_point="dexgrasp_env.tasks.vector:PlaceVectorEnv", max_episode_steps=MAX_EPISODE_STEPS,
-)  # fmt: skip
+_register("Place-v2", env="place:Place", reward_threshold=None)

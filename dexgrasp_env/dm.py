@@ -9,8 +9,9 @@ dm_control's viewer, pixel wrapper and action wrappers run on it. Where there is
 dm_control, or set MUJOCO_GL: dm_control settles on a GL library when it is imported.
 """
 
-import math
-from typing import Any
+from collections.abc import Callable
+from functools import partial
+from typing import Any, SupportsFloat
 
 import gymnasium as gym
 import mujoco
@@ -18,7 +19,7 @@ from gymnasium import spaces
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
-from dexgrasp_env.arrays import Array, Arrays, Fields, Single
+from dexgrasp_env.arrays import Arrays, Fields, Single
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.tasks.lift import LiftEnv
@@ -71,8 +72,8 @@ class Physics(dm_mujoco.Physics):
     They are of the episode's object: `model` and `data` are others once an episode has another object.
     """
 
-    warnings = 0  # of the last control step, one bit each
-    _rows: Array | None = None
+    advance: Callable[[], None] | None = None
+    """Advances the environment by the control step that a task has begun."""
 
     def __init__(self, simulation: Simulation) -> None:
         super().__init__(MjData(simulation.data))
@@ -85,17 +86,13 @@ class Physics(dm_mujoco.Physics):
             self._shown = shown
             self._reload_from_data(MjData(simulation.data))
 
-    def give(self, rows: Array) -> None:
-        """Set what the servos are told in the next control step: (1, frame_skip, n) rad."""
-        self._rows = rows
-
     def step(self, nstep: int = 1) -> None:
         """Advance the control step that a task has begun, else `nstep` physics steps under `data.ctrl`."""
-        rows, self._rows = self._rows, None
-        if rows is None:
+        advance, self.advance = self.advance, None
+        if advance is None:
             super().step(nstep)
             return
-        self.warnings = self._shown[0].step(rows)  # the task ends episodes whose numbers go wrong
+        advance()
         mujoco.mj_kinematics(self.model.ptr, self.data.ptr)  # dm_control's users read positions of now
 
     def after_reset(self) -> None:
@@ -114,33 +111,30 @@ class Task(control.Task):
                 "dm_control has an action a control step, and observations by name: valid are hold=1, a control_mode "
                 "but grasp_once, an obs_mode but features"
             )
-        self.inner, self._seed = inner, seed
-        self._limit = (env.spec.max_episode_steps if env.spec else None) or math.inf
+        self.inner, self._env, self._seed = inner, env, seed
         self.info: Fields = {}
         """What Gymnasium's `info` says of the last step: is_success, failure, reward_terms, ..."""
 
     def initialize_episode(self, physics: Physics) -> None:
         """Start an episode of the environment."""
-        self._seen, self.info = self.inner.reset(seed=self._seed)
+        self._seen, self.info = self._env.reset(seed=self._seed)
         self._seed = None  # later episodes go on with the same generator
-        self._steps, self._terminated, self._truncated = 0, False, False
+        self._terminated, self._truncated = False, False
         physics.show(self.inner.simulation)
 
     def before_step(self, action: Single, physics: Physics) -> None:
-        """Move the set-points."""
-        physics.give(self.inner.start_step(action))
+        """Begin a step, which the physics carry out."""
+        physics.advance = partial(self._step, action)
 
-    def after_step(self, physics: Physics) -> None:
-        """Judge and observe."""
-        told = self.inner.finish_step(physics.warnings)
+    def _step(self, action: Single) -> None:
+        told = self._env.step(action)
         self._seen, self._reward, self._terminated, self._truncated, self.info = told
-        self._steps += 1
 
     def get_observation(self, physics: Physics) -> Arrays:
         """Return Gymnasium's observation."""
         return dict(self._seen)
 
-    def get_reward(self, physics: Physics) -> float:
+    def get_reward(self, physics: Physics) -> SupportsFloat:
         """Return Gymnasium's reward."""
         return self._reward
 
@@ -148,7 +142,7 @@ class Task(control.Task):
         """Return the last discount, None while the episode runs."""
         if self._terminated:
             return 0.0
-        return 1.0 if self._truncated or self._steps >= self._limit else None
+        return 1.0 if self._truncated else None
 
     def observation_spec(self, physics: Physics) -> dict[str, specs.Array]:
         """Return a spec for every key of the observations."""

@@ -20,8 +20,7 @@ from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.valid import number, several
 
-_OFF = ("disable", "disabled", "off", "false", "0")  # MUJOCO_GL's words for no drawing,
-_ANY = ("enable", "enabled", "on", "true", "1")  # and for whatever there is
+_OFF = ("disable", "disabled", "off", "false", "0")  # MUJOCO_GL's words for no drawing
 RENDER_SIZE = several(number(ge=16, le=4096, whole=True), 2)._replace(
     words="rows and columns, each from 16 to 4096"
 )
@@ -47,7 +46,7 @@ def wished_gl() -> str:
     MUJOCO_GL is put aside as DEXGRASP_GL where its value would fail `import mujoco`.
     """
     wish = (os.environ.get("DEXGRASP_GL") or os.environ.get("MUJOCO_GL") or "").lower().strip()
-    return "" if wish in _ANY else wish
+    return "" if wish in ("enable", "enabled", "on", "true", "1") else wish  # words for whatever there is
 
 
 def choose_gl() -> str | None:
@@ -71,14 +70,13 @@ def rendering_fault() -> str | None:
     return None
 
 
-def make_renderer(model: mujoco.MjModel, height: int, width: int, *, quick: bool = False) -> mujoco.Renderer:
-    """Return an off-screen renderer.
+def make_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
+    """Return an off-screen renderer: without multisampling, with coarse shadows, a third of the time of a software GL.
 
     Args:
         model: what is drawn.
         height: of the pictures, pixels.
         width: of the pictures, pixels.
-        quick: for people and videos: no multisampling, coarser shadows. A software GL takes a third of the time.
 
     Raises:
         InputError: with the remedy, where there is no GL.
@@ -101,9 +99,7 @@ def make_renderer(model: mujoco.MjModel, height: int, width: int, *, quick: bool
         with _lock:
             _load_triton()
             _use(backend)
-            renderer = (
-                _quick_renderer(model, height, width) if quick else mujoco.Renderer(model, height, width)
-            )
+            renderer = _quick_renderer(model, height, width)
             _drew_in.add(os.getpid())
             _open.add(renderer)
             _close_at_exit()
@@ -225,7 +221,7 @@ class ColourCameras:
 
     def __init__(self, model: mujoco.MjModel, cameras: tuple[Camera, ...]) -> None:
         self._cameras, i = cameras, cameras[0].intrinsics
-        self.renderer = make_renderer(model, i.height, i.width, quick=True)
+        self.renderer = make_renderer(model, i.height, i.width)
         self.renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
         self._option = show_options()
 

@@ -86,7 +86,7 @@ def run(
             seen = {"observe": "reset"} if more or "View" in name else {}
             envs = gym.make_vec(
                 name, num_envs=number, control_mode=mode, objects=objects, max_episode_steps=episode,
-                randomisation=RANDOMISATION, **more, **seen,
+                randomisation=RANDOMISATION, friction=None, **more, **seen,  # presets state one, here it is drawn
             )  # fmt: skip
             _reset(envs, rng)
             act(envs, 2 * episode + 2, rng, soak)

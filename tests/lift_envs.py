@@ -15,6 +15,12 @@ def make(**kwargs):
     return gym.make(ID, **{"objects": "sugar_box", **kwargs}, disable_env_checker=True)
 
 
+def judge(env):
+    """Judge and observe an environment as it stands, as after a step in which nothing moved."""
+    nothing = np.zeros(1, np.int64)
+    return env._episodes.conclude(slice(None), env.simulation, nothing, [env.np_random])
+
+
 def few(name):
     """Options of an environment that lays few neighbours: a heap of eight takes seconds to come to rest."""
     return {"neighbours": 2} if "Clutter" in name else {}

@@ -19,11 +19,11 @@ def numbers(figures):
 
 @pytest.mark.parametrize("name", BENCHMARKS)
 def test_it_runs_and_gives_finite_figures(name):
-    found = list(numbers(run_benchmark(name, quick=True)))
+    found = list(numbers(run_benchmark(name)))
     assert len(found) > 3
     assert all(math.isfinite(value) for value in found)
 
 
 def test_an_unknown_one_is_named():
     with refused("stepping"):
-        run_benchmark("stapping", quick=True)
+        run_benchmark("stapping")

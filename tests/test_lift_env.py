@@ -1,30 +1,26 @@
 """Lift-v2 against its contract: checkers, determinism, resets, control, endings."""
 
-import json
-import pickle
 import warnings
-from itertools import product
 
 import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from lift_envs import ID, assert_same, few, make, rollout, skip_without_gl
+from lift_envs import assert_same, few, make, rollout, skip_without_gl
 from refusals import refused
 from robots import HOME, LOWER, ROBOT, UPPER
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.rendering import choose_gl
 from dexgrasp_env.tasks import control
-from dexgrasp_env.tasks.control import CONTROL_MODES, GRASP_MODES, max_step
-from dexgrasp_env.tasks.observations import OBS_MODES, knows_state
-from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.settings import REWARD_MODES
+from dexgrasp_env.tasks.control import CONTROL_MODES, max_step
+from dexgrasp_env.tasks.observations import OBS_MODES
 
-# Cameras know nothing of control and reward: every pair of modes meets once, not every triple.
+# Cameras, control and reward know nothing of each other.
 EVERY_MODE = [
-    *(("state", control_mode, reward_mode) for control_mode in CONTROL_MODES for reward_mode in REWARD_MODES),
+    *(("state", control_mode, "dense") for control_mode in CONTROL_MODES),
+    ("state", "joint_delta", "sparse"),
     *(
         pytest.param(obs_mode, "joint_delta", "dense", marks=[pytest.mark.slow] * (obs_mode == "rgbd"))
         for obs_mode in OBS_MODES
@@ -65,22 +61,6 @@ def test_every_id_is_deterministic_and_accepted(name):
     assert_accepted(gym.make(name, objects="gelatin_box", disable_env_checker=True, **few(name)))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", IDS)
-def test_checkers_accept_every_preset_in_every_mode(name):
-    modes = gym.make(name, objects="gelatin_box", disable_env_checker=True).unwrapped.obs_modes
-    for obs_mode, control_mode, reward_mode in product(modes, CONTROL_MODES, ("dense", "sparse")):
-        if control_mode in GRASP_MODES and not knows_state(obs_mode):
-            continue
-        if control_mode == "grasp_once" and ("Place" in name or "Staged" in name):
-            continue
-        skip_without_gl(obs_mode)
-        settings = {"obs_mode": obs_mode, "control_mode": control_mode, "reward_mode": reward_mode}
-        env = gym.make(name, objects="gelatin_box", disable_env_checker=True, **settings)
-        assert_accepted(env)
-        env.close()
-
-
 def test_registrations_know_how_long_disturbances_take():
     for name in IDS:
         env = gym.make(name, objects="sugar_box", disable_env_checker=True)
@@ -92,45 +72,32 @@ def test_registrations_know_how_long_disturbances_take():
         gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
 
 
-def test_a_limit_too_short_for_the_disturbance_is_warned_of():
-    kwargs = {"objects": "sugar_box", "disturbance": "pushed"}
-    with pytest.warns(UserWarning, match="max_episode_steps=380"):
-        gym.make_vec("DexGrasp/Lift-v2", num_envs=1, **kwargs).close()
-    env = gym.make("DexGrasp/Lift-v2", disable_env_checker=True, **kwargs)
-    env.reset(seed=0)
-    while not env.step(np.zeros(23))[3]:
-        pass
-    with pytest.warns(UserWarning, match="max_episode_steps=380"):
-        env.reset()  # a wrapper keeps the limit: it shows when an episode has ended by it
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        env.step(np.zeros(23))
-        env.reset()
-        gym.make_vec("DexGrasp/Lift-v2", num_envs=1, max_episode_steps=380, **kwargs).close()
-
-
 @pytest.mark.parametrize(
     ("name", "frame_skip", "settings", "wanted"),
     [
+        ("Lift-v2", 25, {"disturbance": "pushed"}, 380),
         ("Lift-v2", 5, {}, 1500),
-        ("Lift-v2", 5, {"disturbance": "pushed"}, 1900),
-        ("Lift-v2", 16, {"disturbance": "pushed"}, 600),
         ("LiftPushed-v2", 5, {}, 1900),
-        ("Place-v2", 10, {}, 750),
-        ("ClutterSparse-v1", 5, {}, 3000),
         ("ClutterHeap-v1", 5, {}, 9000),
     ],
 )
-def test_a_limit_that_a_quicker_pace_makes_too_short_is_warned_of(name, frame_skip, settings, wanted):
+def test_a_limit_that_pace_or_disturbance_makes_too_short_is_warned_of(name, frame_skip, settings, wanted):
     settings = {"objects": "sugar_box", "frame_skip": frame_skip, **settings}
     with pytest.warns(UserWarning, match=f"max_episode_steps={wanted}$"):
         gym.make_vec(f"DexGrasp/{name}", num_envs=1, **settings).close()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         gym.make_vec(f"DexGrasp/{name}", num_envs=1, max_episode_steps=wanted, **settings).close()
-        gym.make_vec(
-            f"DexGrasp/{name}", num_envs=1, **settings | {"frame_skip": 50, "disturbance": None}
-        ).close()
+
+
+def test_a_limit_that_a_wrapper_keeps_is_warned_of_where_it_has_ended_an_episode():
+    kwargs = {"objects": "sugar_box", "disturbance": "pushed"}
+    env = gym.make("DexGrasp/Lift-v2", disable_env_checker=True, **kwargs)
+    env.reset(seed=0)
+    while not env.step(np.zeros(23))[3]:
+        pass
+    with pytest.warns(UserWarning, match="max_episode_steps=380"):
+        env.reset()
 
 
 def test_renders():
@@ -182,43 +149,6 @@ def test_reset_restores_everything():
     data.time = 99.0
     mujoco.mj_step(simulation.model, data)
     assert_same(fresh, rollout(env, 7))
-
-
-def test_reset_undoes_randomisation():
-    varied = make(randomisation={"size": (0.8, 1.2), "mass": (0.5, 2.0), "gain": (0.5, 2.0)})
-    for seed in range(3):
-        varied.reset(seed=seed)
-    simulation = varied.unwrapped.simulation
-    simulation.vary(Variation())
-    base = simulation.base
-    for name in (
-        "body_mass",
-        "body_inertia",
-        "geom_size",
-        "geom_friction",
-        "pair_friction",
-        "geom_rbound",
-        "bvh_aabb",
-        "actuator_gainprm",
-        "actuator_biasprm",
-    ):
-        np.testing.assert_array_equal(getattr(simulation.model, name), getattr(base, name), err_msg=name)
-
-
-def test_spec_serialises():
-    env = make(objects=["sugar_box", "soda"], control_mode="ee_delta", randomisation={"mass": [0.9, 1.1]})
-    text = env.spec.to_json()
-    json.loads(text)
-    again = gym.make(gym.envs.registration.EnvSpec.from_json(text))
-    assert again.unwrapped.settings == env.unwrapped.settings
-    assert gym.spec(ID).max_episode_steps == 300
-
-
-def test_pickles():
-    env = make(control_mode="joint_position", friction=0.6).unwrapped
-    copied = pickle.loads(pickle.dumps(env))
-    assert copied.settings == env.settings
-    assert_same(rollout(env, 1, steps=3), rollout(copied, 1, steps=3))
 
 
 @pytest.mark.parametrize("control_mode", [mode for mode in CONTROL_MODES if not mode.endswith("once")])
@@ -276,10 +206,3 @@ def test_diverged_simulation_terminates_without_reward():
     assert info["mujoco_warnings"]
     assert all(np.isfinite(value).all() for value in observation.values())
     assert env.reset(seed=0)[1]["mujoco_warnings"] == ""
-
-
-def test_time_limit_truncates():
-    env = gym.make(ID, objects="sugar_box", max_episode_steps=4, disable_env_checker=True)
-    env.reset(seed=0)
-    endings = [env.step(np.zeros(23))[2:4] for _ in range(4)]
-    assert endings == [(False, False)] * 3 + [(False, True)]

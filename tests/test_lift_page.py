@@ -97,6 +97,8 @@ def test_page_lists_rewards_and_arguments():
         ({"control_mode": "joint_position", "action_scale": 0.5}, "whose actions are changes"),
         ({"reward_mode": "sparse", "reward_weights": {"reach": 1.0}}, "reward_mode='dense'"),
         ({"reward_weights": {"fly": 1.0}}, "reach"),
+        ({"reward_weights": {"lift": -1}}, "lift"),
+        ({"friction": 0.4, "randomisation": {"friction": (0.3, 0.9)}}, "a randomisation without friction"),
         ({"views": 2}, "views=2 changes nothing here: valid is an obs_mode of cameras"),
         ({"calibration": {"position": 0.02}}, "an obs_mode of cameras"),
         ({"sensor": "none"}, "an obs_mode of cameras"),

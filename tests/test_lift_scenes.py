@@ -1,28 +1,23 @@
 """Lift-v2's scenes: what reset and info say, what makes them hard, what is drawn at random."""
 
 import copy
-from types import SimpleNamespace
 
 import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
 from lift_envs import make
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 from project_scripts import load_script
 from refusals import refused
 from robots import CELL, HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp_env.objects import rest_poses
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.tasks.control import max_step, normalise
-from dexgrasp_env.tasks.physics import SettleCache
-from dexgrasp_env.tasks.placement import Placement, upright_rest
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
 from dexgrasp_env.tasks.settings import WEIGHTS
-from dexgrasp_env.tasks.simulation import Simulation
 
 
 def test_reset_is_true_from_the_first_moment():
@@ -93,16 +88,6 @@ def test_commands_come_late():
     assert_allclose(np.diff(commands[1]), 0.2 * max_step(ROBOT)[7] / 25, atol=1e-12)
 
 
-def test_each_of_many_objects_is_stood_up_once(monkeypatch):
-    dropped = []
-    monkeypatch.setattr(rest_poses, "stays", lambda model, up: not dropped.append(model))
-    base = load_object("sugar_box")
-    models = [base.scaled(1.0 + k / 1000) for k in range(1, 100)]
-    heights = [[upright_rest(model)[1] for model in models] for _ in range(2)]
-    assert heights[0] == heights[1] == sorted(heights[0])
-    assert dropped == models
-
-
 def test_upright_stands_as_built():
     env = make(objects=["chips", "massage_ball", "sandwich_side"], presentation="upright")
     for name, up in (("chips", 1.0), ("sandwich_side", 0.0)):
@@ -160,19 +145,6 @@ def test_randomised_model_equals_a_freshly_compiled_one(name):
         assert_allclose(a, b, rtol=2e-4, atol=2e-6, err_msg=field)
 
 
-def test_model_is_compiled_once_and_never_written_to():
-    env, other = make().unwrapped, make(randomisation={"size": (1.2, 1.2)}).unwrapped
-    other.reset(seed=0)
-    assert env.simulation.base is other.simulation.base
-    fresh: Simulation = env.simulation
-    assert_array_equal(fresh.base.geom_size, build_like(fresh).geom_size)
-
-
-def build_like(simulation):
-
-    return build_scene(simulation.object, CELL, cameras=CELL.make_cameras())
-
-
 def test_drawn_places_stay_in_their_ranges():
     env = make(object_pose={"x": (0.45, 0.5), "y": (-0.05, 0.0), "yaw": (0.2, 0.2), "rest_pose": "likely"})
     for seed in range(4):
@@ -192,56 +164,6 @@ def test_short_soak():
     assert np.isfinite(found.growth_mb)
     assert found.is_clean, found
     assert found.endings["dropped"] or found.endings["object_lost"]
-
-
-def test_no_environment_is_excused_by_another_that_diverged():
-    soak = load_script("soak")
-    rewards = np.array([np.nan, 1.0, 1.0])
-    seen = {"qpos": np.array([[np.nan, 0.0], [0.0, np.nan], [0.0, 0.0]])}
-    names = np.array(["simulation_diverged", "", ""], object)
-    infos = {"failure": names, "stage": names, "mujoco_warnings": names}
-    never = np.zeros(3, bool)
-    envs = SimpleNamespace(
-        num_envs=3,
-        action_space=SimpleNamespace(shape=(3, 23)),
-        step=lambda action: (seen, rewards, never, never, infos),
-    )
-    found = soak.Soak()
-    soak.act(envs, 2, np.random.default_rng(0), found)
-    assert found.not_finite == 2
-
-
-def test_what_lies_alike_is_settled_once_and_put_where_it_was_drawn():
-    rests, rng = SettleCache(), np.random.default_rng(0)
-    for name, apart in (
-        ("sugar_box", 1e-5),
-        ("mustard_bottle", 1e-4),
-        ("massage_ball", 1e-4),
-        ("pill_bottle", 5e-3),
-    ):
-        model = load_object(name)
-        simulation = Simulation(model, CELL)
-        for _ in range(4):
-            simulation.vary(Variation(mass=rng.uniform(0.5, 2.0), friction=rng.uniform(0.4, 1.0)))
-            pose = Placement().sample(model, rng)
-            simulation.place(pose)
-            simulation.settle()
-            qpos, touching = simulation.data.qpos.copy(), simulation.data.ncon
-            simulation.place(pose)
-            rests.settle(simulation)
-            assert_allclose(simulation.data.qpos, qpos, atol=apart)
-            assert simulation.data.ncon == touching
-            assert np.array_equal(simulation.data.ctrl, simulation.cell.robot.home)
-
-
-def test_an_object_of_another_size_settles_for_itself():
-    simulation, rests, settled = Simulation(load_object("sugar_box"), CELL), SettleCache(), []
-    simulation.vary(Variation(size=1.2))
-    for settle in (simulation.settle, lambda: rests.settle(simulation)):
-        simulation.place(np.array([0.5, 0.1, 0.12, 1.0, 0.0, 0.0, 0.0]))
-        settle()
-        settled.append(simulation.data.qpos.copy())
-    assert np.array_equal(*settled)
 
 
 @pytest.mark.parametrize("obs_mode", ["depth", "pointcloud"])
@@ -264,10 +186,9 @@ def test_images_come_in_the_order_of_the_views_and_infos_name_them(obs_mode):
     assert envs.reset(seed=0)[1]["perception_cameras"].tolist() == [asked] * 2
 
 
-def test_options_of_other_programs_are_passed_over():
+def test_options_of_lerobot_are_passed_over():
     env = make()
-    with pytest.warns(UserWarning, match="lerobot_new_rollout"):
-        first, _ = env.reset(seed=0, options={"lerobot_new_rollout": True})
+    first, _ = env.reset(seed=0, options={"lerobot_new_rollout": True})
     assert np.array_equal(first["object_pose"], env.reset(seed=0)[0]["object_pose"])
     for key in ("objekt", "object_poze", "objects_pose", "reset_maks"):
         with refused("reset option"):

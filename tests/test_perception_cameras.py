@@ -7,10 +7,8 @@ from refusals import refused
 from robots import CELL
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.cloud import deproject
 from dexgrasp_env.rendering import ColourCameras
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
-from dexgrasp_env.scene.build import add_cameras
 from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel, incidence
 
@@ -46,17 +44,6 @@ def project(camera, points):
     return np.stack([u, v], axis=-1), local[..., 2]
 
 
-def test_pixel_of_a_point_deprojects_to_the_point():
-    camera = CELL.make_cameras()[0]
-    depth = np.full((120, 160), np.nan)
-    depth[37, 91] = 0.8
-    point = deproject(depth, camera)[37, 91]
-    uv, z = project(camera, point)
-    assert uv == pytest.approx([91, 37])
-    assert z == pytest.approx(0.8)
-    assert np.isnan(deproject(depth, camera)[0, 0]).all()
-
-
 def test_default_cameras_see_the_whole_region_of_objects():
     corners = np.array([[x, y, z] for x in (0.40, 0.65) for y in (-0.25, 0.25) for z in (0.0, 0.2)])
     for camera in CELL.make_cameras():
@@ -64,19 +51,6 @@ def test_default_cameras_see_the_whole_region_of_objects():
         assert (uv > -0.5).all(), camera.name
         assert (uv < [159.5, 119.5]).all(), camera.name
         assert depth.min() > 0.2
-
-
-def test_mjcf_cameras_have_the_pose_and_field_of_view():
-    spec = mujoco.MjSpec()
-    add_cameras(spec, CELL.make_cameras())
-    model = spec.compile()
-    for camera in CELL.make_cameras():
-        cam = model.camera(camera.name)
-        R = np.zeros(9)
-        mujoco.mju_quat2Mat(R, cam.quat)
-        assert np.allclose(R.reshape(3, 3)[:, 2], -camera.rotation[:, 2])
-        assert np.allclose(cam.pos, camera.position)
-        assert cam.fovy[0] == pytest.approx(camera.intrinsics.fovy)
 
 
 def test_bad_cameras_are_refused_in_one_line():

@@ -40,12 +40,6 @@ def scene(group=2):
     return model, data
 
 
-def test_a_named_backend_is_taken(monkeypatch):
-    for name in ("osmesa", "egl", "glfw"):
-        monkeypatch.setenv("MUJOCO_GL", name)
-        assert choose_gl() == name
-
-
 @pytest.mark.parametrize(
     ("present", "expected"),
     [
@@ -99,22 +93,6 @@ def test_collision_shapes_are_hidden():
     assert not ((picture[..., 0] > 60) & (picture[..., 1] < 40)).any()
     renderer.close()
     np.testing.assert_array_equal(show_options().geomgroup, [1, 1, 1, 0, 0, 0])
-
-
-@NEEDS_GL
-def test_works_in_a_process_that_has_set_nothing():
-    """MuJoCo reads MUJOCO_GL at its import; here it is chosen after that."""
-    code = textwrap.dedent("""
-        import sys
-        import mujoco
-        from dexgrasp_env.rendering import make_renderer, render, show_camera
-        model = mujoco.MjModel.from_xml_string(sys.argv[1])
-        data = mujoco.MjData(model)
-        mujoco.mj_forward(model, data)
-        print(render(make_renderer(model, 48, 64), data, show_camera()).std() > 5)
-    """)
-    env = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
-    assert python(code, SCENE.format(group=2), env=env) == "True\n"
 
 
 @NEEDS_GL
@@ -228,13 +206,6 @@ def test_threads_that_draw_first_at_once_get_the_same_picture():
     assert python(code, SCENE.format(group=2), env=env) == "3 True True True True\n"
 
 
-@NEEDS_GL
-def test_a_process_forked_after_a_picture_is_told_to_be_spawned(monkeypatch):
-    monkeypatch.setattr(rendering, "_drew_in", {os.getpid() + 1})
-    with refused("context='spawn'"):
-        rendering.make_renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16)
-
-
 ASYNC = """
 import sys
 import gymnasium as gym, dexgrasp_env
@@ -301,14 +272,3 @@ def test_the_library_of_triton_is_loaded_before_a_gl(monkeypatch, tmp_path):
         make_renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16)
     assert order == [str(library), "osmesa"]
     rendering._load_triton.cache_clear()
-
-
-@NEEDS_GL
-def test_colours_for_policies_are_drawn_without_shadows_and_multisampling():
-    env = gym.make("DexGrasp/Lift-v2", objects="soda", obs_mode="rgbd", render_mode="rgb_array", views=1)
-    seen, _ = env.reset(seed=0)
-    assert seen["rgb"].std() > 5
-    (colours,) = [made for (kind, *_), made in env.unwrapped._views._contexts.items() if kind == "rgb"]
-    assert colours.renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] == 0
-    assert colours.renderer._mjr_context.offSamples == 0
-    env.close()

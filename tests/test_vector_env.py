@@ -83,9 +83,8 @@ def test_equal_for_a_thousand_steps(number, threads, mode, env_id):
     assert truncated >= 3
 
 
-@pytest.mark.parametrize("threads", [1, 4])
-def test_threads_change_nothing(threads):
-    compare(5, 12, threads=threads, disturbance="pushed", max_episode_steps=9)
+def test_threads_change_nothing():
+    compare(5, 12, threads=4, disturbance="pushed", max_episode_steps=9)
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
@@ -116,29 +115,9 @@ def test_place_truncates_what_is_lost():
     assert b[3].tolist() == [False, True]
 
 
-def test_place_counts_the_time_at_the_goal_alike():
-    ours, theirs = (make(2, env_id="DexGrasp/Place-v2", objects="sugar_box") for make in (native, singles))
-    ours.reset(seed=3)
-    theirs.reset(seed=3)
-    state = theirs.envs[1].unwrapped.get_state()
-    state.task_record["goal"] = [
-        *state.physics[1 + 23 : 1 + 26],
-        0.0,
-    ]  # time, then positions: where the object is
-    state.task_record["moved"] = True
-    theirs.envs[1].unwrapped.set_state(state)
-    ours.set_state(state, [1])
-    for _ in range(22):
-        a, b = theirs.step(np.zeros((2, 23))), ours.step(np.zeros((2, 23)))
-        assert_same(a, b)
-    assert b[4]["is_success"].tolist() == [False, True]
-    goals, reached = np.zeros((4, 4)), np.tile([0.01, 0.01, 0.01, 0.0], (4, 1))
-    assert ours.compute_reward(reached, goals, {}).tolist() == [0.0] * 4
-
-
 @pytest.mark.parametrize(
     ("obs_mode", "observe"),
-    [("depth", "step"), ("pointcloud", "step"), ("pointcloud", "reset"), ("pointcloud", "clear")],
+    [("depth", "step"), ("pointcloud", "clear")],
 )
 def test_cameras_equal_single_ones(obs_mode, observe):
     compare(
@@ -218,21 +197,6 @@ def test_deepcopy_and_pickle_keep_the_episode(obs_mode):
         assert_same(expected, other.reset())
 
 
-def test_vector_environment_pickles_and_copies():
-    envs = native(3, randomisation=RANDOM, max_episode_steps=7, autoreset_mode="SameStep")
-    rng = np.random.default_rng(0)
-    acts = rng.uniform(-1, 1, (12, 3, 23))
-    fresh = pickle.loads(pickle.dumps(envs))
-    assert_same(envs.reset(seed=3), fresh.reset(seed=3))
-    for act in acts[:3]:
-        envs.step(act)
-    others = [copy.deepcopy(envs), pickle.loads(pickle.dumps(envs))]
-    for act in acts[3:]:  # past the time limit: the next episodes are drawn alike
-        expected = envs.step(act)
-        for other in others:
-            assert_same(expected, other.step(act))
-
-
 def test_episodes_begin_at_a_state():
     """With what it had achieved, a clock of their own, and the generator's next draws."""
     single = gym.make(
@@ -289,6 +253,7 @@ def test_resets_without_options_begin_where_they_are_told():
         ({"reward_weights": {"reach": 1.0}}, "reward_weights"),
         ({"objects": "soda"}, "sugar_box"),
         ({"env_id": "DexGrasp/Place-v2"}, "task"),
+        ({"obs_mode": "depth", "views": 2}, "obs_mode"),
     ],
 )
 def test_states_of_other_settings_are_refused_in_one_line(settings, word):
@@ -304,14 +269,6 @@ def test_states_of_other_settings_are_refused_in_one_line(settings, word):
             use(state)
 
 
-def test_states_of_other_views_are_refused_where_views_are_seen():
-    settings = {"objects": "sugar_box", "obs_mode": "depth", "disable_env_checker": True}
-    one, two = (gym.make(ID, views=names, **settings).unwrapped for names in (["front_left"], 2))
-    one.reset(seed=0)
-    with refused("views"):
-        two.set_state(one.get_state())
-
-
 def test_what_cameras_have_not_seen_is_not_left_out_of_a_reset():
     first = {"reset_mask": np.array([True, False])}
     envs = native(2, objects="sugar_box", obs_mode="depth", views=1)
@@ -320,14 +277,6 @@ def test_what_cameras_have_not_seen_is_not_left_out_of_a_reset():
     envs.reset(seed=0)
     _, infos = envs.reset(options=first)
     assert infos["_object"].tolist() == [True, False]
-    envs.close()
-
-
-@pytest.mark.parametrize("frame_skip", [10, 25])
-def test_pictures_follow_each_other_as_in_a_single_environment(frame_skip):
-    envs = native(1, objects="sugar_box", frame_skip=frame_skip)
-    single = gym.make(ID, objects="sugar_box", frame_skip=frame_skip, disable_env_checker=True)
-    assert envs.metadata["render_fps"] == single.unwrapped.metadata["render_fps"]
     envs.close()
 
 
@@ -360,8 +309,7 @@ def test_wrong_use_is_named_in_one_line():
     [
         ({"backend": "mjx"}, "backend is 'mjx'"),
         ({"backend": "warp", "threads": 2}, "threads=2 changes nothing here"),
-        ({"tensors": True}, "tensors=True is of DexGrasp/Lift with backend='warp'"),
-        ({"tensors": True, "env_id": "DexGrasp/ClutterSparse-v1"}, "tensors=True is of DexGrasp/Lift"),
+        ({"backend": "warp", "env_id": "DexGrasp/ClutterSparse-v1"}, "backend is 'warp': valid is mujoco"),
     ],
 )
 def test_what_no_physics_can_do_is_refused_in_one_line(settings, words):

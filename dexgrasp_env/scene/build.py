@@ -16,17 +16,8 @@ from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, robot_spec
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.arena import add_arena, add_bin
-from dexgrasp_env.scene.constants import (
-    FRICTION,
-    ROLLING_FRICTION,
-    TIP_SOLIMP,
-    TIP_SOLREF,
-    TIP_SOLREFFRICTION,
-    TORSIONAL_FRICTION,
-)
+from dexgrasp_env.scene.constants import FRICTION
 from dexgrasp_env.scene.sensors import add_sensors
-
-_GL_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # MuJoCo's cameras look along -z with y up
 
 
 def add_cameras(spec: mujoco.MjSpec, cameras: Iterable[Camera]) -> None:
@@ -35,11 +26,12 @@ def add_cameras(spec: mujoco.MjSpec, cameras: Iterable[Camera]) -> None:
     MJCF knows a centred principal point only; the depth backends use the full intrinsics whatever is written
     here.
     """
+    flip = np.diag([1.0, -1.0, -1.0])  # MuJoCo's cameras look along -z with y up
     for camera in cameras:
         spec.worldbody.add_camera(
             name=camera.name,
             pos=camera.position,
-            quat=matrix_to_quat(camera.rotation @ _GL_FROM_OPTICAL),
+            quat=matrix_to_quat(camera.rotation @ flip),
             fovy=camera.intrinsics.fovy,
             resolution=[camera.intrinsics.width, camera.intrinsics.height],
         )
@@ -73,7 +65,7 @@ def scene_spec(
     parts += [_add_object(spec, f"neighbour_{k}", shape) for k, shape in enumerate(neighbours)]
     for geom in spec.geoms:
         if geom.contype or geom.conaffinity:
-            geom.friction = [friction, TORSIONAL_FRICTION, 0.0001]
+            geom.friction = [friction, 0.005, 0.0001]  # torsion, m: for users who raise condim
     for names in parts:
         _add_pairs(spec, names, cell.robot, friction)
     add_sensors(spec, cell.robot, len(neighbours))
@@ -103,13 +95,13 @@ def _add_pairs(spec: mujoco.MjSpec, parts: list[str], robot: Robot, friction: fl
         for tip in robot.tips:
             spec.add_pair(
                 name=f"{tip}:{part}", geomname1=tip, geomname2=part, condim=4 if torsion else 3,
-                friction=[*sliding, torsion * friction or TORSIONAL_FRICTION, 0.0001, 0.0001],
-                solref=list(TIP_SOLREF), solimp=list(TIP_SOLIMP), solreffriction=list(TIP_SOLREFFRICTION),
+                friction=[*sliding, torsion * friction or 0.005, 0.0001, 0.0001],
+                solref=[0.02, 1.0], solimp=[0.9, 0.95, 0.001, 0.5, 2.0], solreffriction=[0.004, 1.0],
             )  # fmt: skip
         # Rolling resistance keeps a can on its side where it was put; it has no part in the grasp.
         spec.add_pair(
             name=f"table:{part}", geomname1="table", geomname2=part, condim=6,
-            friction=[*sliding, TORSIONAL_FRICTION, ROLLING_FRICTION, ROLLING_FRICTION],
+            friction=[*sliding, 0.005, 0.0002, 0.0002],  # torsion and rolling, m: a can on a hard table
         )  # fmt: skip
 
 

@@ -6,13 +6,6 @@ CONTROL_STEPS = 25  # physics steps in a control step: 20 Hz
 CONTROL_PERIOD = TIMESTEP * CONTROL_STEPS  # s
 
 FRICTION = 0.7  # default sliding friction coefficient of every contact
-TORSIONAL_FRICTION = 0.005  # m; unused by condim 3, kept for users who raise condim
-ROLLING_FRICTION = 0.0002  # m; object on table only: rolling resistance of a can on a hard table
-
-# Fingertip against object: MuJoCo's pair parameters.
-TIP_SOLREF = (0.02, 1.0)
-TIP_SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
-TIP_SOLREFFRICTION = (0.004, 1.0)
 
 TABLE_SIZE = (0.70, 1.20, 0.04)  # m, x y z; the top is the plane z = 0
 TABLE_CENTRE_X = 0.52  # m

@@ -1,15 +1,13 @@
 """One model for scenes of many objects, as physics on a GPU wants it: what differs between them are numbers.
 
-The bodies of the object and of its neighbours have as many geoms of each kind as any object has parts of that kind; a
-world fills those that its objects need, and their meshes are chosen by number.
+The body of the object has as many geoms of each kind as any object has parts of that kind; a world fills those that its
+object needs, and their meshes are chosen by number.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Arrays, Index
 from dexgrasp_env.locales import with_decimal_points
@@ -23,7 +21,7 @@ _UNUSED = {
     "geom_dataid": _ABSENT, "geom_size": _SPECK, "geom_pos": [0.0, 0.0, _AWAY], "geom_quat": [1.0, 0.0, 0.0, 0.0],
     "geom_aabb": [0.0, 0.0, 0.0, _SPECK, _SPECK, _SPECK], "geom_rbound": _SPECK,
 }  # fmt: skip
-"""What is written of the geoms of objects, and what of those that are not used."""
+"""Fields that are written of the geoms of objects, and their values in those that are not used."""
 _SHARED_FIELDS = (
     "body_mass", "body_inertia", "body_iquat", "body_invweight0", "body_subtreemass", "dof_invweight0",
     "actuator_gainprm", "actuator_biasprm",
@@ -34,29 +32,12 @@ class MergedScene:
     """The scenes of several objects in one model.
 
     Attributes:
-        model: compiled; it has the layout of each single scene in all but the geoms, of which it has no visual ones,
-            and the neighbours that a scene has not, which start far away.
-        first_slot: the first geom of the object; all of them, and those of neighbours, follow it.
+        model: compiled; it has the layout of each single scene in all but the geoms, of which it has no visual ones.
     """
 
-    def __init__(
-        self,
-        objects: Sequence[ObjectModel],
-        cell: Cell,
-        around: Sequence[ObjectModel] = (),
-        neighbours: int = 0,
-        walled: bool = False,
-    ) -> None:
-        """Compile the model.
-
-        Args:
-            objects: that may be picked up.
-            cell: the robot and where it stands.
-            around: what neighbours may be.
-            neighbours: room for so many.
-            walled: whether it all stands in a bin.
-        """
-        every = list({model.contact_hash: model for model in (*objects, *around)}.values())
+    def __init__(self, objects: Sequence[ObjectModel], cell: Cell) -> None:
+        """Compile the model of objects that may be picked up."""
+        every = list({model.contact_hash: model for model in objects}.values())
         kinds = sorted({part.kind for model in every for part in model.parts})
         # Of each kind as many parts as an object has at most: those of one that has so many.
         slots = tuple(
@@ -67,55 +48,39 @@ class MergedScene:
         self._firsts = {kind: [part.kind for part in slots].index(kind) for kind in kinds}
         first = objects[0]
         example = ObjectModel("objects", first.solid, slots, first.mass, first.inertia)
-        self.model = _compile([example] * (1 + neighbours), every, cell, walled)
-        self.first_slot = int(self.model.geom("object_0").id)
-        self._each = len(slots)
+        self.model = _compile(example, every, cell)
         self._contact = (self.model.geom_contype | self.model.geom_conaffinity) > 0
         # Objects that are loaded again are others, but of the same parts.
         self._places = {model.contact_hash: self._find(number, model) for number, model in enumerate(every)}
 
-    def fields(self, objects: Sequence[ObjectModel], scene: mujoco.MjModel) -> Arrays:
+    def fields(self, model: ObjectModel, scene: mujoco.MjModel) -> Arrays:
         """Return what a world has of its own, by the names of the model's fields.
 
-        Those of which `first_column` is not 0 are of the geoms of objects alone.
-
         Args:
-            objects: the object and its neighbours.
-            scene: their own scene, compiled, with a variation in it. Its meshes are as large as they were.
+            model: the object.
+            scene: its own scene, compiled, with a variation in it. Its meshes are as large as they were.
         """
         merged = self.model
         friction = float(scene.pair_friction[0, 0])
         geom_friction = merged.geom_friction.copy()
         geom_friction[self._contact, 0] = friction
+        written = {name: getattr(merged, name).copy() for name in _UNUSED}
+        first = int(merged.geom("object_0").id)
+        slots, meshes = self._places[model.contact_hash]
+        geoms = [scene.geom(f"object_{part}").id for part in range(len(slots))]
+        for name, values in written.items():
+            values[first:] = _UNUSED[name]
+            values[first + slots] = getattr(scene, name)[geoms]
+        written["geom_dataid"][first + slots] = meshes
         return {
-            **self._fill(objects, scene),
+            **written,
             "geom_friction": geom_friction,
             "pair_friction": pair_friction(merged, friction),
-            **{name: filled(getattr(merged, name), getattr(scene, name)) for name in _SHARED_FIELDS},
+            **{name: getattr(scene, name) for name in _SHARED_FIELDS},
         }
-
-    def first_column(self, field: str) -> int:
-        """Return where in a row of a field, flattened, the values of `fields` begin."""
-        if field not in _UNUSED:
-            return 0
-        return self.first_slot * getattr(self.model, field)[0].size
-
-    def _fill(self, objects: Sequence[ObjectModel], scene: mujoco.MjModel) -> Arrays:
-        written = {
-            name: np.full_like(getattr(self.model, name)[self.first_slot :], value)
-            for name, value in _UNUSED.items()
-        }
-        for k, model in enumerate(objects):
-            body = f"neighbour_{k - 1}" if k else "object"
-            slots, meshes = self._places[model.contact_hash]
-            geoms = [scene.geom(f"{body}_{part}").id for part in range(len(slots))]
-            for name, values in written.items():
-                values[slots + k * self._each] = getattr(scene, name)[geoms]
-            written["geom_dataid"][slots + k * self._each] = meshes
-        return written
 
     def _find(self, number: int, model: ObjectModel) -> tuple[Index, Index]:
-        """Return the slots of a body that an object's parts take, and their meshes."""
+        """Return the slots of the body that an object's parts take, and their meshes."""
         firsts, slots, meshes = dict(self._firsts), [], []
         for k, part in enumerate(model.parts):
             slots.append(firsts[part.kind])
@@ -124,20 +89,11 @@ class MergedScene:
         return np.array(slots), np.array(meshes)
 
 
-def filled(whole: NDArray[Any], part: NDArray[Any]) -> NDArray[Any]:
-    """Return the numbers of a scene, (n, ...), and after them those of what it has not got, as `whole` has them."""
-    return np.concatenate([part, whole[len(part) :]])
-
-
-def _compile(
-    examples: Sequence[ObjectModel], objects: Sequence[ObjectModel], cell: Cell, walled: bool
-) -> mujoco.MjModel:
-    spec = scene_spec(examples[0], cell, neighbours=examples[1:], walled=walled)
-    bodies = [spec.body("object"), *(spec.body(f"neighbour_{k}") for k in range(len(examples) - 1))]
-    for k, body in enumerate(bodies):
-        # What falls to the floor is lost before it gets there.
-        spec.add_exclude(bodyname1="world", bodyname2=body.name)
-        body.pos = [k * _AWAY, 0.0, _AWAY]
+def _compile(example: ObjectModel, objects: Sequence[ObjectModel], cell: Cell) -> mujoco.MjModel:
+    spec = scene_spec(example, cell)
+    # What falls to the floor is lost before it gets there.
+    spec.add_exclude(bodyname1="world", bodyname2="object")
+    spec.body("object").pos = [0.0, 0.0, _AWAY]
     for geom in list(spec.geoms):
         if not (geom.contype or geom.conaffinity):
             spec.delete(geom)

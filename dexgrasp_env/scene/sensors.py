@@ -12,7 +12,6 @@ from dexgrasp_env.robot.robot import Robot
 _OBJ = mujoco.mjtObj
 _SENSOR = mujoco.mjtSensor
 _FOUND, _FORCE = (1 << int(getattr(mujoco.mjtConDataField, f"mjCONDATA_{f}")) for f in ("FOUND", "FORCE"))
-_NETFORCE = 3
 
 
 def add_sensors(spec: mujoco.MjSpec, robot: Robot, neighbours: int) -> None:
@@ -44,7 +43,7 @@ def _contact(
     sensor = spec.add_sensor(name=name, type=_SENSOR.mjSENS_CONTACT, objtype=_OBJ.mjOBJ_BODY, objname=body)
     if other is not None:
         sensor.reftype, sensor.refname = other
-    sensor.intprm[:3] = [fields, _NETFORCE, 1]
+    sensor.intprm[:3] = [fields, 3, 1]  # fields, reduced to the net force, of one contact
 
 
 READINGS = {

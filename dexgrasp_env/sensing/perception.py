@@ -1,6 +1,5 @@
 """Cameras, sensor and pipeline tied to one scene."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +28,6 @@ class Perception:
         cameras: tuple[Camera, ...],
         *,
         sensor: SensorModel | None = None,
-        rays: Callable[..., RayCameras] = RayCameras,
         robot: RobotShape | None = None,
     ) -> None:
         """Prepare the cameras.
@@ -38,12 +36,11 @@ class Perception:
             model: robot, table and object.
             cameras: where they truly are.
             sensor: `SensorModel.realistic()`.
-            rays: makes what casts them, of model and cameras.
             robot: of a model with the same robot, where it has been read before.
         """
         self.cameras = cameras
         self.sensor = SensorModel.realistic() if sensor is None else sensor
-        self.rays = rays(model, cameras)
+        self.rays = RayCameras(model, cameras)
         self.robot = RobotShape(model) if robot is None else robot
         self._of_object = model.geom_bodyid == model.body("object").id  # geoms
         self.believed = cameras

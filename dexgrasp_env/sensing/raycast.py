@@ -13,7 +13,6 @@ from dexgrasp_env.robot.camera import Camera
 if TYPE_CHECKING:
     import mujoco
 
-MAX_DEPTH = 10.0  # m, geoms further away are not looked at
 SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)
 """Flags of MuJoCo's six geom groups: whether cameras see them; collision geoms are in group 3."""
 
@@ -59,7 +58,8 @@ class RayCameras:
         for k, camera in enumerate(self.cameras):
             mujoco.mj_multiRay(
                 self._model, data, camera.position, self.rays[k], SEEN, True, -1,
-                self._geom[k], self._distance[k], None, self._distance.shape[1], MAX_DEPTH,
+                self._geom[k], self._distance[k], None, self._distance.shape[1],
+                10.0,  # m: geoms farther away are not looked at
             )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ own resolution.
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 from numpy.random import Generator
@@ -19,11 +19,10 @@ from dexgrasp_env.arrays import Mask, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix, rigid
 from dexgrasp_env.robot.camera import Camera
-from dexgrasp_env.valid import number, one_of, read
+from dexgrasp_env.valid import Count, Natural, Positive, Rule, check, hints, number, one_of, read
 
 SENSORS = ("realistic", "captured", "none")
 """Names of models, which are those of their makers."""
-PIVOT = (0.5, 0.0, 0.0)  # m, world frame: the error turns about axes through this point
 
 
 @dataclass(frozen=True)
@@ -45,11 +44,13 @@ class Calibration:
         shift, axis = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
         half = 0.5 * self.rotation
         R = quat_to_matrix(np.array([np.cos(half), *(np.sin(half) * axis)]))
-        T = rigid(R, np.array(PIVOT) - R @ PIVOT + self.position * shift)
+        pivot = np.array([0.5, 0.0, 0.0])
+        T = rigid(R, pivot - R @ pivot + self.position * shift)
         return tuple(Camera(c.name, T @ c.T_world_camera, c.intrinsics) for c in cameras)
 
 
-_SHARES = ("correlated", "edge_dropout", "edge_flying", "dropout", "hidden_dropout", "hole_share")
+Size = Annotated[float, number(ge=0)]
+Probability = Annotated[float, number(ge=0, le=1)]
 
 
 @dataclass(frozen=True)
@@ -78,37 +79,30 @@ class SensorModel:
         calibration_rotation: RMS angle of the error of its orientation, radians.
     """
 
-    focal_px: float = 424.0
-    baseline: float = 0.050
-    subpixel_rms: float = 0.0
-    correlated: float = 0.0
-    window: int = 3
-    smear: int = 0
-    disparity_step: float = 0.0
-    grazing_start: float = 0.0
-    grazing_end: float = 0.0
-    edge_jump: float = 0.02
-    edge_dropout: float = 0.0
-    edge_flying: float = 0.0
-    dropout: float = 0.0
-    hidden_dropout: float = 0.0
-    hole_share: float = 0.0
-    hole_size: float = 3.0
-    calibration_position: float = 0.0
-    calibration_rotation: float = 0.0
+    focal_px: Positive = 424.0
+    baseline: Positive = 0.050
+    subpixel_rms: Size = 0.0
+    correlated: Probability = 0.0
+    window: Count = 3
+    smear: Natural = 0
+    disparity_step: Size = 0.0
+    grazing_start: Size = 0.0
+    grazing_end: Size = 0.0
+    edge_jump: Size = 0.02
+    edge_dropout: Probability = 0.0
+    edge_flying: Probability = 0.0
+    dropout: Probability = 0.0
+    hidden_dropout: Probability = 0.0
+    hole_share: Probability = 0.0
+    hole_size: Size = 3.0
+    calibration_position: Size = 0.0
+    calibration_rotation: Size = 0.0
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            share = name in _SHARES
-            if not 0.0 <= value < np.inf or (share and value > 1.0):
-                valid = "0 to 1" if share else "finite values >= 0"
-                raise InputError(f"sensor setting {name} = {value} is out of range: valid are {valid}")
-        if self.focal_px == 0 or self.baseline == 0:
-            raise InputError("sensor settings focal_px and baseline must be positive")
+        for name, hint in hints(SensorModel).items():
+            check(f"sensor setting {name}", getattr(self, name), cast(Rule, hint.rule))
         if self.window % 2 != 1:
-            raise InputError(
-                f"sensor setting window = {self.window} is out of range: valid are odd numbers from 1 on"
-            )
+            raise InputError(f"sensor setting window is {self.window}: valid are odd numbers from 1 on")
 
     @classmethod
     def none(cls) -> "SensorModel":

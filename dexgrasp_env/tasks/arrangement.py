@@ -17,8 +17,6 @@ from dexgrasp_env.tasks.simulation import Simulation
 
 _LOW, _HIGH = np.array([[0.30, 0.76], [-0.38, 0.38]]).T  # m, where what stands around the object may be
 _HEADINGS, _TURNS = 30, 4  # ways outwards that are tried for a neighbour, and how often
-_NEAR = 1e-4  # m that a gap may be short of what was drawn
-_SKY = 1000.0  # m: what waits to be dropped falls freely from here, and meets nothing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +43,7 @@ class HeapSettings:
     """Way in which a heap is laid down: by few objects at a time, with strong damping, as thrown ones roll apart.
 
     Attributes:
+        sky: m: what waits to be dropped falls freely from here, and meets nothing.
         fall: m above the heap from which the next objects fall.
         layer: objects at a time.
         spread: m off the middle at most of the first; times the root of how many lie.
@@ -60,6 +59,7 @@ class HeapSettings:
         spans: spans of rest that it has each time.
     """
 
+    sky: float = 1000.0
     fall: float = 0.01
     layer: int = 3
     spread: float = 0.025
@@ -155,7 +155,7 @@ def _slide(
     """Slide an outline along a direction from where it has `slid` to, (2,) m both; None where it leaves the table."""
     while _on_table(shape + slid).all():
         short = gap - nearest_gap(shape + slid, standing)
-        if short <= _NEAR:
+        if short <= 1e-4:  # m
             return slid
         slid += direction * short  # a gap grows by no more than what the outline moves
     return None
@@ -238,7 +238,7 @@ def _lay(simulation: Simulation, which: Mask, centre: Array, rng: Generator) -> 
     """Lay those of the objects (k,) down about `centre` (2,) m, turned at random, in a drawn order, some at a time."""
     data, dof, hulls = simulation.data, simulation.cell.robot.dof, _hulls(simulation)
     for k in np.flatnonzero(which).tolist():
-        data.qpos[dof + 7 * k + 2], data.qvel[dof + 6 * k :][:6] = _SKY * (1.0 + k), 0.0
+        data.qpos[dof + 7 * k + 2], data.qvel[dof + 6 * k :][:6] = _HEAP.sky * (1.0 + k), 0.0
     lying, order = np.flatnonzero(~which).tolist(), rng.permutation(np.flatnonzero(which)).tolist()
     for first in range(0, len(order), _HEAP.layer):
         for k in order[first : first + _HEAP.layer]:

@@ -1,9 +1,8 @@
-"""The only place that knows `mujoco.batch`: physics of many environments, of several objects, on all cores."""
+"""Physics of many environments, of several objects, on all cores, by `mujoco.batch`, which only this file knows."""
 
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -13,6 +12,9 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.cores import usable_cores
 from dexgrasp_env.tasks.simulation import CONTROL, PhysicsState, Simulation
+
+if TYPE_CHECKING:
+    from dexgrasp_env.tasks.episodes import Episodes
 
 
 @dataclass
@@ -35,19 +37,11 @@ class BatchPhysics:
         current: where they are after the last step.
     """
 
-    def __init__(
-        self, simulations: Iterable[Simulation], number: int, threads: int | None, neighbours: int
-    ) -> None:
-        """Prepare, without any environment in it yet.
-
-        Args:
-            simulations: scenes of one object that environments share.
-            number: N.
-            threads: at most so many at a time; None for one a core.
-            neighbours: most that scenes have.
-        """
-        shared = list(simulations)
-        first, self._number = shared[0].base, number
+    def __init__(self, episodes: "Episodes", threads: int | None) -> None:
+        """Prepare for episodes, none of which has begun, on so many threads at a time; None for one a core."""
+        shared, neighbours = list(episodes.simulations.values()), episodes.neighbours
+        first, number = shared[0].base, len(episodes.slots)
+        self._number = number
         self._threads = threads or usable_cores()
         self._groups: dict[Simulation, _Group] = {}
         self._scenes = np.full(number, None, dtype=object)
@@ -102,16 +96,7 @@ class BatchPhysics:
         return group.batch.state[i - group.first].copy()
 
     def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> Index:
-        """Advance environments by one control step.
-
-        Args:
-            rows: (N, frame_skip, n) set-points of the physics steps, rad.
-            push: (N, 3) forces on the objects, N, or None where nobody pushes.
-            which: indices of those that advance, ascending.
-
-        Returns:
-            (N,) warnings that came up, one bit each.
-        """
+        """Advance environments by one control step; see `Physics`."""
         warnings = np.zeros(self._number, np.int64)
         scenes = self._scenes[which]
         shares = [(scene, which[scenes == scene]) for scene in dict.fromkeys(scenes)]

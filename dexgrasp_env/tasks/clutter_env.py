@@ -20,26 +20,19 @@ from dexgrasp_env.tasks.constants import (
     HEAP_EPISODE_STEPS,
     MOST_NEIGHBOURS,
     NEIGHBOUR_MOVED,
-    SCENE_DRAWS,
     TOPPLED,
 )
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_SUMS, unbounded
-from dexgrasp_env.tasks.records import INFO_COLUMNS
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import Simulation, StateHolder
+from dexgrasp_env.tasks.simulation import Physics, Simulation
 from dexgrasp_env.valid import Rule, number, one_of, pair
-
-_SUCCESS = INFO_COLUMNS.index("is_success")
-
-
-MASKS = ("true", "perceived")
-_COUNT = number(ge=0, le=MOST_NEIGHBOURS, whole=True)
 
 
 def _counts(value: Any) -> tuple[int, int]:
-    return pair(_COUNT).validate((value, value) if np.ndim(value) == 0 else value)
+    count = number(ge=0, le=MOST_NEIGHBOURS, whole=True)
+    return pair(count).validate((value, value) if np.ndim(value) == 0 else value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,8 +55,9 @@ class ClutterSettings(LiftSettings):
     ] = (4, 8)
     neighbour_objects: Objects = OBJECT_SETS["all20"]
     gaps: Annotated[tuple[float, float] | None, pair(number(ge=0, le=0.5))] = (0.02, 0.05)
-    mask: Annotated[str, one_of(MASKS)] = "perceived"
+    mask: Annotated[str, one_of(("true", "perceived"))] = "perceived"
     bin: bool = False
+    backend: Annotated[str, one_of(("mujoco",))] = "mujoco"
 
     def needs(self) -> dict[str, tuple[bool, str]]:
         """Return what arguments need; the mask is of clouds, and neighbours' objects of neighbours."""
@@ -83,30 +77,27 @@ class ClutterSettings(LiftSettings):
         return HEAP_EPISODE_STEPS if self.gaps is None else CLUTTER_EPISODE_STEPS
 
 
-_NEIGHBOURS = np.dtype(
-    [
-        ("neighbours", "i8"),
-        ("rest", "f8", (MOST_NEIGHBOURS, 7)),  # poses before the robot moved
-        ("drift", "f8", (MOST_NEIGHBOURS, 3)),  # m, by which they creep in an episode without the robot
-        ("size", "f8", (MOST_NEIGHBOURS, 3)),  # m, of the boxes in their own frames
-        ("hit", "?", (MOST_NEIGHBOURS,)),  # touched by the robot at any physics step
-        ("toppled", "?", (MOST_NEIGHBOURS,)),
-        ("farthest", "f8"),  # m, the farthest that any centre has been from where it would be
-    ]
-)
-
-
 class ClutterEpisodes(Episodes):
     """Episodes with neighbours around the object."""
 
     task = "clutter"
-    task_dtype = _NEIGHBOURS
+    task_dtype = np.dtype(
+        [
+            ("neighbours", "i8"),
+            ("rest", "f8", (MOST_NEIGHBOURS, 7)),  # poses before the robot moved
+            ("drift", "f8", (MOST_NEIGHBOURS, 3)),  # m, by which they creep in an episode without the robot
+            ("size", "f8", (MOST_NEIGHBOURS, 3)),  # m, of the boxes in their own frames
+            ("hit", "?", (MOST_NEIGHBOURS,)),  # touched by the robot at any physics step
+            ("toppled", "?", (MOST_NEIGHBOURS,)),
+            ("farthest", "f8"),  # m, the farthest that any centre has been from where it would be
+        ]
+    )
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
         assert isinstance(settings, ClutterSettings)
         self._clutter, self.walled = settings, settings.bin
-        self.neighbours, self.around = settings.neighbours[1], settings.neighbour_objects
+        self.neighbours = settings.neighbours[1]
         first = next(iter(self.simulations.values())).base
         self.options = ("object", "object_pose", "state")
         self._alone = first.nq, first.nsensordata  # of a scene without neighbours
@@ -135,7 +126,8 @@ class ClutterEpisodes(Episodes):
     def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:
         """Draw neighbours, and the object's pose where it is not given, until they are a scene that lies still."""
         slot, settings = self.slots[i], self._clutter
-        for _ in range(SCENE_DRAWS):
+        draws = 60
+        for _ in range(draws):
             count = rng.integers(*settings.neighbours, endpoint=True)
             drawn = rng.integers(len(settings.neighbour_objects), size=count)
             names = tuple(settings.neighbour_objects[k] for k in drawn)
@@ -152,11 +144,11 @@ class ClutterEpisodes(Episodes):
             if not given:
                 pose = self._draw_pose(simulation.object, slot.variation, rng)
         raise InputError(
-            f"no scene with {self.neighbours} neighbours came to rest in {SCENE_DRAWS} draws: valid are fewer "
+            f"no scene with {self.neighbours} neighbours came to rest in {draws} draws: valid are fewer "
             "neighbours, wider gaps or smaller objects"
         )
 
-    def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
+    def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
         """Judge what became of the neighbours, and add them to `state`."""
         records, (qpos, _, sensors) = self.task_records[part], where.current
         poses = qpos[:, self._alone[0] :].reshape(len(records), -1, 7)
@@ -179,7 +171,7 @@ class ClutterEpisodes(Episodes):
             for slot, row in zip(self.slots, hit, strict=True)
         ]
         return super().more_infos() | {
-            "is_clean": (self.info_columns[:, _SUCCESS] > 0) & (moved <= NEIGHBOUR_MOVED),
+            "is_clean": self.records["success"] & (moved <= NEIGHBOUR_MOVED),
             "neighbours": self.task_records["neighbours"].copy(),
             "neighbours_moved": moved.copy(),
             "neighbours_hit": hit.sum(axis=1),

@@ -26,21 +26,15 @@ WORKSPACE_HIGH = (1.05, 0.65, 1.30)
 
 PLACE_X = (0.42, 0.60)  # m; the arm reaches every yaw here (92 % at 0.70)
 PLACE_Y = (-0.20, 0.20)
-PLACE_YAW = (-math.pi, math.pi)
 SETTLE_STEPS = 100  # physics steps after placing, before the first observation
 
 PALM_STEP = 0.025  # m a control step at action 1 (`ee_delta`): 0.5 m/s
 PALM_TURN = 0.125  # rad a control step at action 1 (`ee_delta`): 2.5 rad/s
 AROUND_POINTS = 4096  # of what stands around the object
 
-GOAL_HEIGHT = (0.15, 0.35)  # m above the table (Place)
-GOAL_RISE = 0.05  # m above where it lies, at least, of an object that is to be held
-GOAL_AWAY = 0.10  # m from where it lies, at least, of one that is to be put down
-GOAL_RADIUS = 0.03  # m: so near the goal is reached
-SHORTEST_SKIP, LONGEST_SKIP = 5, 125  # physics steps of a control step: 100 to 4 Hz
+SHORTEST_SKIP = 5  # physics steps of a control step: 100 Hz
 
 MOST_NEIGHBOURS = 25
-SCENE_DRAWS = 60  # scenes drawn, at most, until one comes to rest
 STILL = 1e-4  # of poses, m and parts of a quaternion, by which nothing moves in a span of rest
 NEIGHBOUR_MOVED = 0.02  # m: a lift that moved nothing farther is clean
 TOPPLED = math.radians(30.0)  # a neighbour whose vertical has turned so far has toppled

@@ -75,16 +75,12 @@ def normalise(q: Array, robot: Ranges) -> Array:
 
 
 def check_actions(action: Single, shape: tuple[int, ...] | None) -> Array:
-    """Return a copy of actions of the right shape, in double precision; raises as `check_tensor`."""
-    return check_tensor(np.array(action, dtype=np.float64), shape)
-
-
-def check_tensor(actions: Any, shape: tuple[int, ...] | None) -> Any:
-    """Return actions of the right shape.
+    """Return a copy of actions of the right shape, in double precision.
 
     Raises:
         InputError: if their shape is wrong.
     """
+    actions = np.array(action, dtype=np.float64)
     if actions.shape != shape:
         raise InputError(f"action has shape {tuple(actions.shape)}: valid is {shape}")
     return actions

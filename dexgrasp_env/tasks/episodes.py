@@ -15,26 +15,27 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays, Fields, Index, Mask
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.tasks import kernel
-from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, check_finite
+from dexgrasp_env.tasks.constants import SETTLE_STEPS
+from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, ActionSpace, check_finite
 from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
 from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
 from dexgrasp_env.tasks.grasps import Grasps
 from dexgrasp_env.tasks.infos import EpisodeInfos
-from dexgrasp_env.tasks.observations import FLAT, cut, layout, observation_space, unbounded
+from dexgrasp_env.tasks.observations import FLAT, knows_state, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFO_COLUMNS, PHASES
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, PHASES
 from dexgrasp_env.tasks.reset_options import check_joints, check_options
 from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import NO_PHYSICS, Simulation, StateHolder, arm_chain
+from dexgrasp_env.tasks.simulation import NO_PHYSICS, Physics, Simulation, arm_chain
 from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
 from dexgrasp_env.tasks.starts import pre_grasps
+from dexgrasp_env.tasks.state import observe
 from dexgrasp_env.tasks.views import CameraObserver
 
 
@@ -45,12 +46,8 @@ class Episodes(EpisodeInfos):
     task_dtype = np.dtype([])
     """Of what the task notes of an episode beside its record."""
     walled = False  # whether what is set out stands in a bin
-    options: tuple[str, ...] = ("object", "object_pose", "joints", "state")
-    """Of a reset."""
-    neighbours = 0
-    """Most objects beside the one that is meant."""
-    around: Objects = ()
-    """What they are drawn from."""
+    options: tuple[str, ...] = ("object", "object_pose", "joints", "state")  # of a reset
+    neighbours = 0  # most objects beside the one that is meant
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
         self.settings, self.views, robot = settings, CameraObserver(settings, number), settings.cell.robot
@@ -59,26 +56,26 @@ class Episodes(EpisodeInfos):
             for target, model in settings.load_objects(settings.objects).items()
         }
         self.records, self.task_records = np.zeros(number, EPISODE), np.zeros(number, self.task_dtype)
+        self.info_fields = self.records[[field for field, _ in INFOS.values()]]
         self.slots = [Slot() for _ in range(number)]
-        self.one_model = number == 1
+        self.one_model = number == 1 or settings.backend == "warp"
         """Whether episodes of an object share its scene's model, which is varied anew for each that is entered."""
-        self.settle: Callable[[Simulation], None] = Simulation.settle
-        """How an object comes to rest where it was drawn to lie."""
-        self.info_columns = np.zeros((number, len(INFO_COLUMNS) + len(settings.weights)))
+        self.settle_steps = 0 if settings.backend == "warp" and number > 1 else SETTLE_STEPS
+        """Physics steps of an object that was drawn to lie somewhere; by MuJoCo they take longer than all on a GPU."""
         self.rewards, self._goes_on = np.zeros(number), np.zeros(number, bool)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
         self._rows, self._push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
-        hulls = [simulation.hull for simulation in self.simulations.values()]
-        ends = np.cumsum([len(hull) for hull in hulls]).tolist()
-        self._hull_spans = {
-            target: (end - len(hull), len(hull))
-            for target, hull, end in zip(self.simulations, hulls, ends, strict=True)
-        }
+        hulls, self._hull_spans, first_row = [], {}, 0
+        for target, simulation in self.simulations.items():
+            hulls.append(simulation.hull)
+            self._hull_spans[target] = first_row, len(simulation.hull)
+            first_row += len(simulation.hull)
         first = next(iter(self.simulations.values()))
+        self.action_space = ActionSpace(
+            settings.control_mode, robot, settings.frame_skip, settings.action_scale, settings.hold
+        )
         self.control = control_of(settings, arm_chain(first.base, robot))
         self.rules = rules_of(settings, first.columns, np.concatenate(hulls), NO_PHYSICS)
-        self.layout = layout(settings.obs_mode, robot)
-        self.width = max(part.stop for part in self.layout.values())
         self.truncating = np.zeros(len(FAILURES), bool)
         """Which of `FAILURES` truncate an episode; the others terminate it."""
         self.whole = settings.control_mode in ONCE_MODES
@@ -88,8 +85,6 @@ class Episodes(EpisodeInfos):
         self._grasps = Grasps(settings, first, number) if settings.control_mode in GRASP_MODES else None
         self._features = SceneFeatures(number, self.whole) if settings.obs_mode == FLAT else None
         self.starts: Starts | None = pre_grasps(settings)
-        self.device: Any = None
-        """Where progress is kept between resets, if not here: a `WarpEpisodes`."""
 
     def observation_space(self) -> spaces.Dict:
         """Return the space of one environment's observations; one of a single key `FLAT` is told as that array."""
@@ -109,8 +104,6 @@ class Episodes(EpisodeInfos):
         """Return an observation as people are given it."""
         return observation if self._features is None else observation[FLAT]
 
-    # -- starting ------------------------------------------------------------------------------------------------
-
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> tuple[Simulation, Arrays]:
         """Start episode `i`: draw what it is of and let its object settle, or go on from a state.
 
@@ -126,17 +119,29 @@ class Episodes(EpisodeInfos):
             InputError: for an unknown option, object or a pose that cannot be.
         """
         if not options and self.starts is not None:
-            self.fetch()
             last = self.records[i], self.task_records[i]
-            options = self.starts(
-                i, rng, {name: part[name] for part in last for name in part.dtype.names or ()}
-            )
+            told = {name: part[name] for part in last for name in part.dtype.names or ()}
+            options = self.starts(i, rng, told)
         simulation = self._begin(i, rng, check_options(options, self.options, self.simulations))
         judge = not self.slots[i].resumed
         if judge:
             self.records[i]["laid"] = simulation.object_pose()
         self._know_scene(i)
-        return simulation, self.conclude(slice(i, i + 1), simulation, np.zeros(1, np.int64), [rng], judge)
+        return simulation, self.observe(i, simulation, rng, judge)
+
+    def observe(self, i: int, simulation: Simulation, rng: Generator, judge: bool = False) -> Arrays:
+        """Return the observation of episode `i` without cameras, arrays (1, ...) by key."""
+        part, nothing = slice(i, i + 1), np.zeros(1, np.int64)
+        return self.complete(part, simulation, self.conclude(part, simulation, nothing, [rng], judge))
+
+    def look(
+        self, i: int, qpos: Array, scene: Callable[[], Simulation], rng: Generator, begins: bool = False
+    ) -> None:
+        """Have the cameras of episode `i` look, where there are any and it is time; see `CameraObserver.observe`."""
+        slot = self.slots[i]
+        if self.settings.sees:
+            fresh = begins and not (slot.resumed and slot.view.seen)
+            self.views.observe(slot.view, qpos, scene, rng, fresh)
 
     def _know_scene(self, i: int) -> None:
         """Prepare what follows from how the object of episode `i` lay at first."""
@@ -178,10 +183,7 @@ class Episodes(EpisodeInfos):
         """Put the object of episode `i` down at `pose` (7,), drawn or given, and let it settle; return its scene."""
         simulation = self.enter(i)
         simulation.place(pose, self.slots[i].joints)
-        if given:
-            simulation.settle()
-        else:
-            self.settle(simulation)
+        simulation.settle(SETTLE_STEPS if given else self.settle_steps)
         return simulation
 
     def enter(self, i: int) -> Simulation:
@@ -203,7 +205,8 @@ class Episodes(EpisodeInfos):
             simulation = slot.simulation
         elif neighbours:
             models = self.settings.load_objects(neighbours)
-            simulation = simulation.among([models[name] for name in neighbours], self.walled)
+            around = [models[name] for name in neighbours]
+            simulation = Simulation(simulation.object, self.settings.cell, around, walled=self.walled)
         own = slot.simulation is simulation and slot.model is not simulation.base
         slot.simulation = simulation
         if not self.one_model and variation == Variation():
@@ -229,9 +232,7 @@ class Episodes(EpisodeInfos):
         record["grip_quat"][0] = 1.0
         record["phase"] = PHASES.index("none" if self.settings.disturbance.kind == "none" else "before")
 
-    # -- stepping ------------------------------------------------------------------------------------------------
-
-    def set_points(self, actions: Array, where: StateHolder, step: int = 0) -> tuple[Array, Array]:
+    def set_points(self, actions: Array, where: Physics, step: int = 0) -> tuple[Array, Array]:
         """Move the set-points by one control step.
 
         Args:
@@ -247,16 +248,14 @@ class Episodes(EpisodeInfos):
         """
         if self._grasps:
             actions = self._grasps.moves(actions, step, self.commands, where)
-        if self.device:
-            self.device.set_points(actions)
-        elif not set_points(self.records, self.commands, actions, self.control, self._rows, self._push):
+        if not set_points(self.records, self.commands, actions, self.control, self._rows, self._push):
             check_finite(actions)
         return self._rows, self._push
 
     def conclude(
         self,
         part: slice,
-        where: StateHolder,
+        where: Physics,
         warnings: Index,
         rngs: Sequence[Generator | None],
         judge: bool = True,
@@ -274,26 +273,17 @@ class Episodes(EpisodeInfos):
             The observation without cameras: arrays (n, ...) by key.
         """
         records = self.records[part]
-        noise = self._joint_noise(records, rngs)
-        if self.device and part == slice(None):
-            noisy = self.settings.randomisation.joint_noise is not None
-            rows = self.device.conclude(noise if noisy else None)
-        else:
-            rows = np.empty((len(records), self.width), np.float32)
-            state, out = (
-                (*where.current, self.commands[part]),
-                (self.info_columns[part], self.rewards[part], rows),
-            )
-            kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
-            if self.device:
-                self.device.load(part.start, rows)
-        return self._finish(part, where, judge, cut(rows, self.layout))
+        if judge:
+            kernel.judge(records, where.current, warnings, self.rules, self.rewards[part])
+        noise, private = self._joint_noise(records, rngs), knows_state(self.settings.obs_mode)
+        seen = observe(records, where.current, self.commands[part, 0], noise, self.rules, private)
+        return self._finish(part, where, judge, seen)
 
-    def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
+    def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
         """Apply the task's own rules after `conclude`, and return its observation."""
         return state
 
-    def complete(self, part: slice, where: StateHolder, state: Arrays) -> Arrays:
+    def complete(self, part: slice, where: Physics, state: Arrays) -> Arrays:
         """Return `conclude`'s observation of a part of the episodes with what is made of it once an action."""
         if self._grasps:
             seen = self._grasps.states(part, state["joint_positions"], where)
@@ -302,10 +292,10 @@ class Episodes(EpisodeInfos):
             return state
         return {FLAT: self._features.of(part, state, self.records["elapsed"][part])}
 
-    def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array:
+    def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array | None:
         n = self.settings.cell.robot.dof
         if self.settings.randomisation.joint_noise is None:
-            return np.zeros((len(records), n))
+            return None
         size = records["variation"][:, 5:]
         return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
 
@@ -318,52 +308,65 @@ class Episodes(EpisodeInfos):
             over |= self.records["elapsed"] > 0
         return over & ~truncated, truncated
 
-    def keep(self, i: int, seen: Arrays) -> tuple[Any, ...]:
-        """Return what episode `i` has come to, for `put_back`: its row of `conclude`'s observation with it."""
-        told = {key: values[i].copy() for key, values in seen.items()}
-        rows = self.records, self.task_records, self.info_columns, self.commands
-        return told, [row[i].copy() for row in rows]
+    def advance(
+        self, actions: Array, where: Physics, rngs: Sequence[Generator | None], running: NDArray[np.intp]
+    ) -> Arrays:
+        """Step those that run by an action each; `rewards` are then what they gained, of which all are observed.
 
-    def put_back(self, i: int, kept: tuple[Any, ...], seen: Arrays) -> None:
-        """Make episode `i`, and its row of the observation, what `keep` returned."""
-        told, rows = kept
-        for key, values in told.items():
-            seen[key][i] = values
-        self.records[i], self.task_records[i], self.info_columns[i], self.commands[i] = rows
+        The kernel passes over all rows: those whose action has ended are put back to what they had come to.
 
-    def undecided(self) -> Mask:
-        """Return in which episodes an action goes on, (N,): while nothing fails, whole grasps until held or missed."""
+        Args:
+            actions: (N, m), a copy that may be written to.
+            where: the episodes are.
+            rngs: theirs; None for those that do not run.
+            running: indices, ascending.
+        """
+        everything, pushed = slice(None), self.settings.disturbance.kind == "pushed"
+        going, rngs, gained = running, list(rngs), np.zeros(len(self.slots))
+        rows = self.records, self.task_records, self.commands
+        kept = {}
         late = lifted_by(self.settings) if self.whole else self.span
-        goes_on(self.records, self.whole, late, self._goes_on)
-        return self._goes_on
-
-    # -- states --------------------------------------------------------------------------------------------------
+        for step in range(self.span):
+            set_points, push = self.set_points(actions, where, step)
+            warnings = where.step(set_points, push if pushed else None, going)
+            seen = self.conclude(everything, where, warnings, rngs)
+            if self.span == 1:
+                return self.complete(everything, where, seen)
+            gained[going] += self.rewards[going]
+            goes_on(self.records, self.whole, late, self._goes_on)
+            for i in going[~self._goes_on[going]].tolist():
+                kept[i], rngs[i] = copy.deepcopy([part[i] for part in (*seen.values(), *rows)]), None
+            going = going[self._goes_on[going]]
+            if not len(going):
+                break
+        for i, parts in kept.items():
+            for whole, part in zip((*seen.values(), *rows), parts, strict=True):
+                whole[i] = part
+        self.rewards[:] = gained
+        return self.complete(everything, where, seen)
 
     def get_state(self, i: int, physics: Array, sensors: Array, rng: Generator) -> EpisodeState:
         """Return the state of episode `i`."""
         slot = self.slots[i]
-        self.fetch()
         return EpisodeState(
-            self._of(), slot.target, physics, sensors.copy(), self.info_columns[i].copy(), self.records[i].copy(),
+            self._of(), slot.target, physics, sensors.copy(), self.records[i].copy(),
             self.task_records[i].copy(), self.commands[i].copy(), copy.deepcopy(rng.bit_generator.state),
             slot.variation, copy.deepcopy(slot.view), slot.neighbours,
         )  # fmt: skip
 
-    def fetch(self) -> None:
-        """Update records and commands from the device, where they are kept on one."""
-        if self.device:
-            self.device.fetch()
-
     def _of(self) -> Fields:
         """Return what a state has to agree with."""
-        settings = self.settings
         keys = (
-            "obs_mode", "control_mode", "mount", "disturbance", "frame_skip", "action_scale",
+            "obs_mode",
+            "control_mode",
+            "mount",
+            "disturbance",
+            "frame_skip",
+            "action_scale",
             "reward_weights",
-        )  # fmt: skip
-        own = {key: getattr(settings, key) for key in keys}
-        seen = {"views": settings.views} if settings.sees else {}
-        return {"task": self.task, "robot": settings.cell.robot.name, **own, **seen}
+        )
+        own = {key: getattr(self.settings, key) for key in (*keys, *["views"] * self.settings.sees)}
+        return {"task": self.task, "robot": self.settings.cell.robot.name, **own}
 
     def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:
         """Make episode `i` that of a state, with its scene in it.
@@ -380,18 +383,12 @@ class Episodes(EpisodeInfos):
         if state.target not in self.simulations:
             raise unknown_name("object of the state", state.target, self.simulations)
         simulation = self._mount(i, state.target, state.neighbours, state.variation)
-        self.records[i], self.task_records[i], self.commands[i] = (
-            state.record,
-            state.task_record,
-            state.commands,
-        )
+        self.records[i], self.task_records[i] = state.record, state.task_record
+        self.commands[i] = state.commands
         self.records[i]["hull_first"], self.records[i]["hull_count"] = self._hull_spans[state.target]
-        self.info_columns[i] = state.info_columns
         self.slots[i].view = copy.deepcopy(state.view)
         rng.bit_generator.state = copy.deepcopy(state.rng)
         simulation.set_state(state.physics)
         simulation.data.sensordata[:] = state.sensors[: len(simulation.data.sensordata)]
         self._know_scene(i)
-        if self.device:
-            self.device.load(i)
         return simulation

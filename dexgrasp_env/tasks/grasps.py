@@ -16,7 +16,7 @@ from dexgrasp_env.tasks.grasp_space import (
     table_frame,
 )
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import Simulation, StateHolder
+from dexgrasp_env.tasks.simulation import Physics, Simulation
 
 
 class Grasps:
@@ -43,7 +43,7 @@ class Grasps:
         if not self._fixed:
             self._frames[i] = grasp_frame(record, self._yaw)
 
-    def moves(self, actions: Array, step: int, commands: Array, where: StateHolder) -> Array:
+    def moves(self, actions: Array, step: int, commands: Array, where: Physics) -> Array:
         """Return the actions (N, 6 + m) of `ee_delta` that go one control step towards grasp actions.
 
         Args:
@@ -61,7 +61,7 @@ class Grasps:
         palm_actions(actions, step, self._frames, commands, sensors, self._at, self._space, self._moves)
         return self._moves
 
-    def states(self, part: slice, positions: NDArray[Any], where: StateHolder) -> Single:
+    def states(self, part: slice, positions: NDArray[Any], where: Physics) -> Single:
         """Return the states (n, 7) of palms and hands of a part of the episodes: the actions that would keep them.
 
         Args:

@@ -6,24 +6,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Arrays, Fields, Mask
+from dexgrasp_env.arrays import Arrays, Fields, Mask
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import INFO_KINDS
-from dexgrasp_env.tasks.settings import LiftSettings
+from dexgrasp_env.tasks.records import INFOS
+from dexgrasp_env.tasks.settings import WEIGHTS, LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
 from dexgrasp_env.tasks.slots import Slot, Starts
 from dexgrasp_env.tasks.starts import ReverseStarts
 
 
 class EpisodeInfos:
-    """What is told of N episodes, from the columns that the kernel writes.
+    """Infos of N episodes, from their records.
 
     Attributes:
         settings: of the environment.
         simulations: scenes by target.
         slots: of the episodes.
         records: (N,) of the episodes.
-        info_columns: (N, 12 + T), `INFO_COLUMNS` and the terms of the reward.
+        info_fields: (N,) their fields of `INFOS`: a view.
         starts: where episodes begin, if not as usual.
     """
 
@@ -31,44 +31,44 @@ class EpisodeInfos:
     simulations: Mapping[str, Simulation]
     slots: Sequence[Slot]
     records: NDArray[Any]
-    info_columns: Array
+    info_fields: NDArray[Any]
     starts: Starts | None
 
     def info(self, i: int) -> Fields:
         """Return the info of episode `i` alone, plain values; `infos` of one takes a tenth of a step."""
-        numbers = self.info_columns[i].tolist()
-        told = {
-            key: kind[int(number)] if isinstance(kind, tuple) else kind(number)
-            for (key, kind), number in zip(INFO_KINDS.items(), numbers, strict=False)
+        told: Fields = {
+            key: names[value] if names else value
+            for (key, (_, names)), value in zip(INFOS.items(), self.info_fields[i].item(), strict=True)
         }
+        told["held_seconds"] *= self.settings.period
         target = self.slots[i].target
         return told | {
             "object": self.simulations[target].object.name if target else "",
             "mujoco_warnings": warning_names(told["mujoco_warnings"]),
             "variation": dict(vars(self.slots[i].variation)),
-            "reward_terms": dict(zip(self.settings.weights, numbers[len(told) :], strict=True)),
+            "reward_terms": dict(zip(WEIGHTS, self.records["terms"][i].tolist(), strict=True)),
             **{key: values[i : i + 1].tolist()[0] for key, values in self.more_infos().items()},
         }
 
     def infos(self) -> Fields:
         """Return the infos without cameras, arrays (N,) by key: the same at reset and at every step."""
-        told = self.info_columns.T.copy()
         infos: Fields = {}
-        for (key, kind), numbers in zip(INFO_KINDS.items(), told, strict=False):
-            named = isinstance(kind, tuple)
-            infos[key] = np.array(kind, object)[numbers.astype(int)] if named else numbers.astype(kind)
-        names = [self.simulations[slot.target].object.name if slot.target else "" for slot in self.slots]
+        for key, (field, names) in INFOS.items():
+            values = self.records[field]
+            infos[key] = np.array(names, object)[values] if names else values.copy()
+        infos["held_seconds"] = infos["held_seconds"] * self.settings.period
+        objects = [self.simulations[slot.target].object.name if slot.target else "" for slot in self.slots]
         warnings = [*map(warning_names, infos["mujoco_warnings"].tolist())]
         return infos | {
-            "object": np.array(names, object),
+            "object": np.array(objects, object),
             "mujoco_warnings": np.array(warnings, object),
             "variation": dict(zip(vars(Variation()), self.records["variation"].T.copy(), strict=True)),
-            "reward_terms": dict(zip(self.settings.weights, told[len(infos) :], strict=True)),
+            "reward_terms": dict(zip(WEIGHTS, self.records["terms"].T.copy(), strict=True)),
             **self.more_infos(),
         }
 
     def more_infos(self) -> Arrays:
-        """Return the task's own infos beside `INFO_COLUMNS`, arrays (N,) by key; `level` where starts move back."""
+        """Return the task's own infos beside `INFOS`, arrays (N,) by key; `level` where starts move back."""
         if not isinstance(self.starts, ReverseStarts):
             return {}
         return {"level": np.full(len(self.slots), self.starts.front)}

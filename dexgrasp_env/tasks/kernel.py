@@ -1,4 +1,4 @@
-"""The tasks' arithmetic, compiled: state and sensors to progress, reward and observation.
+"""The tasks' arithmetic, compiled: state and sensors to progress and reward.
 
 Every function goes through the rows of contiguous arrays, one an environment; a single environment is one row, so one
 and many give the same bits. This module imports numba: it is imported when an environment is made.
@@ -19,17 +19,16 @@ from dexgrasp_env.tasks.constants import (
     WORKSPACE_HIGH,
     WORKSPACE_LOW,
 )
-from dexgrasp_env.tasks.records import FAILURES, INFO_COLUMNS, PHASES, STAGES, Record, Records
+from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, Record, Records
 from dexgrasp_env.tasks.rules import (
     PALM,
     PALM_QUAT,
     PRESSES,
-    TIP_FORCES,
-    TIPS,
     TOUCHING_ANY,
     TOUCHING_HAND,
     Rules,
 )
+from dexgrasp_env.tasks.simulation import PhysicsState
 from dexgrasp_env.tasks.terms import length, reward_terms
 
 product = njit(product_components)
@@ -40,19 +39,12 @@ _UNTOUCHED, _TOUCHED, _LIFTED, _DROPPED, _HELD = range(len(STAGES))
 _NO_FAILURE, _LOST, _DIVERGED = range(len(FAILURES))
 _NO_PHASE, _BEFORE, _RUNNING, _OVER = range(len(PHASES))
 
-State = tuple[Array, Array, Array, Array]
-"""Positions (N, n + 7 k) of joints and objects (quaternion wxyz), the target first, velocities (N, n + 6 k),
-`sensordata`, and set-points (N, 3, n) rad, `records.COMMANDS`."""
-_TERMS = len(INFO_COLUMNS)
 _X0, _Y0, _Z0 = WORKSPACE_LOW
 _X1, _Y1, _Z1 = WORKSPACE_HIGH
 
 
-# -- state and sensors to progress, failure and reward ----------------------------------------------------------
-
-
 @njit
-def judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules, told: Array) -> float:
+def _judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules) -> float:
     """Advance what an episode has achieved by the control step just taken, and return the reward.
 
     Args:
@@ -62,7 +54,6 @@ def judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules, 
         s: `sensordata`.
         warnings: bits of MuJoCo's that came up in the control step.
         rules: of the environment.
-        told: (12 + T,) out.
     """
     at, n = rules.at, rules.joints
     pose = q[n : n + 7]
@@ -86,40 +77,23 @@ def judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules, 
     _follow_grip(e, position, quat, touching and alone)
     _disturb(e, position, rules)
     _conclude(e, rules)
-    reward = _reward(e, pose, R, s, rules, told[_TERMS:])
-    _tell(e, rules.period, told)
-    return reward
+    e.progress[0], e.progress[1] = e.height, min(e.held / rules.hold, 1.0)
+    e.stable = e.airborne and e.slip < STABLE_SLIP and e.tilt < STABLE_TILT
+    return _reward(e, pose, R, s, rules)
 
 
 @njit
-def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> float:
+def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules) -> float:
     """Write the terms, and return the reward of the control step."""
-    reward_terms(e, pose, R, s, rules, terms)
+    reward_terms(e, pose, R, s, rules, e.terms)
     total = 0.0
     for k in range(len(rules.weights)):
-        total += rules.weights[k] * terms[k]
+        total += rules.weights[k] * e.terms[k]
     gain = total - e.total
     e.total = total
     if not rules.dense:
         return 1.0 if e.success and e.failure != _DIVERGED else 0.0
     return gain
-
-
-@njit
-def _tell(e: Record, period: float, t: Array) -> None:
-    """Write the columns of `records.INFO_COLUMNS`."""
-    t[0] = e.success
-    t[1] = e.airborne and e.slip < STABLE_SLIP and e.tilt < STABLE_TILT
-    t[2] = e.grasped
-    t[3] = e.stage
-    t[4] = e.failure
-    t[5] = e.height
-    t[6] = e.slip
-    t[7] = e.tilt
-    t[8] = e.shift
-    t[9] = float(e.held) * period
-    t[10] = e.phase
-    t[11] = e.warnings
 
 
 @njit
@@ -200,8 +174,7 @@ def _hold_on(e: Record, hold: int) -> None:
 @njit
 def _hold_anew(e: Record) -> None:
     if e.held > 0:
-        for k in range(len(e.window)):
-            e.window[k] = 0
+        e.window[:] = 0
     e.held = e.grasps = 0
 
 
@@ -235,86 +208,17 @@ def _conclude(e: Record, rules: Rules) -> None:
         e.stage = _TOUCHED if e.touched else _UNTOUCHED
 
 
-# -- state and sensors to observation ---------------------------------------------------------------------------
-
-
 @njit
-def observe(
-    e: Record, q: Array, v: Array, s: Array, targets: Array, noise: Array, rules: Rules, o: Array
-) -> None:
-    """Write what the robot knows of itself, and where `o` has room for it the privileged state.
-
-    Args:
-        e: the episode.
-        q: positions (n + 7 k,).
-        v: velocities (n + 6 k,).
-        s: `sensordata`.
-        targets: (n,) set-points, rad.
-        noise: (n,) rad.
-        rules: of the environment.
-        o: (m,) out.
-    """
-    at, n, tips = rules.at, rules.joints, 3 * rules.fingers
-    palm = 3 * n + tips
-    for j in range(n):
-        o[j] = q[j] + noise[j]
-        o[n + j] = v[j]
-        o[2 * n + j] = targets[j]
-    for j in range(tips):
-        o[3 * n + j] = s[at[TIPS] + j]
-    for j in range(3):
-        o[palm + j] = s[at[PALM] + j]
-    for j in range(4):
-        o[palm + 3 + j] = s[at[PALM_QUAT] + j]
-    if len(o) > palm + 7:
-        _observe_object(e, q[n:], v[n:], s, rules, o[palm + 7 :])
-    if e.failure == _DIVERGED:
-        for j in range(len(o)):
-            o[j] = o[j] if math.isfinite(o[j]) else 0.0
-
-
-@njit
-def _observe_object(e: Record, q: Array, v: Array, s: Array, rules: Rules, o: Array) -> None:
-    for j in range(7):
-        o[j] = q[j]
-    for j in range(6):
-        o[7 + j] = v[j]
-    for j in range(3):
-        o[13 + j] = 2.0 * e.half_extents[j]
-    o[16] = e.mass
-    tips = 3 * rules.fingers
-    for j in range(tips):
-        o[17 + j] = s[rules.at[TIP_FORCES] + j]
-    o[17 + tips] = e.height
-    o[18 + tips] = min(e.held / rules.hold, 1.0)
-    for j in range(6):
-        o[19 + tips + j] = e.variation[j]
-
-
-# -- both -------------------------------------------------------------------------------------------------------
-
-
-@njit
-def conclude(
-    episodes: Records, state: State, warnings: Index, noise: Array, rules: Rules,
-    out: tuple[Array, Array, Array], judge_too: bool,
-) -> None:  # fmt: skip
-    """Advance what the episodes have achieved by the control step just taken, reward and observe it.
+def judge(episodes: Records, now: PhysicsState, warnings: Index, rules: Rules, rewards: Array) -> None:
+    """Advance what the episodes have achieved by the control step just taken, and reward them.
 
     Args:
         episodes: (N,); their progress is advanced.
-        state: see `State`.
+        now: their physics; quaternions wxyz, the target is the first object.
         warnings: (N,) bits of MuJoCo's that came up in the control step.
-        noise: (N, n) rad, of the joint position sensors.
         rules: of the environment.
-        out: written: what is told (N, 12 + T), `records.INFO_COLUMNS` and the terms, each in [0, 1]; rewards (N,);
-            observations (N, m) float32, in the order of `observations`, with the privileged state where there is room.
-        judge_too: False to observe alone.
+        rewards: (N,) out.
     """
-    qpos, qvel, sensors, commands = state
-    info_columns, rewards, seen = out
+    qpos, qvel, sensors = now
     for i in range(len(episodes)):
-        e, q, v, s = episodes[i], qpos[i], qvel[i], sensors[i]
-        if judge_too:
-            rewards[i] = judge(e, q, v, s, warnings[i], rules, info_columns[i])
-        observe(e, q, v, s, commands[i, 0], noise[i], rules, seen[i])
+        rewards[i] = _judge(episodes[i], qpos[i], qvel[i], sensors[i], warnings[i], rules)

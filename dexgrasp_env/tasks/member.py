@@ -1,22 +1,80 @@
-"""Single environments inside of a vector environment, as `get_attr`, `set_attr` and `call` see them."""
+"""Attributes of an environment: of a single one, and of those inside of a vector environment."""
 
 import copy
 from typing import Any, Self
 
 import mujoco
 import numpy as np
-from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.infos import of_one
+from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.slots import EpisodeState
 
-_SHARED = ("settings", "metadata", "render_mode", "spec", "compute_reward", "twin")
+_SHARED = ("metadata", "render_mode", "spec", "compute_reward", "twin")
+"""Attributes of a vector environment that its members have as well."""
 
 
-class Member:
+class EpisodeAccess:
+    """Attributes of one environment, by its settings and episode."""
+
+    settings: LiftSettings
+    action_space: Any
+    observation_space: Any
+    simulation: Simulation
+    """Scene of the episode, for pictures and evaluation; agents see observations only."""
+    _episodes: Episodes
+    _i = 0  # its slot
+
+    @property
+    def target(self) -> str:
+        """The object of the episode, as `objects` names it: a name, or the path as it was given."""
+        return self._episodes.slots[self._i].target
+
+    @property
+    def targets(self) -> Array:
+        """Set-points of the servos as the agent has them, (n,) rad."""
+        return self._episodes.commands[self._i, 0].copy()
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """MuJoCo's model of the episode, with its variation; a member's is a copy."""
+        return self.simulation.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's live data: the full integration state after every reset and step; `ctrl` the last set-points.
+
+        A member's is a copy, with the present positions.
+        """
+        return self.simulation.data
+
+    @property
+    def dt(self) -> float:
+        """Seconds of a control step."""
+        return self.settings.period
+
+    @property
+    def steps_an_action(self) -> int:
+        """Control steps of an action, at most."""
+        return self._episodes.span
+
+    @property
+    def disturbance_steps(self) -> int:
+        """Control steps that the disturbance takes: what a time limit should allow for."""
+        return self.settings.disturbance_steps
+
+    @property
+    def agent_info(self) -> Fields:
+        """Settings that an agent may know; the info of every reset has them."""
+        own = {"action_space": self.action_space, "observation_space": self.observation_space}
+        return {**own, **self.settings.agent_info}
+
+
+class Member(EpisodeAccess):
     """Environment `i` of a vector environment: attributes of `LiftEnv`, and those that a user has set.
 
     It has no `step`: environments that are side by side step together.
@@ -25,7 +83,9 @@ class Member:
     def __init__(self, envs: Any, i: int, notes: Fields) -> None:
         """Name the environment of a `LiftVectorEnv`; `notes` are the attributes that a user has set."""
         self._envs, self._i, self._notes = envs, i, notes
+        self._episodes, self.settings = envs._episodes, envs.settings
         self.action_space, self.observation_space = envs.single_action_space, envs.single_observation_space
+        self.np_random, self.np_random_seed = envs.np_random[i], envs.np_random_seed[i]
 
     @property
     def unwrapped(self) -> Self:
@@ -33,69 +93,17 @@ class Member:
         return self
 
     @property
-    def target(self) -> str:
-        """The object of the episode, as `objects` names it."""
-        return self._envs.target(self._i)
-
-    @property
-    def targets(self) -> Array:
-        """Set-points of the servos as the agent has them, (n,) rad."""
-        return self._envs.targets[self._i]
-
-    @property
-    def simulation(self) -> Simulation:
-        """The scene of the episode at the present positions: a copy."""
+    def simulation(self) -> Simulation:  # type: ignore[override]
+        """Scene of the episode at the present positions: a copy."""
         simulation = copy.copy(self._envs.simulation(self._i))
         simulation.model, simulation.data = copy.copy(simulation.model), copy.copy(simulation.data)
         return simulation
 
-    @property
-    def model(self) -> mujoco.MjModel:
-        """MuJoCo's model of the episode, with its variation: a copy."""
-        return self.simulation.model
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """MuJoCo's data at the present positions: a copy."""
-        return self.simulation.data
-
-    @property
-    def np_random(self) -> Generator:
-        """Random generator of the environment."""
-        return self._envs.np_random[self._i]
-
-    @property
-    def np_random_seed(self) -> int:
-        """Seed of it."""
-        return self._envs.np_random_seed[self._i]
-
-    @property
-    def dt(self) -> float:
-        """Seconds of a control step."""
-        return self._envs.settings.period
-
-    @property
-    def disturbance_steps(self) -> int:
-        """Control steps that the disturbance takes."""
-        return self._envs.settings.disturbance_steps
-
-    @property
-    def steps_an_action(self) -> int:
-        """Control steps of an action, at most."""
-        return self._envs._episodes.span
-
-    @property
-    def agent_info(self) -> Fields:
-        """Settings that an agent may know."""
-        spaces = {"action_space": self.action_space, "observation_space": self.observation_space}
-        return {**spaces, **self._envs.settings.agent_info}
-
     def reset(self, *, seed: int | None = None, options: Fields | None = None) -> tuple[Arrays, Fields]:
         """Start an episode here alone; see `LiftEnv.reset`."""
-        number = self._envs.num_envs
-        only = {"reset_mask": np.arange(number) == self._i}
-        seeds = [seed if i == self._i else None for i in range(number)]
-        return self._mine(*self._envs.reset(seed=seeds, options={**(options or {}), **only}))
+        mask = np.arange(self._envs.num_envs) == self._i
+        seeds = [seed if own else None for own in mask]
+        return self._mine(*self._envs.reset(seed=seeds, options={**(options or {}), "reset_mask": mask}))
 
     def observe(self) -> tuple[Arrays, Fields]:
         """Return observation and info of the last reset or step."""
@@ -124,7 +132,7 @@ class Member:
         Raises:
             AttributeError: for one that is the environment's.
         """
-        if name in _SHARED or name in vars(self) or hasattr(type(self), name):
+        if name in _SHARED or name in dir(self):
             raise AttributeError(
                 f"{name} of an environment cannot be set: make it with other arguments, or reset it"
             )
@@ -136,7 +144,7 @@ class Member:
             return getattr(self._envs, name)
         if name in self._notes:
             return self._notes[name]
-        own = [key for key in (*vars(type(self)), *vars(self)) if not key.startswith("_") and key != "set"]
+        own = [key for key in dir(self) if not key.startswith("_") and key != "set"]
         raise AttributeError(
             f"unknown attribute {name!r}: valid are {', '.join((*own, *_SHARED, *self._notes))}"
         )

@@ -1,6 +1,5 @@
-"""Observations: what their keys are, where they lie in the kernel's row, and their spaces."""
+"""Observations: their keys and spaces."""
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ def knows_state(obs_mode: str) -> bool:
 
 
 def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
-    """Return how many numbers each key has that is not a camera's, in the order of the kernel's row."""
+    """Return how many numbers each key has that is not a camera's."""
     n, tips = robot.dof, 3 * len(robot.hand.fingers)
     keys = {
         "joint_positions": n, "joint_velocities": n, "joint_targets": n, "fingertip_positions": tips, "palm_pose": 7
@@ -39,19 +38,6 @@ def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
         "object_pose": 7, "object_velocity": 6, "object_size": 3, "object_mass": 1, "fingertip_forces": tips,
         "progress": 2, "variation": 6,
     }  # fmt: skip
-
-
-def layout(obs_mode: str, robot: Robot) -> dict[str, slice]:
-    """Return the columns of each key, in alphabetical order, in the row that `kernel.conclude` writes."""
-    keys = key_sizes(obs_mode, robot)
-    ends = itertools.accumulate(keys.values())
-    columns = {key: slice(end - n, end) for (key, n), end in zip(keys.items(), ends, strict=True)}
-    return dict(sorted(columns.items()))  # as spaces have them
-
-
-def cut(rows: Single, columns: dict[str, slice]) -> dict[str, Single]:
-    """Return the parts of rows (N, n) by key."""
-    return {key: rows[:, part] for key, part in columns.items()}
 
 
 def observation_space(obs_mode: str, image_shape: tuple[int, int, int], robot: Robot) -> spaces.Dict:

@@ -12,10 +12,6 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array, Arrays
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.constants import (
-    GOAL_AWAY,
-    GOAL_HEIGHT,
-    GOAL_RADIUS,
-    GOAL_RISE,
     GOAL_STEPS,
     PLACE_X,
     PLACE_Y,
@@ -27,16 +23,35 @@ from dexgrasp_env.tasks.control import ONCE_MODES
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_SUMS, key_sizes, unbounded
-from dexgrasp_env.tasks.records import FAILURES, INFO_COLUMNS
+from dexgrasp_env.tasks.records import FAILURES
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
-from dexgrasp_env.tasks.simulation import Simulation, StateHolder
+from dexgrasp_env.tasks.simulation import Physics, Simulation
 from dexgrasp_env.valid import Rule, check, one_of
 
-_SUCCESS = INFO_COLUMNS.index("is_success")
-_GOAL_LOW, _GOAL_HIGH = np.array([PLACE_X, PLACE_Y, GOAL_HEIGHT]).T
 _LOWEST, _HIGHEST = np.array([*WORKSPACE_LOW, -1.0]), np.array([*WORKSPACE_HIGH, 1.0])
-_WRONG = 0.05  # m that the hand costs the dense reward, where it does not do what the goal says
+
+
+@dataclass(frozen=True)
+class GoalSettings:
+    """Where goals are drawn, and what reaching one means.
+
+    Attributes:
+        highest: m above the table.
+        rise: m above where it lies, at least, of an object that is to be held.
+        away: m from where it lies, at least, of one that is to be put down.
+        radius: m: so near the goal is reached.
+        wrong: m that the hand costs the dense reward, where it does not do what the goal says.
+    """
+
+    highest: float = 0.35
+    rise: float = 0.05
+    away: float = 0.10
+    radius: float = 0.03
+    wrong: float = 0.05
+
+
+_GOALS = GoalSettings()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,21 +82,18 @@ class PlaceSettings(LiftSettings):
         return super().needs() | {"reward_weights": (False, "a task whose reward has terms")}
 
 
-_GOAL = np.dtype(
-    [
-        ("goal", "f8", (4,)),  # m, where the object's centre is to be; and whether in the hand
-        ("start", "f8", (3,)),  # m, where it lay at first
-        ("moved", "?"),  # has it been away from there?
-        ("at_goal", "i8"),  # consecutive control steps there
-    ]
-)
-
-
 class PlaceEpisodes(Episodes):
     """Episodes with a goal each."""
 
     task = "place"
-    task_dtype = _GOAL
+    task_dtype = np.dtype(
+        [
+            ("goal", "f8", (4,)),  # m, where the object's centre is to be; and whether in the hand
+            ("start", "f8", (3,)),  # m, where it lay at first
+            ("moved", "?"),  # has it been away from there?
+            ("at_goal", "i8"),  # consecutive control steps there
+        ]
+    )
     options = (*Episodes.options, "goal")
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
@@ -107,17 +119,18 @@ class PlaceEpisodes(Episodes):
             record["goal"] = self._draw(rng, record["start"])
         if options.get("goal") is not None:
             record["goal"] = self._check_goal(options["goal"])
-            record["at_goal"] = self.info_columns[i, _SUCCESS] = 0
+            record["at_goal"] = self.records[i]["success"] = 0
         return simulation
 
     def _draw(self, rng: Generator, start: Array) -> Array:
         """Draw a goal: one that the object is to be held at, or put down at, away from where it lies."""
-        held, low = rng.random() < 0.5, np.array([*_GOAL_LOW[:2], start[2] + GOAL_RISE])
+        held = rng.random() < 0.5
+        low, high = np.array([PLACE_X, PLACE_Y, (start[2] + _GOALS.rise, _GOALS.highest)]).T
         while True:
-            goal = rng.uniform(low, np.maximum(low, _GOAL_HIGH))
+            goal = rng.uniform(low, np.maximum(low, high))
             if held:
                 return np.array([*goal, 1.0])
-            if np.hypot(*(goal - start)[:2]) >= GOAL_AWAY:
+            if np.hypot(*(goal - start)[:2]) >= _GOALS.away:
                 return np.array([*goal[:2], start[2], 0.0])
 
     def _check_goal(self, goal: Any) -> Array:
@@ -133,7 +146,7 @@ class PlaceEpisodes(Episodes):
         words = f"4 numbers within {space.low} and {space.high}, the last 1 in the hand or 0 free"
         return check("goal", goal, Rule(words, validate))
 
-    def _finish(self, part: slice, where: StateHolder, judge: bool, state: Arrays) -> Arrays:
+    def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
         """Compute rewards, success and the observation from the goal."""
         records, notes, (qpos, _, sensors) = self.records[part], self.task_records[part], where.current
         centres = qpos[:, -7:-4]
@@ -142,7 +155,7 @@ class PlaceEpisodes(Episodes):
         goals = notes["goal"].astype(np.float32)
         self._distances[part] = np.linalg.norm(centres - notes["goal"][:, :3], axis=-1)
         if judge:
-            notes["moved"] |= np.linalg.norm(centres - notes["start"], axis=-1) > GOAL_RADIUS
+            notes["moved"] |= np.linalg.norm(centres - notes["start"], axis=-1) > _GOALS.radius
         touching = sensors[:, self.rules.at[TOUCHING_HAND]] > 0
         hand = np.where(notes["moved"] & known, touching, -1.0)
         achieved = np.column_stack([centres, hand]).astype(np.float32)
@@ -152,9 +165,7 @@ class PlaceEpisodes(Episodes):
         if judge:
             counts = reached & (records["elapsed"] > 0)
             notes["at_goal"] = np.where(counts, notes["at_goal"] + 1, 0)
-            self.info_columns[part, _SUCCESS] = notes["at_goal"] >= at_pace(
-                GOAL_STEPS, self.settings.frame_skip
-            )
+            records["success"] = notes["at_goal"] >= at_pace(GOAL_STEPS, self.settings.frame_skip)
         if self.settings.obs_mode.startswith("state"):
             flat = np.concatenate([state[key] for key in self._order], axis=-1)
             state = {"achieved_goal": achieved, "desired_goal": goals, "observation": flat}
@@ -243,5 +254,5 @@ def goal_rewards(achieved: NDArray[Any], desired: NDArray[Any], reward_mode: str
     distance = np.linalg.norm((achieved - desired)[..., :3], axis=-1)
     wrong = ((achieved != desired) | (achieved < 0.0))[..., 3]
     if reward_mode == "dense":
-        return -distance.astype(np.float64) - _WRONG * wrong
-    return -(~(distance <= GOAL_RADIUS) | wrong).astype(np.float64)
+        return -distance.astype(np.float64) - _GOALS.wrong * wrong
+    return -(~(distance <= _GOALS.radius) | wrong).astype(np.float64)

@@ -1,8 +1,8 @@
 """Initial poses of the object: the ranges that they are drawn from, and checks of a given one."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.random import Generator
@@ -10,22 +10,19 @@ from numpy.random import Generator
 from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.objects.rest_poses import rest_poses
+from dexgrasp_env.objects.parts import support_height
+from dexgrasp_env.objects.rest_poses import rest_poses, stays
 from dexgrasp_env.poses import quat_conjugate, quat_multiply, rotate, yaw_quat
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
-from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_HIGH
+from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, WORKSPACE_HIGH
 from dexgrasp_env.valid import NATURAL, Rule, check, number, pair
 
 PRESENTATIONS = ("rest", "upright")
-_STANDING: WeakKeyDictionary[ObjectModel, tuple[Array, float] | None] = WeakKeyDictionary()
-"""Upright poses of objects, found by dropping them once for each, and kept for as long as it is in use."""
 _FRONT, _BACK = (
     TABLE_CENTRE_X + side * 0.5 * TABLE_SIZE[0] for side in (-1, 1)
 )  # m, where an object may be put
 _SIDE = 0.5 * TABLE_SIZE[1] + 0.05  # m
-_CLEARANCE = 0.0005  # m above the table; the settle closes it
-_INTO_TABLE = 0.001  # m that a given pose may reach below the table's top
 
 
 def _rest_pose(value: Any) -> str | int:
@@ -46,7 +43,7 @@ class Placement:
 
     x: Annotated[tuple[float, float], pair(number(ge=_FRONT, le=_BACK))] = PLACE_X
     y: Annotated[tuple[float, float], pair(number(ge=-_SIDE, le=_SIDE))] = PLACE_Y
-    yaw: Annotated[tuple[float, float], pair(number())] = PLACE_YAW
+    yaw: Annotated[tuple[float, float], pair(number())] = (-np.pi, np.pi)
     rest_pose: Annotated[str | int, Rule("any, each, likely, or a whole number >= 0", _rest_pose)] = "any"
 
     def sample(self, model: ObjectModel, rng: Generator, presentation: str = "rest") -> Array:
@@ -61,7 +58,8 @@ class Placement:
         x, y, yaw = (low + (high - low) * u[i] for i, (low, high) in enumerate((self.x, self.y, self.yaw)))
         upright = upright_rest(model) if presentation == "upright" else None
         quat, height = upright or self._rest(model, u[3])
-        return np.array([x, y, height + _CLEARANCE, *quat_multiply(yaw_quat(yaw), quat)])
+        height += 0.0005  # m above the table; the settle closes it
+        return np.array([x, y, height, *quat_multiply(yaw_quat(yaw), quat)])
 
     def _rest(self, model: ObjectModel, u: float) -> tuple[Array, float]:
         if model.fixed_pose is not None:
@@ -89,22 +87,14 @@ def fixed_rest(model: ObjectModel) -> tuple[Array, float]:
     return quat, float(-rotate(quat, model.solid.vertices)[:, 2].min())
 
 
+@lru_cache(maxsize=256)  # found by dropping the object
 def upright_rest(model: ObjectModel) -> tuple[Array, float] | None:
     """Return quaternion and centre height of the object standing, or None where it does not stay so.
 
     It stands as it is built, z up, or as its set file says; what the catalogue presents in one pose keeps that.
     """
-    if model not in _STANDING:
-        _STANDING[model] = _stand(model)
-    return _STANDING[model]
-
-
-def _stand(model: ObjectModel) -> tuple[Array, float] | None:
     if model.fixed_pose is not None:
         return fixed_rest(model)
-    from dexgrasp_env.objects.parts import support_height
-    from dexgrasp_env.objects.rest_poses import stays
-
     quat = np.array([1.0, 0.0, 0.0, 0.0]) if model.upright is None else np.asarray(model.upright)
     up = rotate(quat_conjugate(quat), np.array([0.0, 0.0, 1.0]))
     if not stays(model, up):
@@ -142,7 +132,7 @@ def check_pose(value: Any, hull: Array, cell: Cell) -> Array:
             f"object_pose at ({x:g}, {y:g}, {z:g}) m is not over the table: valid are x from {_FRONT:g} to "
             f"{_BACK:g}, |y| up to {_SIDE:g}, z up to {WORKSPACE_HIGH[2]:g}"
         )
-    if lowest < -_INTO_TABLE:
+    if lowest < -0.001:
         raise InputError(
             f"object_pose reaches {-1000 * lowest:.1f} mm into the table: its z must be {z - lowest:.4f} m or more"
         )

@@ -13,8 +13,6 @@ from dexgrasp_env.scene.build import pair_friction
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION, TIMESTEP
 from dexgrasp_env.valid import Rule, number, pair, read
 
-_MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
-
 
 @dataclass(frozen=True)
 class Variation:
@@ -126,7 +124,9 @@ def apply_variation(
     for field in ("geom_size", "geom_pos", "geom_rbound", "geom_aabb"):
         getattr(model, field)[geoms] = getattr(base, field)[geoms] * size
     _scale_boxes(model, base, int(model.body_bvhadr[body]), int(model.body_bvhnum[body]), size)
-    for mesh in {int(model.geom_dataid[g]) for g in geoms if model.geom_type[g] == _MESH}:
+    for mesh in {
+        int(model.geom_dataid[g]) for g in geoms if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_MESH
+    }:
         rows = slice(model.mesh_vertadr[mesh], model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh])
         model.mesh_vert[rows] = base.mesh_vert[rows] * size
         model.mesh_pos[mesh] = base.mesh_pos[mesh] * size

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Fields
 from dexgrasp_env.tasks.constants import HOLD_STEPS, SHORTEST_SKIP, at_pace
+from dexgrasp_env.tasks.settings import WEIGHTS
 
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
 FAILURES = ("", "object_lost", "simulation_diverged")
@@ -47,6 +47,9 @@ EPISODE = np.dtype(
         ("grip_quat", "f8", (4,)),
         ("slip", "f8"),  # m, largest distance from grip_position since
         ("tilt", "f8"),  # rad, largest rotation from grip_quat since
+        ("progress", "f8", (2,)),  # height, and the share of the hold that is over
+        ("stable", "?"),  # off the table, and neither has become large
+        ("terms", "f8", (len(WEIGHTS),)),  # of the reward, each in [0, 1]
         # The disturbance.
         ("phase", "i8"),  # of PHASES
         ("disturbed", "i8"),  # control steps it has run
@@ -60,14 +63,13 @@ COMMANDS = ("targets", "command", "before")
 """Set-points of the n joints beside a record, (3, n) rad: the agent's at the end of the control step, what the servos
 are told then (targets and the shaking), and the command before, for late ones."""
 
-INFO_KINDS: Fields = {
-    "is_success": bool, "is_stable": bool, "is_grasped": bool, "stage": STAGES, "failure": FAILURES,
-    "object_height": float, "object_slip": float, "object_tilt": float, "object_shift": float, "held_seconds": float,
-    "disturbance": PHASES, "mujoco_warnings": int,
+INFOS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "is_success": ("success", ()), "is_stable": ("stable", ()), "is_grasped": ("grasped", ()),
+    "stage": ("stage", STAGES), "failure": ("failure", FAILURES), "object_height": ("height", ()),
+    "object_slip": ("slip", ()), "object_tilt": ("tilt", ()), "object_shift": ("shift", ()),
+    "held_seconds": ("held", ()), "disturbance": ("phase", PHASES), "mujoco_warnings": ("warnings", ()),
 }  # fmt: skip
-"""Columns of what the kernel tells of an episode, before the terms of the reward, and what infos make of the numbers:
-names, where there are some."""
-INFO_COLUMNS = tuple(INFO_KINDS)
+"""Infos: of which field of a record, and the names of its values, where they have some; `held` counts steps."""
 
 Records = NDArray[np.void]
 """Array of EPISODE records, (N,)."""

@@ -1,8 +1,6 @@
 """Options of a reset, checked."""
 
-import warnings
 from collections.abc import Collection, Mapping
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -28,7 +26,8 @@ def check_options(
     Raises:
         InputError: for an unknown option or object, or two that contradict each other.
     """
-    options = {key: value for key, value in (options or {}).items() if not _is_foreign(key, known)}
+    # LeRobot's rollouts give options of their own.
+    options = {key: value for key, value in (options or {}).items() if not str(key).startswith("lerobot_")}
     for key in options:
         if key not in known:
             raise unknown_name("reset option", key, known)
@@ -59,17 +58,3 @@ def check_joints(given: Any, robot: Robot) -> Array | None:
         names = ", ".join(name for name, off in zip(robot.joints, beyond, strict=True) if off)
         raise InputError(f"joints are beyond the ranges of {names}: valid is within, rad")
     return np.clip(joints, robot.lower, robot.upper)
-
-
-def _is_foreign(key: str, known: Collection[str]) -> bool:
-    """Return whether a reset option is of another program's name space, as `lerobot_new_rollout` is; warn of it.
-
-    What begins with a word of ours is a mistake in one of ours.
-    """
-    space, underscore, _ = str(key).partition("_")
-    foreign = bool(underscore) and not get_close_matches(
-        space, {"reset", *" ".join(known).replace("_", " ").split()}
-    )
-    if foreign:
-        warnings.warn(f"reset option {key!r} is of another program: it is passed over", stacklevel=6)
-    return foreign

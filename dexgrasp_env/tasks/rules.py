@@ -21,7 +21,6 @@ class Rules(NamedTuple):
         fingers: of the hand.
         grasp: (G,) numbers of the fingers of a grasp; the first opposes the others.
         hulls: (V, 3) hull vertices of all objects, m, object frames.
-        period: s, of a control step.
         hold: control steps of the hold.
         grasped: of these, at least so many must be grasps.
         wait: control steps held after which the disturbance begins.
@@ -36,7 +35,6 @@ class Rules(NamedTuple):
     fingers: int
     grasp: Index
     hulls: Array
-    period: float
     hold: int
     grasped: int
     wait: int
@@ -52,7 +50,7 @@ def rules_of(settings: LiftSettings, at: Index, hulls: Array, bad_numbers: int) 
     fingers = [finger.name for finger in hand.fingers]
     return Rules(
         at=at, joints=settings.cell.robot.dof, fingers=len(fingers),
-        grasp=np.array([fingers.index(name) for name in hand.grasp]), hulls=hulls, period=settings.period,
+        grasp=np.array([fingers.index(name) for name in hand.grasp]), hulls=hulls,
         hold=at_pace(HOLD_STEPS, pace), grasped=at_pace(GRASP_STEPS, pace), wait=at_pace(DISTURB_AFTER, pace),
         length=settings.disturbance_steps, bad_numbers=bad_numbers,
         weights=np.array(list(settings.weights.values())), dense=settings.reward_mode == "dense",

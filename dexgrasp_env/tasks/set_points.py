@@ -10,7 +10,6 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, GRAVITY
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN, at_pace
 from dexgrasp_env.tasks.control import DIRECT_MODES, GRASP_MODES, max_step
@@ -25,7 +24,6 @@ _RUNNING = PHASES.index("running")
 
 _LOWER, _UPPER, _STEP, _HOME = range(4)
 _TARGETS, _COMMAND, _BEFORE = range(len(COMMANDS))
-ARM_ROOM = 16  # joints, the palm as one of them, that `ee_delta` has room for
 
 _DAMPING = 0.02  # of the least-squares inverse; keeps joint steps bounded near singularities
 _POSTURE_GAIN = 0.05  # pull towards home in the arm's null space, per 50 ms
@@ -58,10 +56,8 @@ class Control(NamedTuple):
 
 
 def control_of(settings: LiftSettings, chain: Array) -> Control:
-    """Return the control of an environment; see `Control`. Raises an InputError for too many joints."""
+    """Return the control of an environment; see `Control`."""
     mode = "ee_delta" if settings.control_mode in GRASP_MODES else settings.control_mode
-    if mode == "ee_delta" and len(chain) > ARM_ROOM:
-        raise InputError(f"{settings.control_mode} is for arms of less than {ARM_ROOM} joints")
     robot, disturbance, period = settings.cell.robot, settings.disturbance, settings.period
     joints = np.stack([robot.lower, robot.upper, max_step(robot, period), robot.home])
     push = np.array([at_pace(steps, settings.frame_skip) for steps in (PUSH_STEPS, PAUSE_STEPS)])
@@ -142,7 +138,7 @@ def _palm_step(action: Array, targets: Array, control: Control) -> None:
     """Move the arm's set-points as the action moves the palm: damped least squares, home in the null space."""
     joints, share = control.joints, control.period / CONTROL_PERIOD
     n, scale = control.chain.shape[0] - 1, share * control.scale
-    J, pull, residual = np.empty((6, ARM_ROOM)), np.empty(ARM_ROOM), np.empty(6)
+    J, pull, residual = np.empty((6, n)), np.empty(n), np.empty(6)
     palm_jacobian(targets, control.chain, J)
     for j in range(n):
         pull[j] = share * _POSTURE_GAIN * (joints[_HOME, j] - targets[j])
@@ -165,7 +161,7 @@ def _palm_step(action: Array, targets: Array, control: Control) -> None:
 def palm_jacobian(targets: Array, chain: Array, J: Array) -> None:
     """Write the Jacobian of the palm (6, a) at arm positions: rows linear m and angular rad in the world frame."""
     n = chain.shape[0] - 1
-    axes, anchors = np.empty((ARM_ROOM, 3)), np.empty((ARM_ROOM, 3))
+    axes, anchors = np.empty((n, 3)), np.empty((n + 1, 3))
     qw, qx, qy, qz = 1.0, 0.0, 0.0, 0.0
     x, y, z = 0.0, 0.0, 0.0
     for j in range(n + 1):

@@ -13,7 +13,7 @@ from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, make_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS, FRICTION, TIMESTEP
 from dexgrasp_env.sensing.sensor import SENSORS, Calibration, SensorModel
-from dexgrasp_env.tasks.constants import LONGEST_SKIP, MAX_EPISODE_STEPS, SHORTEST_SKIP, at_pace
+from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS, SHORTEST_SKIP, at_pace
 from dexgrasp_env.tasks.control import CONTROL_MODES, GRASP_MODES, ONCE_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance
 from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS, has_cameras, knows_state
@@ -28,26 +28,19 @@ WEIGHTS = {
 """Of the terms of the dense reward, in the order in which `terms` writes them."""
 
 
-def reward_weights(given: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the weight of each term: that given, else that of `WEIGHTS`.
-
-    Raises:
-        InputError: for an unknown term, or a weight that is not a number from 0 on.
-    """
-    for term, weight in (given or {}).items():
+def _weights(given: Mapping[str, float]) -> dict[str, float]:
+    for term, weight in given.items():
         if term not in WEIGHTS:
             raise unknown_name("reward_weights key", term, WEIGHTS)
         check(f"reward_weights {term}", weight, number(ge=0))
-    return WEIGHTS | dict(given or {})
+    return dict(given)
 
 
 BACKENDS = ("mujoco", "warp")
 _VIEWS = 4
-OBSERVE = ("step", "reset", "clear")
 OF_CAMERAS = ("views", "calibration", "sensor", "observe")
 """Arguments that change nothing where no camera looks."""
 PICTURES = ("rgb_array", "depth_array")
-RENDER_MODES = ("human", *PICTURES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,14 +66,14 @@ class LiftSettings:
     sensor: Annotated[
         SensorModel, Rule(f"{', '.join(SENSORS)}, or settings of SensorModel", SensorModel.of)
     ] = field(default_factory=SensorModel.realistic)
-    observe: Annotated[str, one_of(OBSERVE)] = "step"
+    observe: Annotated[str, one_of(("step", "reset", "clear"))] = "step"
     mesh_scale: Positive = 1.0
     mesh_mass: Mass | None = None
-    render_mode: Annotated[str | None, one_of(RENDER_MODES)] = None
+    render_mode: Annotated[str | None, one_of(("human", *PICTURES))] = None
     render_size: Annotated[tuple[int, int], RENDER_SIZE] = (480, 640)
     render_camera: str = "front"
-    reward_weights: dict[str, float] | None = None
-    frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)] = CONTROL_STEPS
+    reward_weights: Annotated[dict[str, float] | None, Rule("a mapping of weights by term", _weights)] = None
+    frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=125, whole=True)] = CONTROL_STEPS
     action_scale: Annotated[float, number(gt=0, le=1)] = 1.0
     hold: Count = 1
     reward_scale: Positive = 1.0
@@ -108,25 +101,21 @@ class LiftSettings:
             raise InputError(
                 f"randomisation latency is {latency}: valid is up to a control step, {settings.period} s"
             )
-        checked = replace(
-            settings, reward_weights=reward_weights(settings.reward_weights),
-            views=check("views", settings.views, _views_of(cell.camera_names)),
-        )  # fmt: skip
+        settings = replace(settings, views=check("views", settings.views, _views_of(cell.camera_names)))
         settings.refuse_idle()
-        return checked
+        return settings
 
     def needs(self) -> dict[str, tuple[bool, str]]:
         """Return the arguments that have an effect beside some others only: whether these are there, and which."""
         meshes = not all(map(has_own_size, self.objects)), "a mesh file among objects"
-        looks = any(mode in self.obs_mode for mode in ("pointcloud", "depth", "rgbd"))
-        cameras = looks, "an obs_mode of cameras"
+        cameras = self.sees, "an obs_mode of cameras"
         pictures = self.render_mode in PICTURES, f"a render_mode of {' or '.join(PICTURES)}"
         return {
             **dict.fromkeys(OF_CAMERAS, cameras),
             **dict.fromkeys(("render_size", "render_camera"), pictures),
+            **dict.fromkeys(("mesh_scale", "mesh_mass"), meshes),
+            "friction": (self.randomisation.friction is None, "a randomisation without friction"),
             "device": (self.backend == "warp", "backend='warp'"),
-            "mesh_scale": meshes,
-            "mesh_mass": meshes,
             "action_scale": (
                 self.control_mode in ("joint_delta", "ee_delta"),
                 "a control_mode whose actions are changes",
@@ -144,23 +133,15 @@ class LiftSettings:
         Raises:
             InputError: naming the first of them, and what it needs.
         """
-        for name in self.idle():
-            need = self.needs()[name][1]
-            raise InputError(
-                f"{name}={getattr(self, name)!r} changes nothing here: valid is {need}, or leave it out"
-            )
-
-    def idle(self) -> list[str]:
-        """Return the arguments that would change nothing."""
-        defaults = {
-            entry.name: entry.default if entry.default_factory is MISSING else entry.default_factory()
-            for entry in fields(self)
-        }
-        return [
-            name
-            for name, (met, _) in self.needs().items()
-            if not met and getattr(self, name) != defaults[name]
-        ]
+        needs = self.needs()
+        for entry in fields(self):
+            met, need = needs.get(entry.name, (True, ""))
+            value = getattr(self, entry.name)
+            usual = entry.default if entry.default_factory is MISSING else entry.default_factory()
+            if not met and value != usual:
+                raise InputError(
+                    f"{entry.name}={value!r} changes nothing here: valid is {need}, or leave it out"
+                )
 
     def refuse_blind_grasps(self) -> None:
         """Refuse actions about an object, whose place is known, to those who see it by cameras alone.
@@ -191,7 +172,7 @@ class LiftSettings:
     @property
     def weights(self) -> dict[str, float]:
         """The weight of each term of the reward."""
-        return self.reward_weights or {}
+        return WEIGHTS | (self.reward_weights or {})
 
     @property
     def agent_info(self) -> dict[str, Any]:
@@ -209,7 +190,7 @@ class LiftSettings:
         """Control steps at 20 Hz that episodes have without a disturbance."""
         return MAX_EPISODE_STEPS
 
-    def warn_of_limit(self, limit: int | None) -> None:
+    def warn_of_limit(self, limit: float) -> None:
         """Warn where a usual time limit, which a wrapper keeps, leaves too few seconds at this pace.
 
         Args:
@@ -237,7 +218,7 @@ class LiftSettings:
 
     def friction_of(self, model: ObjectModel) -> float:
         """Return the sliding coefficient given, else the object's own, else the default."""
-        return next(float(value) for value in (self.friction, model.friction, FRICTION) if value is not None)
+        return float(self.friction or model.friction or FRICTION)
 
     def load_objects(self, names: Objects) -> dict[str, ObjectModel]:
         """Load objects by name; `mesh_scale` and `mesh_mass` apply to meshes of the user's alone."""

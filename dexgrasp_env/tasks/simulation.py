@@ -8,8 +8,9 @@ from typing import Any, NamedTuple, Protocol
 import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
+from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.robot.cell import Cell
@@ -57,12 +58,24 @@ class PhysicsState(NamedTuple):
     sensors: Array
 
 
-class StateHolder(Protocol):
-    """Holder of the state of environments: `Simulation` of one, `BatchPhysics` and `WarpPhysics` of many."""
+class Physics(Protocol):
+    """Physics of N environments: `Simulation` of one, `BatchPhysics` and `WarpPhysics` of many."""
 
     @property
     def current(self) -> PhysicsState:
         """The present state."""
+
+    def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> Index:
+        """Advance environments by one control step.
+
+        Args:
+            rows: (N, frame_skip, n) set-points of the physics steps, rad.
+            push: (N, 3) forces on the objects, N, or None where nobody pushes.
+            which: indices of those that advance, ascending.
+
+        Returns:
+            (N,) warnings that came up, one bit each.
+        """
 
 
 class Simulation:
@@ -95,12 +108,6 @@ class Simulation:
         self._forces = (data.qfrc_applied, data.xfrc_applied)
         self._rollout = Rollout(nthread=0)
         self._state = np.zeros((1, mujoco.mj_stateSize(self.base, _PHYSICS)))
-
-    def among(self, neighbours: Sequence[ObjectModel], walled: bool) -> "Simulation":
-        """Return the scene of the object with neighbours around it, advanced by the same physics."""
-        scene = Simulation(self.object, self.cell, neighbours, walled=walled)
-        scene.physics = self.physics
-        return scene
 
     def vary(self, variation: Variation) -> None:
         """Write a variation into `model`; the state is lost."""
@@ -149,20 +156,16 @@ class Simulation:
             if touched and other in self.cell.robot.bodies:
                 raise InputError(f"object_pose: the robot's {other} is in the way: give a place free of it")
 
-    def step(self, rows: Array) -> int:
-        """Advance one control step in one call.
+    def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> Index:
+        """Advance one control step in one call; see `Physics`.
 
         Applied forces in `data` act on. A step in which MuJoCo warns is cut short.
-
-        Args:
-            rows: (1, frame_skip, n) set-points of the physics steps, rad.
-
-        Returns:
-            The warnings that came up, one bit each.
         """
-        if self.physics is not None:
-            return int(self.physics.advance(self, rows))
         model, data = self.model, self.data
+        if push is not None:
+            data.xfrc_applied[self.body, :3] = push[0]
+        if self.physics is not None:
+            return self.physics.advance(self, rows)
         spec, control = CONTROL, rows
         if any(map(np.count_nonzero, self._forces)):  # quicker than numpy's any()
             forces = np.concatenate([force.ravel() for force in self._forces])
@@ -176,7 +179,7 @@ class Simulation:
         )  # fmt: skip
         if readings is not None:
             data.sensordata[self.touches] = readings[0, :, self.touches].max(axis=0)
-        return sum(1 << k for k, count in enumerate(data.warning.number.tolist()) if count)
+        return np.array([sum(1 << k for k, count in enumerate(data.warning.number.tolist()) if count)])
 
     def get_state(self) -> Array:
         """Return the full integration state."""

@@ -4,30 +4,27 @@ import copy
 from typing import Any, Self
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 from gymnasium.utils import EzPickle
-from numpy.random import Generator
 
-from dexgrasp_env.arrays import Array, Arrays, Fields, Single
+from dexgrasp_env.arrays import Arrays, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
-from dexgrasp_env.tasks.control import ActionSpace, check_actions
+from dexgrasp_env.tasks.control import check_actions
 from dexgrasp_env.tasks.episodes import Episodes
+from dexgrasp_env.tasks.member import EpisodeAccess
 from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS
-from dexgrasp_env.tasks.physics import give_physics
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
 
 
-class SingleEnv(gym.Env[Arrays, Single], EzPickle):
+class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
     """Base of single environments of all tasks.
 
     Attributes:
         episodes_type: of the task.
         settings_type: says which arguments it takes, and checks them.
         obs_modes: those that it takes.
-        simulation: of the episode, for pictures and evaluation; agents see observations only.
     """
 
     episodes_type = Episodes
@@ -45,55 +42,15 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         self.metadata = {**self.metadata, "render_fps": round(1 / self.dt)}
         self._episodes = self.episodes_type(self.settings, 1)
         self._views = self._episodes.views
-        s = self.settings
-        self.action_space = ActionSpace(  # type: ignore[assignment]
-            s.control_mode, s.cell.robot, s.frame_skip, s.action_scale, s.hold
-        )
-        self.observation_space = self._episodes.told_space()
+        self.action_space, self.observation_space = self._episodes.action_space, self._episodes.told_space()
         self.simulation = next(iter(self._episodes.simulations.values()))
-        give_physics(self._episodes)
+        if self.settings.backend == "warp":
+            from dexgrasp_env.tasks.warp_batch import WarpPhysics
+
+            physics = WarpPhysics(self._episodes)
+            for simulation in self._episodes.simulations.values():
+                simulation.physics = physics
         self._over = True
-
-    @property
-    def target(self) -> str:
-        """The object of the episode, as `objects` names it: a name, or the path as it was given."""
-        return self._episodes.slots[0].target
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """MuJoCo's model of the episode, with its variation."""
-        return self.simulation.model
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """MuJoCo's live data: the full integration state after every reset and step; `ctrl` the last set-points."""
-        return self.simulation.data
-
-    @property
-    def dt(self) -> float:
-        """Seconds of a control step."""
-        return self.settings.period
-
-    @property
-    def steps_an_action(self) -> int:
-        """Control steps of an action, at most."""
-        return self._episodes.span
-
-    @property
-    def targets(self) -> Array:
-        """Set-points of the servos as the agent has them, (n,) rad."""
-        return self._episodes.commands[0, 0].copy()
-
-    @property
-    def agent_info(self) -> Fields:
-        """Settings that an agent may know; the info of every reset has them."""
-        spaces = {"action_space": self.action_space, "observation_space": self.observation_space}
-        return {**spaces, **self.settings.agent_info}
-
-    @property
-    def disturbance_steps(self) -> int:
-        """Control steps that the disturbance takes: what a time limit should allow for."""
-        return self.settings.disturbance_steps
 
     def reset(self, *, seed: int | None = None, options: Fields | None = None) -> tuple[Arrays, Fields]:
         """Start an episode.
@@ -112,8 +69,8 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         self.settings.warn_of_limit(int(self._episodes.records["elapsed"][0]))
         self._over = True  # options may be refused
         self.simulation, seen = self._episodes.begin(0, self.np_random, options)
-        self._over, slot = False, self._episodes.slots[0]
-        observation, info = self._look(self._complete(seen), at_reset=not (slot.resumed and slot.view.seen))
+        self._over = False
+        observation, info = self._look(seen, begins=True)
         return observation, info | self.agent_info
 
     def observe(self) -> tuple[Arrays, Fields]:
@@ -125,7 +82,7 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
             InputError: before the first reset.
         """
         self.get_state()
-        return self._told(self._complete(self._conclude(0, copy.deepcopy(self.np_random), judge=False)))
+        return self._told(self._episodes.observe(0, self.simulation, copy.deepcopy(self.np_random)))
 
     def step(self, action: Single) -> tuple[Arrays, float, bool, bool, Fields]:
         """Advance 50 ms, or as long as an action stands for.
@@ -133,14 +90,16 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         Raises:
             InputError: if the action has the wrong shape or is not finite, or no episode is running.
         """
-        episodes, gained = self._episodes, 0.0
-        actions = self._checked(action)
-        for step in range(episodes.span):
-            seen = self._conclude(self.simulation.step(self._start(actions, step)))
-            gained += episodes.rewards[0]
-            if not episodes.undecided()[0]:
-                break
-        return self._finish(seen, gained)
+        if self._over:
+            raise InputError("step() called without a running episode: call reset() first")
+        episodes = self._episodes
+        actions = check_actions(action, self.action_space.shape)[None]
+        seen = episodes.advance(actions, self.simulation, [self.np_random], np.arange(1))
+        terminated, truncated = (bool(flags[0]) for flags in episodes.endings())
+        self._over = terminated or truncated
+        reward = float(self.settings.reward_scale * episodes.rewards[0])
+        observation, info = self._look(seen)
+        return observation, reward, terminated, truncated, info
 
     def twin(self, **other: Any) -> Self:
         """Return another environment of the same settings, but `other`, without an episode."""
@@ -150,62 +109,8 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         """Set the source of options for resets that are given none."""
         self._episodes.starts = starts
 
-    def start_step(self, action: Single) -> Array:
-        """Begin a step of one control step, before the physics: move the set-points, and push what is to be pushed.
-
-        Args:
-            action: as for `step`.
-
-        Returns:
-            Set-points of the physics steps (1, frame_skip, n) rad, for `simulation.step`.
-
-        Raises:
-            InputError: as `step`.
-        """
-        if self._episodes.span > 1:
-            raise InputError("an action takes several control steps here: call step()")
-        return self._start(self._checked(action), 0)
-
-    def _checked(self, action: Single) -> Array:
-        if self._over:
-            raise InputError("step() called without a running episode: call reset() first")
-        return check_actions(action, self.action_space.shape)[None]
-
-    def _start(self, actions: Array, step: int) -> Array:
-        rows, push = self._episodes.set_points(actions, self.simulation, step)
-        if self.settings.disturbance.kind == "pushed":
-            self.data.xfrc_applied[self.simulation.body, :3] = push[0]
-        return rows
-
-    def finish_step(self, bits: int) -> tuple[Arrays, float, bool, bool, Fields]:
-        """Finish a step, after the physics: judge and observe.
-
-        Args:
-            bits: the physics' warnings, as `simulation.step` returns them.
-
-        Returns:
-            What `step` returns.
-        """
-        return self._finish(self._conclude(bits), float(self._episodes.rewards[0]))
-
-    def _finish(self, seen: Arrays, gained: float) -> tuple[Arrays, float, bool, bool, Fields]:
-        episodes = self._episodes
-        terminated, truncated = (bool(flags[0]) for flags in episodes.endings())
-        self._over = terminated or truncated
-        observation, info = self._look(self._complete(seen), at_reset=False)
-        return observation, float(self.settings.reward_scale * gained), terminated, truncated, info
-
-    def _complete(self, seen: Arrays) -> Arrays:
-        return self._episodes.complete(slice(None), self.simulation, seen)
-
-    def _conclude(self, bits: int, rng: Generator | None = None, judge: bool = True) -> Arrays:
-        rngs = [rng or self.np_random]
-        return self._episodes.conclude(slice(None), self.simulation, np.array([bits]), rngs, judge)
-
-    def _look(self, observed: Arrays, at_reset: bool) -> tuple[Arrays, Fields]:
-        if self.settings.sees:
-            view = self._episodes.slots[0].view
-            self._views.observe(view, self.data.qpos, lambda: self.simulation, self.np_random, at_reset)
+    def _look(self, observed: Arrays, begins: bool = False) -> tuple[Arrays, Fields]:
+        self._episodes.look(0, self.data.qpos, lambda: self.simulation, self.np_random, begins)
         if self.render_mode == "human":
             self.render()
         return self._told(observed)
@@ -213,9 +118,11 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
     def _told(self, observed: Arrays) -> tuple[Arrays, Fields]:
         """Return the observation and the info, both with what cameras saw last: callers may write to that."""
         view = self._episodes.slots[0].view
-        seen, info = copy.deepcopy((view.seen, view.info)) if view.seen else ({}, {})
-        observation = {key: values[0] for key, values in observed.items()} | seen
-        return self._episodes.told(dict(sorted(observation.items()))), self._episodes.info(0) | info
+        observation, info = {key: values[0] for key, values in observed.items()}, self._episodes.info(0)
+        if view.seen:
+            seen, about = copy.deepcopy((view.seen, view.info))
+            observation, info = dict(sorted((observation | seen).items())), info | about
+        return self._episodes.told(observation), info
 
     def get_state(self) -> EpisodeState:
         """Return everything that the running episode's future depends on.

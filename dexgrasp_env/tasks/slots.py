@@ -46,7 +46,6 @@ class EpisodeState:
         target: the object, as `objects` names it.
         physics: MuJoCo's full integration state.
         sensors: its sensors as last read.
-        info_columns: the last, of `Episodes.info_columns`.
         record: one of `EPISODE`.
         task_record: what the task notes beside it.
         commands: (3, n) rad, `COMMANDS`.
@@ -60,7 +59,6 @@ class EpisodeState:
     target: str
     physics: Array
     sensors: Array
-    info_columns: Array
     record: NDArray[np.void]
     task_record: NDArray[np.void]
     commands: Array

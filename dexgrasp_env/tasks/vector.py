@@ -1,6 +1,7 @@
 """The native vector environments: many simulations, one kernel, all cores."""
 
 import copy
+import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
@@ -16,20 +17,17 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.tasks.batch import BatchPhysics
 from dexgrasp_env.tasks.clutter_env import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
-from dexgrasp_env.tasks.control import ActionSpace, check_actions, check_tensor
+from dexgrasp_env.tasks.control import check_actions
 from dexgrasp_env.tasks.infos import masked, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.member import MemberAccess, one_for_each
-from dexgrasp_env.tasks.observations import FLAT, cut
-from dexgrasp_env.tasks.physics import make_physics, use_device
 from dexgrasp_env.tasks.place import GoalRewards, PlaceEnv
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
-from dexgrasp_env.valid import COUNT, Rule, check, instance
-
-_AUTORESET = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
+from dexgrasp_env.valid import COUNT, Rule, check
 
 
 class ClosedError(InputError, ClosedEnvironmentError):
@@ -51,28 +49,21 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
     | `max_episode_steps` | `300` | control steps after which an episode is truncated; None or -1 for no limit |
     | `autoreset_mode` | `'NextStep'` | `NextStep`, `SameStep`, `Disabled` |
     | `threads` | `None` | threads at a time; None for one a core |
-    | `tensors` | `False` | with `backend="warp"`: take and return torch tensors on the device; see below |
 
     ## Physics on a GPU
 
-    `backend="warp"` has mujoco_warp advance all worlds at once, on `device`. Keys, types, options, disturbances,
-    randomisation and autoreset are the same, the scenes of a seed too; what differs:
+    `backend="warp"` has mujoco_warp advance all worlds of `Lift` and `Place` at once, on `device`; progress, rewards
+    and observations are computed on the host. Keys, types, options, disturbances, randomisation and autoreset are the
+    same, the scenes of a seed too; what differs:
 
     - Nothing is equal to the last bit: numbers have single precision, the solver stops at 1e-6 where MuJoCo does at
       1e-8, and a face that meets a box may have a corner more or less. Episodes agree until something collides, and
       grasps that hold here hold there; publish what `backend="mujoco"` gives.
-    - A drawn object lies as it came to rest on that side once: mostly within 0.1 mm of where it would settle, a can on
-      its side within 3 mm.
+    - A drawn object comes to rest within the episode: it begins 0.7 mm above where it would have settled.
     - A world without room for its contacts ends as one whose numbers go wrong: `simulation_diverged`, with MuJoCo's
       `mjWARN_CONTACTFULL` or `mjWARN_CNSTRFULL`.
     - Worlds share meshes: `randomisation` of `size` is for objects of boxes, cylinders, spheres and capsules.
     - An object that leaves the table falls through the floor.
-    - Neighbours come to rest by MuJoCo, at every reset. Depth is mujoco_warp's, within 0.01 mm but for pixels at edges.
-
-    What an episode achieves is computed on the device too: actions go there, and rewards, observations and the numbers
-    of the infos come back. With `tensors=True` nothing but the infos does: `step` takes a tensor, observations and
-    rewards are tensors that share memory with the device's arrays and change with the next step, and the flags are
-    tensors.
 
     Colours of `obs_mode="rgbd"` want a GL, which draws one picture at a time; depth is by rays and wants none.
     """
@@ -85,23 +76,17 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
-        tensors: bool = False,
         **kwargs: Any,
     ) -> None:
-        EzPickle.__init__(self, num_envs, max_episode_steps, autoreset_mode, threads, tensors, **kwargs)
+        EzPickle.__init__(self, num_envs, max_episode_steps, autoreset_mode, threads, **kwargs)
         self.settings = self._env_type.settings_type.of(**kwargs)
         self.num_envs = check("num_envs", num_envs, COUNT)
         if self.settings.render_mode == "human":
             raise InputError("the vector environment has no 'human': use vectorization_mode='sync'")
-        self._tensors = check("tensors", tensors, instance(bool, "true or false"))
-        named = self.settings.obs_mode != FLAT
-        if tensors and not (self.settings.backend == "warp" and self._env_type is LiftEnv and named):
-            raise InputError(
-                "tensors=True is of DexGrasp/Lift with backend='warp', and of observations by name"
-            )
         endless = max_episode_steps in (None, -1)  # -1 is Gymnasium's
-        self._limit = None if endless else check("max_episode_steps", max_episode_steps, COUNT)
-        self.autoreset_mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
+        self._limit = math.inf if endless else check("max_episode_steps", max_episode_steps, COUNT)
+        modes = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
+        self.autoreset_mode = check("autoreset_mode", autoreset_mode, modes)
         fps = round(1 / self.settings.period)
         self.metadata = {**LiftEnv.metadata, "render_fps": fps, "autoreset_mode": self.autoreset_mode}
         self.settings.warn_of_limit(self._limit)
@@ -113,13 +98,14 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
             raise InputError(
                 f"threads={threads} changes nothing here: valid is backend='mujoco', or leave it out"
             )
-        self._physics = make_physics(self._episodes, threads)
+        self._physics: Any
         if self.settings.backend == "warp":
-            use_device(self._episodes, self._physics, tensors)
-        s = self.settings
-        self.single_action_space = ActionSpace(
-            s.control_mode, s.cell.robot, s.frame_skip, s.action_scale, s.hold
-        )
+            from dexgrasp_env.tasks.warp_batch import WarpPhysics
+
+            self._physics = WarpPhysics(self._episodes)
+        else:
+            self._physics = BatchPhysics(self._episodes, threads)
+        self.single_action_space = self._episodes.action_space
         self.single_observation_space = self._episodes.told_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -129,7 +115,6 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         self._observation: Arrays = {
             key: np.zeros((num_envs, *(part.shape or ())), part.dtype)
             for key, part in self._episodes.observation_space().items()
-            if not (tensors and key in self._episodes.layout)
         }
         self._notes: list[Fields] = [{} for _ in range(num_envs)]
         self._ended = np.ones(num_envs, bool)  # waiting for a reset
@@ -138,7 +123,6 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
     @property
     def targets(self) -> Array:
         """Set-points of the servos as the agent has them, (N, n) rad."""
-        self._episodes.fetch()
         return self._episodes.commands[:, 0].copy()
 
     # -- Gymnasium -----------------------------------------------------------------------------------------------
@@ -194,28 +178,25 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
             InputError: for actions of a wrong shape or not finite, or if an environment needs a reset first.
         """
         self._check_open("step")
-        clipped = (check_tensor if self._tensors else check_actions)(actions, self.action_space.shape)
+        clipped = check_actions(actions, self.action_space.shape)
         running, waiting = np.flatnonzero(~self._ended), np.flatnonzero(self._ended)
         if not self._started.all() or (self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any()):
             raise InputError(
                 f"step() called without running episodes in environments {waiting.tolist()}: reset them first"
             )
-        self._advance(clipped, running)
-        for i in waiting:
-            self._reset_one(int(i))
+        rngs = [None if over else rng for rng, over in zip(self._rngs, self._ended, strict=True)]
+        self._note(slice(None), self._episodes.advance(clipped, self._physics, rngs, running))
+        if self.settings.sees:
+            for i in running.tolist():
+                self._look(i, self._physics.current.qpos[i], partial(self.simulation, i))
+        for i in waiting.tolist():
+            self._reset_one(i)
         rewards = self.settings.reward_scale * self._episodes.rewards
         rewards[waiting] = 0.0
         terminated, truncated = self._episodes.endings()
-        if self._limit is not None:
-            truncated |= -(-self._episodes.records["elapsed"] // self._episodes.span) >= self._limit
+        truncated |= self._timed_out(self._episodes.records["elapsed"])
         self._ended = terminated | truncated
         final = self._finish() if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any() else {}
-        if self._tensors:
-            rewards, terminated, truncated = self._episodes.device.told_tensors(
-                waiting, terminated, truncated
-            )
-            if self.settings.reward_scale != 1.0:
-                rewards = self.settings.reward_scale * rewards
         return self._observations(), rewards, terminated, truncated, self._infos() | final
 
     def observe(self) -> tuple[Arrays, Fields]:
@@ -236,10 +217,6 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
     def _check_open(self, what: str) -> None:
         if self.closed:
             raise ClosedError(f"{what}() called on environments that are closed: make others")
-
-    def target(self, i: int) -> str:
-        """Return the object of environment `i`, as `objects` names it."""
-        return self._episodes.slots[i].target
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[Generator, ...]:  # type: ignore[override]
@@ -281,14 +258,11 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         for i in range(self.num_envs) if which is None else which:
             simulation = self._episodes.set_state(i, state, self._rngs[i])
             self._physics.load(i, simulation)
-            rng, only = copy.deepcopy(self._rngs[i]), slice(i, i + 1)
-            now = self._episodes.conclude(only, simulation, np.zeros(1, np.int64), [rng], judge=False)
-            self._note(only, now)
+            seen = self._episodes.observe(i, simulation, copy.deepcopy(self._rngs[i]))
+            self._note(slice(i, i + 1), seen)
             self._note(i, self._episodes.slots[i].view.seen)
-            timed_out = (
-                self._limit is not None and -(-state.record["elapsed"] // self._episodes.span) >= self._limit
-            )
-            self._started[i], self._ended[i] = True, bool(state.record["failure"]) or timed_out
+            over = state.record["failure"] > 0 or self._timed_out(state.record["elapsed"])
+            self._started[i], self._ended[i] = True, over
 
     def twin(self, **other: Any) -> LiftEnv:
         """Return a single environment of the same settings, but `other`, without an episode."""
@@ -319,45 +293,19 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         self._observation = copy.deepcopy(kept["observation"])
         self._ended = kept["ended"].copy()
 
+    def _timed_out(self, elapsed: Any) -> Any:
+        """Return whether so many control steps, a number or (N,), are as many actions as an episode may have."""
+        return -(-elapsed // self._episodes.span) >= self._limit
+
     # -- inside --------------------------------------------------------------------------------------------------
 
     def _reset_one(self, i: int, options: Fields | None = None) -> None:
         self._started[i], self._ended[i] = False, True  # options may be refused
         simulation, seen = self._episodes.begin(i, self._rngs[i], options)
         self._physics.load(i, simulation)
-        self._note(slice(i, i + 1), self._episodes.complete(slice(i, i + 1), simulation, seen))
-        if self.settings.sees:
-            slot = self._episodes.slots[i]
-            fresh = not (slot.resumed and slot.view.seen)
-            self._look(i, simulation.data.qpos, lambda: simulation, at_reset=fresh)
+        self._note(slice(i, i + 1), seen)
+        self._look(i, simulation.data.qpos, lambda: simulation, begins=True)
         self._started[i], self._ended[i] = True, False
-
-    def _advance(self, actions: Array, running: NDArray[np.intp]) -> None:
-        """Step those that run; the kernel passes over all rows, and what it makes of the others is overwritten."""
-        episodes, physics, going = self._episodes, self._physics, running
-        everything, pushed = slice(None), self.settings.disturbance.kind == "pushed"
-        gained, kept = np.zeros(self.num_envs), {}
-        rngs = [None if over else rng for rng, over in zip(self._rngs, self._ended, strict=True)]
-        for step in range(episodes.span):
-            rows, push = episodes.set_points(actions, physics, step)
-            warnings = physics.step(rows, push if pushed else None, going)
-            seen = episodes.conclude(everything, physics, warnings, rngs)
-            gained[going] += episodes.rewards[going]
-            if episodes.span == 1:
-                break
-            goes_on = episodes.undecided()[going]
-            for i in going[~goes_on].tolist():
-                kept[i], rngs[i] = episodes.keep(i, seen), None
-            going = going[goes_on]
-            if not len(going):
-                break
-        for i, ended in kept.items():  # the kernel went on with those whose action had ended
-            episodes.put_back(i, ended, seen)
-        episodes.rewards[:] = gained
-        self._note(everything, episodes.complete(everything, physics, seen))
-        if self.settings.sees:
-            for i in running.tolist():
-                self._look(i, physics.current.qpos[i], partial(self.simulation, i))
 
     def _finish(self) -> Fields:
         """Return the last observations and infos of those that ended, and reset them."""
@@ -370,10 +318,9 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         final = {"final_obs": last, "final_info": masked(infos, ended)}
         return final | dict.fromkeys(("_final_obs", "_final_info"), ended)
 
-    def _look(self, i: int, qpos: Array, scene: Callable[[], Simulation], at_reset: bool = False) -> None:
-        view = self._episodes.slots[i].view
-        self._views.observe(view, qpos, scene, self._rngs[i], at_reset)
-        self._note(i, view.seen)
+    def _look(self, i: int, qpos: Array, scene: Callable[[], Simulation], begins: bool = False) -> None:
+        self._episodes.look(i, qpos, scene, self._rngs[i], begins)
+        self._note(i, self._episodes.slots[i].view.seen)
 
     def simulation(self, i: int) -> Simulation:
         """Return the scene of environment `i` with its model and present positions in it, until the next call."""
@@ -387,10 +334,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
                 self._observation[key][part] = values
 
     def _observations(self) -> Any:
-        copies = {key: values.copy() for key, values in self._observation.items()}
-        if not self._tensors:
-            return self._episodes.told(copies)
-        return cut(self._episodes.device.rows(), self._episodes.layout) | copies
+        return self._episodes.told({key: values.copy() for key, values in self._observation.items()})
 
     def _infos(self) -> Fields:
         """Return the infos of the episodes, those of cameras too, with their masks."""

@@ -1,5 +1,6 @@
 """Camera observations, and pictures for people."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,16 +13,12 @@ from numpy.random import Generator
 from dexgrasp_env.arrays import Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.pipeline import COUNT
-from dexgrasp_env.rendering import ColourCameras
+from dexgrasp_env.rendering import ColourCameras, make_renderer, render, show_camera
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.perception import Perception
-from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.tasks.constants import AROUND_POINTS
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
-
-_AT_HOME = 0.02  # rad of every joint of the arm
-_MOST_CONTEXTS = 32  # of GL, of a kind: drivers run out of them at some hundreds
 
 
 @dataclass
@@ -46,10 +43,9 @@ class CameraObserver:
 
     def __init__(self, settings: LiftSettings, number: int = 1) -> None:
         """Prepare the views of so many episodes side by side."""
-        self._settings, self._most = settings, min(number, _MOST_CONTEXTS)
+        self._settings = settings
+        self._most = min(number, 32)  # contexts of GL, of a kind: drivers run out of them at some hundreds
         self._perceptions = WeakKeyDictionary[Simulation, tuple[Any, Perception]]()
-        self.rays: Callable[..., RayCameras] = RayCameras
-        """Makes what casts the rays."""
         self._contexts: dict[tuple[str, Simulation, float], Any] = {}
         self._cameras = settings.cell.make_cameras()
         intrinsics = self._cameras[0].intrinsics
@@ -88,7 +84,7 @@ class CameraObserver:
         observe = self._settings.observe
         if observe == "clear":
             arm = np.array(self._settings.cell.robot.arm.home)
-            return bool(np.abs(qpos[: len(arm)] - arm).max() < _AT_HOME)
+            return bool(np.abs(qpos[: len(arm)] - arm).max() < 0.02)  # rad
         return observe == "step"
 
     def _choose(self, rng: Generator) -> tuple[str, ...]:
@@ -138,7 +134,6 @@ class CameraObserver:
                 simulation.model,
                 tuple(by_name[name] for name in names),
                 sensor=self._settings.sensor,
-                rays=self.rays,
                 robot=None if known is None else known[1].robot,
             )
             known = self._perceptions[simulation] = key, perception
@@ -164,11 +159,8 @@ class CameraObserver:
         model, data = simulation.model, simulation.data
         if mode == "human":
             return self._context(mode, simulation, lambda: _open_viewer(model, data)).sync()
-        from dexgrasp_env.rendering import make_renderer, render, show_camera
-
-        renderer = self._context(
-            "picture", simulation, lambda: make_renderer(model, *self._settings.render_size, quick=True)
-        )
+        size = self._settings.render_size
+        renderer = self._context("picture", simulation, lambda: make_renderer(model, *size))
         if mode == "depth_array":
             renderer.enable_depth_rendering()
         camera = show_camera(self._settings.render_camera, data, simulation.cell.robot)
@@ -183,8 +175,6 @@ class CameraObserver:
 
 
 def _open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
-    import os
-
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("render_mode 'human' needs a screen: none is here, use 'rgb_array'")
     import mujoco.viewer

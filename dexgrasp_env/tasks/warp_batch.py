@@ -6,12 +6,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Index
+from dexgrasp_env.arrays import Array, Arrays, Index
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.scene.merged import MergedScene, filled
+from dexgrasp_env.scene.merged import MergedScene
 from dexgrasp_env.tasks.simulation import PhysicsState, Simulation, warning_mask
-from dexgrasp_env.tasks.warp_memory import ScatterQueue, columns, find_device
 
 if TYPE_CHECKING:
     from dexgrasp_env.tasks.episodes import Episodes
@@ -20,60 +19,12 @@ with from_extra():
     import mujoco_warp as mjw
     import warp as wp
 
-_ROWS = 128  # of constraints that a world has room for: random actions reach 87
-_CONTACTS = 32  # a world, all worlds together: random actions have 24
-_MORE_ROWS, _MORE_CONTACTS = 64, 16  # for each neighbour
+    wp.config.log_level = wp.LOG_ERROR  # that there is no GPU is said by `find_device`, to who asks for one
+
+ROWS, CONTACTS = 128, 32
+"""Room of a world for constraints, of which random actions reach 87, and contacts, of which they have 24."""
 _STATE = ("qpos", "qvel", "ctrl", "qacc_warmstart")
-_LOADED = (*_STATE, "sensordata")
-_READ = ("qpos", "qvel", "sensordata")
-_OVERFLOW = mjw.OverflowType
 _TOO_LARGE = 1e10  # mjMAXVAL
-
-
-_BAD_POSITION, _BAD_VELOCITY = warning_mask("BADQPOS"), warning_mask("BADQVEL")
-_FULL_ROWS, _FULL_CONTACTS = warning_mask("CNSTRFULL"), warning_mask("CONTACTFULL")
-_ROWS_OVER = int(_OVERFLOW.NEFC | _OVERFLOW.NJMAX_NNZ)
-_CONTACTS_OVER = int(
-    _OVERFLOW.BROADPHASE
-    | _OVERFLOW.NARROWPHASE
-    | _OVERFLOW.CCD
-    | _OVERFLOW.EPA_HORIZON
-    | _OVERFLOW.CONTACT_MATCH
-)
-
-
-@wp.func
-def _bad(values: wp.array[float]) -> bool:
-    bad = wp.bool(False)
-    for k in range(len(values)):
-        bad = bad or not wp.abs(values[k]) < _TOO_LARGE
-    return bad
-
-
-@wp.kernel(enable_backward=False)
-def _warn(
-    qpos: wp.array2d[float], qvel: wp.array2d[float], overflow: wp.array[int], warnings: wp.array[int]
-) -> None:
-    """Write the warnings of a control step, one bit each."""
-    i = wp.tid()
-    found = wp.int32(0)
-    if _bad(qpos[i]):
-        found |= _BAD_POSITION
-    if _bad(qvel[i]):
-        found |= _BAD_VELOCITY
-    if overflow[i] & _ROWS_OVER != 0:
-        found |= _FULL_ROWS
-    if overflow[i] & _CONTACTS_OVER != 0:
-        found |= _FULL_CONTACTS
-    warnings[i] = found
-
-
-@wp.kernel(enable_backward=False)
-def _keep_most(most: wp.array2d[float], now: wp.array2d[float]) -> None:
-    """Write the larger of the two to both."""
-    i, k = wp.tid()
-    most[i, k] = wp.max(most[i, k], now[i, k])
-    now[i, k] = most[i, k]
 
 
 class WarpPhysics:
@@ -81,13 +32,6 @@ class WarpPhysics:
 
     Every world advances at each step, those too whose episode is over. A world whose numbers go wrong, or that meets
     more contacts or constraints than there is room for, is told with MuJoCo's warnings.
-
-    Attributes:
-        device: that it runs on.
-        data: there.
-        rows: (N, frame_skip, n) set-points there.
-        push: (N, 3) forces on the objects there.
-        warnings: (N,) of the last step there.
     """
 
     def __init__(self, episodes: "Episodes") -> None:
@@ -97,53 +41,38 @@ class WarpPhysics:
             InputError: if there is no device of the name that the settings have.
         """
         settings, scenes = episodes.settings, list(episodes.simulations.values())
-        number, neighbours = len(episodes.slots), episodes.neighbours
-        self.device = find_device(settings.device)
+        number = len(episodes.slots)
+        self._device = find_device(settings.device)
         objects = [scene.object for scene in scenes]
-        around = list(settings.load_objects(episodes.around).values())
-        self._merged = MergedScene(objects, settings.cell, around, neighbours, episodes.walled)
-        self._scenes = [scenes[0]] * number
-        self._graph: Any = None
+        self._merged = MergedScene(objects, settings.cell)
+        self._scenes, self._body, self._graph = [scenes[0]] * number, scenes[0].body, None
         model, flags = self._merged.model, mujoco.mjtDisableBit
         model.opt.disableflags &= ~int(flags.mjDSBL_AUTORESET)  # unknown to warp, which never resets
         # Boxes are to meet as in MuJoCo's own function for two boxes.
         model.opt.disableflags |= int(flags.mjDSBL_NATIVECCD)
-        example = self._merged.fields(objects[:1], scenes[0].base)
+        fields = self._merged.fields(objects[0], scenes[0].base)
         worlds = max(number, 2)  # warp looks for absent meshes only where they differ between worlds
-        with wp.ScopedDevice(self.device):
-            self._model = mjw.put_model(model, batch_sizes=dict.fromkeys(example, worlds))
+        with wp.ScopedDevice(self._device):
+            self._model = mjw.put_model(model, batch_sizes=dict.fromkeys(fields, worlds))
             self._model.opt.warn_overflow = 0  # it is read at every step instead
-            self.data = mjw.make_data(
-                model,
-                nworld=number,
-                nconmax=_CONTACTS + neighbours * _MORE_CONTACTS,
-                njmax=_ROWS + neighbours * _MORE_ROWS,
-            )
-            self._touches = wp.zeros((number, neighbours), dtype=float)
+            self._data = mjw.make_data(model, nworld=number, nconmax=CONTACTS, njmax=ROWS)
             self._controls = wp.zeros((settings.frame_skip, number, model.nu), dtype=float)
-            self.warnings = wp.zeros(number, dtype=int)
-        self.rows = self._controls.transpose((1, 0, 2))
-        self.push = columns(self.data.xfrc_applied, 6 * scenes[0].body, 3, float)
-        fields = [
-            columns(getattr(self._model, name), self._merged.first_column(name), value.size)
-            for name, value in example.items()
-        ]
-        self._queue = ScatterQueue(fields + [columns(getattr(self.data, name)) for name in _LOADED])
-        self._touched = columns(self.data.sensordata, model.nsensordata - neighbours, neighbours, float)
-        self._absent = {name: np.zeros(getattr(self.data, name).shape[1]) for name in _LOADED}
-        self._absent["qpos"] = model.qpos0
-        self._host = PhysicsState(*(np.zeros(getattr(self.data, name).shape) for name in _READ))
-        self._known = True
+        self._fields: Arrays = {name: np.stack([value] * worlds) for name, value in fields.items()}
+        self._host: Arrays = {}
+        """Physics of now on the host, unless `_stepped`; the device has it unless `_loaded`."""
+        self._stepped = self._loaded = True
 
     @property
     def current(self) -> PhysicsState:
-        """The present state, also of neighbours that a scene has not."""
-        self._queue.send()
-        if not self._known:
-            for name, values in zip(_READ, self._host, strict=True):
-                values[:] = getattr(self.data, name).numpy()
-            self._known = True
-        return self._host
+        """The present state."""
+        self._fetch()
+        return PhysicsState(self._host["qpos"], self._host["qvel"], self._host["sensordata"])
+
+    def _fetch(self) -> None:
+        if self._stepped:
+            names = *_STATE, "sensordata"
+            self._host = {name: getattr(self._data, name).numpy().astype(float) for name in names}
+            self._stepped = False
 
     def load(self, i: int, simulation: Simulation) -> None:
         """Make environment `i` what a scene holds now: model, state and sensors; the device hears of it at a step.
@@ -156,27 +85,32 @@ class WarpPhysics:
                 f"backend='warp' scales no meshes, and {simulation.object.name} has some: "
                 "leave randomisation size out"
             )
-        fields = self._merged.fields((simulation.object, *simulation.neighbours), simulation.model)
-        state = {name: filled(self._absent[name], getattr(simulation.data, name)) for name in _LOADED}
-        self._queue.put(i, *fields.values(), *state.values())
-        self._scenes[i] = simulation
-        for name, values in zip(_READ, self._host, strict=True):
-            values[i] = state[name]
+        self._fetch()
+        for name, value in self._merged.fields(simulation.object, simulation.model).items():
+            self._fields[name][i] = value
+        for name, values in self._host.items():
+            values[i] = getattr(simulation.data, name)
+        self._scenes[i], self._loaded = simulation, True
+
+    def _send(self) -> None:
+        for there, values in ((self._model, self._fields), (self._data, self._host)):
+            for name, value in values.items():
+                getattr(there, name).assign(value)
+        self._loaded = False
 
     def state(self, i: int) -> Array:
         """Return the full integration state of environment `i`."""
-        self._queue.send()
         simulation = self._scenes[i]
         mujoco.mj_resetData(simulation.model, simulation.data)
-        self._fetch(i, simulation)
+        self._give_back(i, simulation)
         return simulation.get_state()
 
-    def _fetch(self, i: int, simulation: Simulation) -> None:
+    def _give_back(self, i: int, simulation: Simulation) -> None:
+        self._fetch()
         for name in _STATE:
-            own = getattr(simulation.data, name)
-            own[:] = getattr(self.data, name).numpy()[i, : len(own)]
+            getattr(simulation.data, name)[:] = self._host[name][i]
 
-    def advance(self, simulation: Simulation, rows: Array) -> int:
+    def advance(self, simulation: Simulation, rows: Array) -> Index:
         """Advance the one environment that there is from what a scene holds, and have the scene hold what is then.
 
         Of applied forces only that on the object counts.
@@ -186,49 +120,68 @@ class WarpPhysics:
             rows: (1, frame_skip, n) set-points of the physics steps, rad.
 
         Returns:
-            The warnings that came up, one bit each.
+            (1,) warnings that came up, one bit each.
         """
-        data = simulation.data
         self.load(0, simulation)
-        self.rows.assign(rows)
-        self.push.assign(data.xfrc_applied[None, simulation.body, :3])
-        bits = self.step(rows, None, np.arange(1))
-        self._fetch(0, simulation)
-        data.sensordata[:] = self.current.sensors[0, : len(data.sensordata)]
-        return int(bits[0])
+        bits = self.step(rows, simulation.data.xfrc_applied[None, self._body, :3], np.arange(1))
+        self._give_back(0, simulation)
+        simulation.data.sensordata[:] = self._host["sensordata"][0]
+        return bits
 
     def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> Index:
-        """Advance all by one control step, as `rows` and `push` of the device say, whatever is given here.
-
-        Returns:
-            (N,) warnings that came up, one bit each.
-        """
-        self._queue.send()
+        """Advance all by one control step; see `Physics`."""
+        if self._loaded:
+            self._send()
+        if push is not None:
+            forces = np.zeros((len(push), self._merged.model.nbody, 6), np.float32)
+            forces[:, self._body, :3] = push
+            self._data.xfrc_applied.assign(forces)
+        self._controls.assign(np.ascontiguousarray(rows.swapaxes(0, 1), np.float32))
         if self._graph is None:
             self._capture()
+            self._send()  # what is recorded has been launched once
+        self._data.overflow.zero_()
         wp.capture_launch(self._graph)
-        self._known = False
-        return self.warnings.numpy()
+        self._stepped = True
+        return self._warnings()
 
     def _capture(self) -> None:
-        """Record the control step: what it launches is compiled, or found compiled, in a step that is undone."""
-        before = [getattr(self.data, name).numpy().copy() for name in _STATE]
-        state = [self.data.qpos, self.data.qvel, self.data.overflow]
-        with wp.ScopedDevice(self.device):
-            mjw.step(self._model, self.data)
-            wp.launch(_warn, len(self._scenes), state, [self.warnings])
+        """Record the control step; it is launched once before, which compiles it."""
+        with wp.ScopedDevice(self._device):
+            mjw.step(self._model, self._data)
             with wp.ScopedCapture() as capture:
-                self.data.overflow.zero_()
-                self._touches.zero_()
                 for k in range(len(self._controls)):
-                    wp.copy(self.data.ctrl, self._controls[k])
-                    mjw.step(self._model, self.data)
-                    wp.launch(_keep_most, self._touches.shape, [self._touches, self._touched])
-                wp.launch(_warn, len(self._scenes), state, [self.warnings])
+                    wp.copy(self._data.ctrl, self._controls[k])
+                    mjw.step(self._model, self._data)
         self._graph = capture.graph
-        for name, value in zip(_STATE, before, strict=True):
-            getattr(self.data, name).assign(value)
+
+    def _warnings(self) -> Index:
+        self._fetch()
+        overflow = self._data.overflow.numpy()
+        of_rows = int(mjw.OverflowType.NEFC | mjw.OverflowType.NJMAX_NNZ)
+        found = {
+            "BADQPOS": ~(np.abs(self._host["qpos"]) < _TOO_LARGE).all(axis=1),
+            "BADQVEL": ~(np.abs(self._host["qvel"]) < _TOO_LARGE).all(axis=1),
+            "CNSTRFULL": overflow & of_rows != 0,
+            "CONTACTFULL": overflow & ~of_rows != 0,
+        }
+        return sum(
+            (warning_mask(name) * over for name, over in found.items()), np.zeros(len(overflow), np.int64)
+        )
 
     def close(self) -> None:
         """Free the graph."""
         self._graph = None
+
+
+def find_device(device: str | None) -> Any:
+    """Return a device as warp names it; None: a GPU where there is one.
+
+    Raises:
+        InputError: if there is none of that name.
+    """
+    try:
+        return wp.get_preferred_device() if device is None else wp.get_device(device)
+    except (ValueError, RuntimeError):
+        valid = ", ".join(found.alias for found in wp.get_devices())
+        raise InputError(f"device {device!r} is not here: valid are {valid}") from None
