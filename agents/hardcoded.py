@@ -85,19 +85,34 @@ class HardcodedAgent(Agent):
         return normalise(targets, self._cell.robot).astype(np.float32)
 
     def _plan(self, start: Array, points: Array) -> ActionScript:
-        """Return the script of the first turn of the wrist that has one, nearer to `start` first."""
-        postures, axis, tree = hand_postures(self._cell), short_axis(points), robot_tree(self._cell)
-        palms = [postures.palm(points, along) for along in (axis, -axis)]
-        arms = [(palm, arm) for palm in palms if (arm := arm_at(palm, start, tree)) is not None]
+        """Return the script of the first palm pose that has one."""
+        hands = hand_postures(self._cell).hands(points, short_axis(points))
         blocked = NoPath("out_of_reach", "the arm reaches neither of the two turns of the wrist")
-        for palm, _ in sorted(arms, key=lambda found: np.abs(found[1] - start[: tree.arm]).max()):
+        for palm in self._palms(start, points):
             try:
-                return plan_to_pose(palm, postures.hands(points, axis), points, start, self._cell)
+                return plan_to_pose(palm, hands, points, start, self._cell)
             except InputError as flat:
                 raise NoPath(NO_VOLUME, str(flat)) from None
             except NoPath as reason:
                 blocked = reason
         raise blocked
+
+    def _palms(self, start: Array, points: Array) -> list[tuple[Array, Array]]:
+        """Return the poses of the palm to try, of both wrist turns, nearer to `start` first."""
+        axis = short_axis(points)
+        reached = self._reached(start, points, [axis, -axis])
+        return [
+            palm
+            for palm, _ in sorted(reached, key=lambda found: np.abs(found[1] - start[: len(found[1])]).max())
+        ]
+
+    def _reached(
+        self, start: Array, points: Array, axes: list[Array]
+    ) -> list[tuple[tuple[Array, Array], Array]]:
+        """Return pose of the palm and arm (a,) rad of grips along axes (3,), those that the arm reaches."""
+        postures, tree = hand_postures(self._cell), robot_tree(self._cell)
+        palms = [postures.palm(points, axis) for axis in axes]
+        return [(palm, arm) for palm in palms if (arm := arm_at(palm, start, tree)) is not None]
 
 
 class HardcodedCompletedAgent(HardcodedAgent):

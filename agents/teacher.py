@@ -4,7 +4,7 @@ import numpy as np
 
 from dexgrasp.agent import BY_CLOUD
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
-from dexgrasp.mechanics.kinematics.tree import RobotTree
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 
 from .bilevel import BilevelAgent
@@ -22,11 +22,11 @@ class Teacher(HardcodedAgent):
     the least turn of the wrist is taken.
     """
 
-    def _arms(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:
+    def _palms(self, start: Array, points: Array) -> list[tuple[Array, Array]]:
         """Return those of grips along the narrowest directions, least turn of the wrist first."""
         widths = np.ptp(points[:, :2] @ np.stack([np.cos(_TURNS), np.sin(_TURNS)]), axis=0)
         narrow = _TURNS[widths <= widths.min() * _WIDER[0] + _WIDER[1]]
-        R, _ = palm_frame(start, tree)
+        R, _ = palm_frame(start, robot_tree(self._cell))
         middle = points.mean(axis=0)
         straight = np.arctan2(R[1, 2], R[0, 2]) - start[0] + np.arctan2(middle[1], middle[0])
         turns = np.concatenate([narrow, narrow + np.pi]) - straight
@@ -34,7 +34,7 @@ class Teacher(HardcodedAgent):
         best = turns[np.argmin(np.abs(turns))]
         other = best - np.sign(best) * np.pi if best else np.pi
         axes = [np.array([np.cos(a), np.sin(a), 0.0]) for a in straight + np.array([best, other])]
-        return self._reachable(tree, start, points, axes)
+        return [palm for palm, _ in self._reached(start, points, axes)]
 
 
 class PlansOnce(BilevelAgent):

@@ -100,7 +100,8 @@ def paired_comparison(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields
     fewer = _design_effect(units.values(), cells, difference)
 
     def interval(quantile: float) -> Interval:
-        return paired_difference_interval(*(n / fewer for n in cells), quantile=quantile)
+        both, only_a, only_b, neither = (n / fewer for n in cells)
+        return paired_difference_interval(both, only_a, only_b, neither, quantile)
 
     def above_zero(quantile: float) -> float:
         low, high = interval(quantile)
