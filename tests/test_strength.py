@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dexgrasp.mechanics.contacts import Contacts, checked
+from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.equilibrium import grasp_map, rms_radius
 from dexgrasp.mechanics.strength import capacity_of, hold_residual, load_of
 
@@ -19,7 +19,8 @@ def contacts(mass=0.2, limit=0.7, turn=0.0):
         jacobians[i, :, 3 * i : 3 * i + 3] = 0.08 * np.eye(3)
     points = 0.03 * normals + np.array([0.5, 0.0, 0.05])
     gravity = np.array([0.0, 0.0, -9.81 * mass])
-    return checked(Contacts(points, normals, jacobians, limit, MU, np.array([0.5, 0.0, 0.05]), gravity))
+    centre = np.array([0.5, 0.0, 0.05])
+    return Contacts(points, normals, jacobians, np.full(9, limit), np.full(3, MU), centre, gravity)
 
 
 def grasp_matrix(c):

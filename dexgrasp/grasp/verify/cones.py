@@ -1,39 +1,15 @@
-"""Forces within friction cones: the judge's own programmes, solved by clarabel and, through qpsolvers, by osqp.
+"""Forces within friction cones: the judge's own programmes, solved by clarabel.
 
-A solver may stop short, so no answer rests on its word. The residual of Eq. 4 is bracketed: above by forces moved into
-the cones, below by a separating wrench. A margin is that of forces whose balance is looked at. What is left open counts
-as not shown.
+A solver may stop short, so no answer rests on its word. The residual of Eq. 4 is that of forces moved into the cones, a
+margin that of forces whose balance is looked at. What is left open counts as not shown.
 """
-
-import warnings
-from typing import NamedTuple
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array
 
-FORCE_BOUND = 1e5
-"""Lower bounds hold for contact forces up to this many times f_min."""
 _RANK = 1e-4  # least singular value of a grasp matrix of rank 6
 _IMBALANCE = 1e-6  # of the total press: more than rounding
-
-
-class Residual(NamedTuple):
-    """Eq. 4 in the exact cone, bracketed.
-
-    Attributes:
-        upper: residual, N^2, of `forces`, which lie in the cones and press at least 1 N.
-        lower: no forces up to `FORCE_BOUND` N have a smaller residual, N^2.
-        forces: (N, 3) N.
-    """
-
-    upper: float
-    lower: float
-    forces: Array
-
-    def closed(self, tolerance: float = 1e-6) -> bool | None:
-        """Compare the least residual with `tolerance`, N^2: True and False are proved, None is open."""
-        return True if self.upper < tolerance else False if self.lower >= tolerance else None
 
 
 def wrench_map(points: Array, centre: Array, normals: Array | None = None, torsion: float = 0.0) -> Array:
@@ -77,43 +53,46 @@ def slides(forces: Array, normals: Array) -> tuple[Array, Array]:
     return press, np.linalg.norm(across, axis=-1)
 
 
-def conic_residual(points: Array, normals: Array, mu: float) -> Residual:
-    """Bracket the least value of Eq. 4 (f_min 1 N, torques over the rms radius) with the exact cone.
+def conic_residual(points: Array, normals: Array, mu: float) -> float:
+    """Return a residual of Eq. 4, N^2, that forces in the exact cones have: the least, or more where clarabel fails.
 
     Args:
         points: (N, 3) m.
         normals: (N, 3) unit, out of the object.
         mu: friction coefficient.
     """
-    G, N = wrench_map(points, points.mean(0)), len(points)
-    n = 3 * N
-    # In (f, w) with w = G f: better conditioned than G^T G.
-    x, _ = _minimise(
-        np.diag(np.r_[np.zeros(n), np.full(6, 2.0)]), np.zeros(n + 6),
-        equal=(np.c_[G, -np.eye(6)], np.zeros(6)),
-        at_most=(np.c_[-press_rows(normals), np.zeros((N, 6))], np.full(N, -1.0)),
-        cones=np.c_[cone_rows(normals, mu), np.zeros((n, 6))], tolerance=1e-12,
-    )  # fmt: skip
-    forces = _into_cones(np.nan_to_num(x[:n]).reshape(N, 3), normals, mu)
-    wrench = G @ forces.ravel()
-    return Residual(float(wrench @ wrench), _lower(G, wrench, normals, mu), forces)
-
-
-def _into_cones(forces: Array, normals: Array, mu: float) -> Array:
-    """Press harder until every force (N, 3) lies in its exact cone and presses at least 1 N."""
+    found, _ = _least_wrench(points, -press_rows(normals), np.full(len(points), -1.0), cone_rows(normals, mu))
+    forces = np.nan_to_num(found)
     press, sliding = slides(forces, normals)
-    need = np.maximum(1.0, sliding / mu * (1 + 1e-15))
-    return forces - np.maximum(0.0, need - press)[:, None] * normals
+    need = np.maximum(1.0, sliding / mu * (1 + 1e-15))  # harder until each lies in its cone
+    forces -= np.maximum(0.0, need - press)[:, None] * normals
+    wrench = wrench_map(points, points.mean(0)) @ forces.ravel()
+    return float(wrench @ wrench)
 
 
-def _lower(G: Array, wrench: Array, normals: Array, mu: float) -> float:
-    """Bound |G f|^2 from below, by f's least component along `wrench` (6,)."""
-    size = np.linalg.norm(wrench)
-    if size == 0.0:
-        return 0.0
-    press, sliding = slides((G.T @ (wrench / size)).reshape(-1, 3), normals)
-    least = press - mu * sliding
-    return max(0.0, float(np.where(least >= 0, least, least * FORCE_BOUND).sum())) ** 2
+def pyramid_forces(points: Array, normals: Array, mu: float) -> Array:
+    """Return forces (N, 3) N of Eq. 4 as in the paper (pyramids of Eq. 2, f_min 1 N); of 1 N each where it fails."""
+    press = press_rows(normals)
+    across = np.delete(cone_rows(normals, mu), np.s_[::3], axis=0)
+    bound = mu * np.repeat(press, 2, axis=0)
+    A = np.concatenate([-press, across - bound, -across - bound])
+    most = np.r_[np.full(len(press), -1.0), np.zeros(2 * len(across))]
+    forces, solved = _least_wrench(points, A, most, np.zeros((0, A.shape[1])))
+    return forces if solved else -normals
+
+
+def _least_wrench(points: Array, A: Array, most: Array, cones: Array) -> tuple[Array, bool]:
+    """Return the forces f (N, 3) with A f <= most, in cones, whose wrench is least, and whether they are found.
+
+    In (f, w) with w = G f: better conditioned than G^T G.
+    """
+    G, n = wrench_map(points, points.mean(0)), points.size
+    x, solved = _minimise(
+        np.diag(np.r_[np.zeros(n), np.full(6, 2.0)]), np.zeros(n + 6), equal=(np.c_[G, -np.eye(6)], np.zeros(6)),
+        at_most=(np.c_[A, np.zeros((len(A), 6))], most), cones=np.c_[cones, np.zeros((len(cones), 6))],
+        tolerance=1e-12,
+    )  # fmt: skip
+    return x[:n].reshape(-1, 3), solved
 
 
 def conic_margin(points: Array, normals: Array, mu: float, torsion: float = 0.0) -> float | None:
@@ -143,23 +122,6 @@ def conic_margin(points: Array, normals: Array, mu: float, torsion: float = 0.0)
     if not np.isfinite(x).all() or total < 1e-9 or np.linalg.norm(G @ x[:-1]) > _IMBALANCE * total:
         return None
     return N * (press - np.linalg.norm(across, axis=0)).min() / total
-
-
-def pyramid_forces(points: Array, normals: Array, mu: float) -> Array:
-    """Return forces (N, 3) N of Eq. 4 as in the paper (pyramids of Eq. 2, f_min 1 N); of 1 N each where osqp fails."""
-    import qpsolvers
-    from scipy.sparse import csc_matrix
-
-    G, press = wrench_map(points, points.mean(0)), press_rows(normals)
-    across = np.delete(cone_rows(normals, mu), np.s_[::3], axis=0)
-    bound = mu * np.repeat(press, 2, axis=0)
-    A = np.concatenate([-press, across - bound, -across - bound])
-    b = np.r_[np.full(len(press), -1.0), np.zeros(2 * len(across))]
-    problem = qpsolvers.Problem(csc_matrix(G.T @ G), np.zeros(G.shape[1]), csc_matrix(A), b)
-    with warnings.catch_warnings():  # of what is returned as not found
-        warnings.simplefilter("ignore")
-        answer = qpsolvers.solve_problem(problem, "osqp", eps_abs=1e-9, eps_rel=1e-9, max_iter=400_000)
-    return -normals if answer.x is None or not answer.found else answer.x.reshape(-1, 3)
 
 
 def largest_push(

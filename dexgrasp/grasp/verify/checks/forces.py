@@ -25,7 +25,7 @@ _NOT_SHOWN = -1e3  # stands for a margin that was not found
 def closure_checks(case: Case) -> list[Check]:
     """Check wrench closure in the exact cones of the planned friction, and its claims."""
     points, normals, mu = case.touch.points, case.touch.normals, case.limits.friction
-    residual = conic_residual(points, normals, mu).upper
+    residual = conic_residual(points, normals, mu)
     found = conic_margin(points, normals, mu, case.robot.hand.torsion)
     margin = _NOT_SHOWN if found is None else found
     forces = pyramid_forces(points, normals, mu)  # of Eq. 4 as it is in the paper

@@ -1,6 +1,5 @@
 """The object: is it the one stated, does it lie under hull and tips, are mass and centre its own or of its shape."""
 
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -18,14 +17,13 @@ from dexgrasp.grasp.thresholds import (
 )
 from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, flag, same
-from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import has_own_size
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.objects.shapes import to_manifold
 
 SUNK = 0.003  # m that the object's lowest point may be off the table
 MASS = 1e-6  # kg
-_POINTS = 20_000  # that measure a common volume to half a percent
 _DENSITY, _RANGE = 900.0, (0.08, 0.65)  # kg/m3 and kg: what an object that nobody weighed is taken for
 
 
@@ -107,15 +105,6 @@ def _outside(hull: Any, other: Any) -> float:
 
 
 def _overlap(hull: Any, other: Any) -> float:
-    """Return the volume common to two convex meshes as a share of what either fills, by points evenly spread."""
-    low, high = np.minimum(hull.bounds[0], other.bounds[0]), np.maximum(hull.bounds[1], other.bounds[1])
-    points = low + (high - low) * np.random.default_rng(0).random((_POINTS, 3))
-    one, two = _within(hull, points), _within(other, points)
-    return (one & two).sum() / (one | two).sum()
-
-
-def _within(convex: Any, points: Array) -> Mask:
-    """Return which of the points (N, 3) a convex mesh holds: those behind every face."""
-    offsets = (convex.face_normals * convex.triangles[:, 0]).sum(1)
-    behind = (points @ normal <= offset for normal, offset in zip(convex.face_normals, offsets, strict=True))
-    return reduce(np.logical_and, behind)
+    """Return the volume common to two convex meshes as a share of what either fills."""
+    common = (to_manifold(hull) ^ to_manifold(other)).volume()
+    return common / (hull.volume + other.volume - common)
