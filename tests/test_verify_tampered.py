@@ -197,7 +197,6 @@ def plus(amount, *path):
         (plus(0.001, "holds_probability", "lifted", "value"), {"holds_probability as the model says"}),
         (put_at(0.01, "table_height"), {"table_height", "contacts as claimed"}),
         (put_at({"length": "mm"}, "units"), {"units"}),
-        (put_at("no body", "agent"), {"agent"}),
         (put_at(2.6, "certificate", "load"), {"load as claimed"}),
         (put_at(9.0, "certificate", "capacity"), {"capacity as claimed"}),
         (put_at(0.51, "certificate", "friction"), {"friction as claimed"}),

@@ -16,7 +16,6 @@ from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 NO_CLOUD, NO_VOLUME = "empty_cloud", "cloud_has_no_volume"
 _LEAST_POINTS = 4
-_GUESSED = 1.3  # of the section of what was seen, from which on that of a completed object is doubtful
 _LEAST_INSIDE = 0.003 / UNIT  # radius of the largest ball inside, below which there is no volume to speak of
 
 
@@ -80,7 +79,7 @@ def with_guess(cloud: ObjectCloud, plane: Plane | None) -> ObjectCloud:
     if corners is None or spread is None or plane is None:
         return cloud
     ratio = _section(corners) / _section(trim_extremes(cloud.points, plane.rms))
-    if ratio < _GUESSED:
+    if ratio < 1.3:  # of the section of what was seen, from which on that of a completed object is doubtful
         return cloud
     said = f"has a side that no camera saw: its section is taken to be {ratio:.1f} times what was seen"
     return replace(cloud, doubt="; ".join(filter(None, (cloud.doubt, said))))

@@ -11,13 +11,6 @@ from dexgrasp_env.perception.plane import Plane
 
 REACH = 0.020
 """m above the table within which points are dropped onto it."""
-# A hull is made of extremes, and the extremes of noisy points lie outside the surface. The two numbers below
-# were set on boxes, cans, balls, cones and a tetrahedron with the default sensor: without them the hull is
-# 13 % too large.
-_TRIMMED = 0.01  # share of the points that count as extremes in a direction, from 1 mm of noise
-_INWARDS = 0.3  # of the noise: how much farther in the hull begins than the last point that is none
-_SEEN, _UPPER = 0.02, 0.5  # share of points that are lower where the sides were seen; of the height, how low
-_FACES = 80  # of a hull that is kept clear of
 
 
 def cloud_corners(points: Array, plane: Plane | None = None) -> Array | None:
@@ -44,7 +37,7 @@ def cloud_corners(points: Array, plane: Plane | None = None) -> Array | None:
         points = trim_extremes(points, plane.rms)
         heights = plane.heights(points)
         dropped = points - heights[:, None] * plane.normal
-        if np.quantile(heights, _SEEN) > max(REACH, _UPPER * heights.max()):
+        if np.quantile(heights, 0.02) > max(REACH, 0.5 * heights.max()):  # hardly a point is low
             heights = np.zeros_like(heights)
         points = np.concatenate([points, dropped[heights < REACH], np.median(dropped, axis=0, keepdims=True)])
     try:
@@ -60,24 +53,27 @@ def standing_hull(points: Array) -> ConvexDistance:
         InputError: if the points span no volume.
     """
     shadow = points * [1.0, 1.0, 0.0]
-    return ConvexDistance.from_points(np.concatenate([points, shadow]), max_faces=_FACES)
+    return ConvexDistance.from_points(np.concatenate([points, shadow]), max_faces=80)
 
 
 def trim_extremes(points: Array, noise: float) -> Array:
     """Return the points (M, 3) with those that stick out moved inwards.
 
+    A hull is made of extremes, and those of noisy points lie outside the surface: of boxes, cans, balls, cones and a
+    tetrahedron, seen by the default sensor, it would be 13 % too large.
+
     In each of many directions, the farthest 1 % of the points are moved back to the next one and 0.3 of the
     noise farther. Downwards nothing is moved: the table ends the object there. Without noise nothing is
     moved at all.
     """
-    count = round(_TRIMMED * min(1.0, noise / 0.001) * len(points))
+    count = round(0.01 * min(1.0, noise / 0.001) * len(points))
     if count < 1:
         return points
     outward = _outward()
     centre = np.median(points, axis=0)
     local = points - centre
     along = outward @ local.T
-    limit, beyond = _limits(along, count, _INWARDS * noise)
+    limit, beyond = _limits(along, count, 0.3 * noise)
     out = np.flatnonzero(beyond)
     moved = _moved(local[out], along[:, out] - limit[:, None], outward)
     # A corner sticks out in more than one direction.

@@ -15,8 +15,6 @@ _SCALE = 1e3
 """trimesh takes squared distances within 1e-8 for equal: in metres that is 0.1 mm, in millimetres 0.1 um."""
 _CORNER = 1e-9
 """A barycentric coordinate below this is none: the closest point lies on an edge or a vertex."""
-_TOUCHING = 1e-12
-"""Below this distance [m] the direction to the closest point is rounding."""
 
 
 class Closest(NamedTuple):
@@ -61,7 +59,7 @@ def closest_on_mesh(mesh: "trimesh.Trimesh", points: ArrayLike) -> Closest:
     offsets = queries - closest
     lengths = np.sqrt((offsets * offsets).sum(-1))
     signed = np.where((offsets * normals).sum(-1) < 0.0, -lengths, lengths)
-    far = lengths > _TOUCHING
+    far = lengths > 1e-12  # Below this distance [m] the direction to the closest point is rounding.
     gradients = np.where(far[:, None], offsets / np.where(far, signed, 1.0)[:, None], normals)
     return Closest(signed, closest, gradients)
 

@@ -24,7 +24,6 @@ from dexgrasp_env.files import content_hash, read_file
 SCHEMA = 1
 OUTCOMES = ("lifted", "pushed")
 """What is foretold: lifted and held for 3 s (`lift`); and through pushes by the weight from six sides (`pushed@1`)."""
-_SPREAD = 1.96  # standard deviations of the members' log odds, to either side
 
 
 class Trees(NamedTuple):
@@ -70,7 +69,8 @@ class Model(NamedTuple):
         found = {}
         for name, (trees, (offset, slope)) in self.outcomes.items():
             odds = offset + slope * trees.log_odds(x)
-            middle, around = odds.mean(), _SPREAD * odds.std()
+            # standard deviations of the members' log odds, to either side
+            middle, around = odds.mean(), 1.96 * odds.std()
             found[name] = Chance(*(_share(each) for each in (middle, middle - around, middle + around)))
         return found
 

@@ -34,7 +34,6 @@ FLAT = 0.15
 """Triangles whose height is below this part of their longest side get the wider band."""
 LINE = 4e-3
 """Below this part they count as lying on a line and always go to the programme."""
-_UNKNOWNS = 10  # three forces in world axes, and the least value's negative root
 _FACES, _ROUNDS = 4, 60
 _ROUNDING = 1e-9
 
@@ -112,7 +111,8 @@ def _wider(mu: float, flat2: float) -> float:
 def _sweep(cloud: _Cloud, shape: Shape) -> Triples:
     """Return the feasible triples (M, 3) in lexicographic order."""
     E, T, D, mu, near = cloud.E, cloud.T, cloud.D, cloud.mu, cloud.near
-    p = empty_programme(shape, _UNKNOWNS, 3 * (_FACES + 1) + 12 + _ROUNDS)
+    # three forces in world axes, and the least value's negative root
+    p = empty_programme(shape, 10, 3 * (_FACES + 1) + 12 + _ROUNDS)
     p.span[:] = 0.0
     for i in range(9):
         p.span[i // 3, i % 3, i] = 1.0

@@ -32,9 +32,6 @@ from dexgrasp_env.compiled import njit
 BALANCED = 1e-4  # of the weight: what counts as balanced
 _ROUNDING = 1e-6
 _FACES, _ROUNDS = 8, 24  # planes of each cone at first, and rounds of further ones
-_IN_CONE = 2e-7  # N of friction that forces may be beyond their cones
-_FAR = 1e6  # weights: no push is larger
-_GIVES = 1e-6  # m/N that a contact gives way besides its joints, in every direction: hardly, but not nothing
 
 
 def torque_fraction(contacts: Contacts, forces: Array) -> float:
@@ -94,7 +91,8 @@ def _servo_answers(contacts: Contacts, G: Array, stiffness: Array) -> Array:
     J, yields = contacts.jacobians, np.zeros((G.shape[1], 6))
     if (np.abs(J).max(1) > 0.0).sum(0).max() > 1:  # some joint moves several contacts
         J = J.reshape(1, G.shape[1], -1)
-    compliance = J / stiffness @ J.transpose(0, 2, 1) + _GIVES * np.eye(J.shape[1])
+    # m/N that a contact gives way besides its joints, in every direction: hardly, but not nothing
+    compliance = J / stiffness @ J.transpose(0, 2, 1) + 1e-6 * np.eye(J.shape[1])
     for i in range(len(J)):
         own = slice(i * J.shape[1], (i + 1) * J.shape[1])
         yields[own] = np.linalg.solve(compliance[i], G[:, own].T)
@@ -160,6 +158,7 @@ def _capacity(contacts: Contacts, shape: Shape, pushes: Array, stop: float) -> f
 
 @njit
 def _most(p: Programme, contacts: Contacts) -> float:
-    begin(p, _FAR, _FACES)
+    begin(p, 1e6, _FACES)  # weights: no push is larger
     add_torques(p, contacts, np.inf)
-    return max(p.lp.z[-1], 0.0) if maximise(p, _ROUNDS, _IN_CONE, -np.inf) else 0.0
+    # N of friction that forces may be beyond their cones
+    return max(p.lp.z[-1], 0.0) if maximise(p, _ROUNDS, 2e-7, -np.inf) else 0.0

@@ -18,9 +18,6 @@ from dexgrasp_env.extras import from_extra
 with from_extra():
     import daqp
 
-REGULARISER = 1e-9
-"""Added to the Hessian for the QP solver, which wants one; the residual returned is computed without it."""
-
 
 class WrenchSolution(NamedTuple):
     """Solution of Eq. 4."""
@@ -71,7 +68,8 @@ def solve_wrench_qp(
     about = points.mean(0) if center is None else center
     G = grasp_map(points, about, rms_radius(points) if length_scale is None else length_scale)
     A, b = pyramid_rows(normals, mu, f_min)
-    H = G.T @ G + REGULARISER * np.eye(G.shape[1])
+    # Added to the Hessian for the QP solver, which wants one; the residual returned is computed without it.
+    H = G.T @ G + 1e-9 * np.eye(G.shape[1])
     below, sense = np.full(len(b), -1e30), np.zeros(len(b), np.int32)
     x, _, flag, _ = daqp.solve(H, np.zeros(len(H)), -A, -b, below, sense)
     forces = restore_feasible(x.reshape(-1, 3) if flag > 0 else -f_min * normals, normals, mu, f_min)

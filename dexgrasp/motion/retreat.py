@@ -11,8 +11,6 @@ from dexgrasp.motion.timing import still, time_path
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 
-_SETTLE = 0.35  # s at home: the arm's servos lag by 0.1 s
-_MARGIN = 0.004  # m that the robot keeps from the table and from itself
 _SPEED = 0.9  # of the limits: the hand is empty, and an episode has time for a second grasp only
 
 
@@ -30,12 +28,13 @@ class Retreat(Played):
         Raises:
             NoPath: where that, the table or the robot itself is in the way.
         """
-        checker, home = CollisionChecker(cell, neighbours, _MARGIN), cell.robot.home
+        # m that the robot keeps from the table and from itself
+        checker, home = CollisionChecker(cell, neighbours, 0.004), cell.robot.home
         tree = robot_tree(cell)
         start = np.clip(start, tree.lower, tree.upper)
         opened = arm_and_hand(start, home, tree)
         # Unchecked: pressing fingers are set inside one another.
         opening = time_path(np.stack([start, opened]), tree, speed=_SPEED)
         way = time_path(plan_approach(checker, opened, home), tree, checker, _SPEED)
-        rows = np.concatenate([opening, way, still(home, _SETTLE)])
+        rows = np.concatenate([opening, way, still(home, 0.35)])  # s at home: the arm's servos lag by 0.1 s
         super().__init__(np.clip(rows, tree.lower, tree.upper), tree)

@@ -13,8 +13,6 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
-_STEPS = 60
-_ROUNDING = 1e-9
 _LARGE = 1e8
 
 
@@ -77,11 +75,11 @@ def fastest_squared_speeds(
             if abs(first[i, j]) > 1e-12:
                 most[i] = min(most[i], (velocity[j] / first[i, j]) ** 2)
         ahead = 2.0 * (at[i + 1] - at[i])
-        for _ in range(_STEPS):
+        for _ in range(60):
             # The room between the bounds is concave in x: Newton's steps from above end at its zero.
             most[i] = min(most[i], _accelerations(i, most[i], curve, ahead, most[i + 1], bounds))
             room = bounds[1, 0] - bounds[0, 0]
-            if room >= -_ROUNDING:
+            if room >= -1e-9:
                 break
             slope = bounds[1, 1] - bounds[0, 1]
             if slope >= 0.0:

@@ -8,9 +8,6 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 
-_RANK = 1e-4  # least singular value of a grasp matrix of rank 6
-_IMBALANCE = 1e-6  # of the total press: more than rounding
-
 
 def wrench_map(points: Array, centre: Array, normals: Array | None = None, torsion: float = 0.0) -> Array:
     """Return (6, c N): forces at points (N, 3) -> wrench about `centre` (3,), torques over the points' rms radius.
@@ -108,7 +105,7 @@ def conic_margin(points: Array, normals: Array, mu: float, torsion: float = 0.0)
         torsion: radius of soft contacts, m; 0: points.
     """
     G, N, parts = wrench_map(points, points.mean(0), normals, torsion), len(points), 4 if torsion else 3
-    if np.linalg.matrix_rank(G, tol=_RANK) < 6:
+    if np.linalg.matrix_rank(G, tol=1e-4) < 6:  # least singular value of a grasp matrix of rank 6
         return None
     rows, first = cone_rows(normals, mu, parts) / mu, np.tile(np.eye(parts)[0], N)
     n = parts * N
@@ -119,7 +116,8 @@ def conic_margin(points: Array, normals: Array, mu: float, torsion: float = 0.0)
     )  # fmt: skip
     press, *across = (rows @ x[:-1]).reshape(N, parts).T
     total = press.sum()
-    if not np.isfinite(x).all() or total < 1e-9 or np.linalg.norm(G @ x[:-1]) > _IMBALANCE * total:
+    # of the total press: more than rounding
+    if not np.isfinite(x).all() or total < 1e-9 or np.linalg.norm(G @ x[:-1]) > 1e-6 * total:
         return None
     return N * (press - np.linalg.norm(across, axis=0)).min() / total
 

@@ -7,7 +7,6 @@ from dexgrasp.grasp.verify.check import Check, at_least, at_most
 
 _OPEN, _BESIDE = 0.004, 0.001  # m between the open hand and the object, the table; and what stands around
 _TRUE = 2e-5  # m, of MuJoCo's distances
-_ALWAYS_APART = 0.003  # m: links that the joint ranges keep this far apart do not count in the claim
 
 
 def clearance_checks(case: Case) -> list[Check]:
@@ -22,7 +21,8 @@ def clearance_checks(case: Case) -> list[Check]:
     counted = [
         found[kind]
         for kind in ("hand_object", "hand_table", "self")
-        if kind != "self" or found[kind] < _ALWAYS_APART
+        # m: links that the joint ranges keep this far apart do not count in the claim
+        if kind != "self" or found[kind] < 0.003
     ]
     if not np.isnan(claimed):
         checks.append(at_most("min_clearance_m over the true one", claimed - min(counted), 0.0, "m", _TRUE))

@@ -22,10 +22,6 @@ from dexgrasp_env.objects.load import has_own_size
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.shapes import to_manifold
 
-SUNK = 0.003  # m that the object's lowest point may be off the table
-MASS = 1e-6  # kg
-_DENSITY, _RANGE = 900.0, (0.08, 0.65)  # kg/m3 and kg: what an object that nobody weighed is taken for
-
 
 def identity_checks(case: Case) -> list[Check]:
     """Check mass, centre of mass, and, where the file knows the object, that object and its pose.
@@ -35,12 +31,11 @@ def identity_checks(case: Case) -> list[Check]:
     known, record, parts = case.record.object, case.record, case.scene.parts
     volumes = np.array([part.volume for part in parts])
     middle = volumes @ [part.center_mass for part in parts] / volumes.sum()
-    mass = (
-        np.clip(_DENSITY * case.scene.hull.volume, *_RANGE) if known.known_mass is None else known.known_mass
-    )
+    assumed = np.clip(900.0 * case.scene.hull.volume, 0.08, 0.65)  # kg/m3, and kg: of what nobody weighed
+    mass = assumed if known.known_mass is None else known.known_mass
     centre = middle if known.known_centre is None else known.known_centre
     return [
-        same("mass", abs(record.certificate.mass - mass), MASS, "kg"),
+        same("mass", abs(record.certificate.mass - mass), 1e-6, "kg"),
         same("centre of mass", np.abs(record.centre - centre).max(), LENGTH, "m"),
         *_object_checks(case),
     ]
@@ -89,7 +84,8 @@ def _pose_checks(case: Case, model: ObjectModel) -> list[Check]:
     short = closest_on_mesh(mesh, case.touch.tips).distances.max() - case.limits.tip_radius
     return [
         at_most("T_world_object rigid", rigid + (np.linalg.det(rotation) < 0.0), ROUNDING),
-        at_most("object off the table", abs(mesh.bounds[0, 2]), SUNK, "m"),
+        # m that the object's lowest point may be off the table
+        at_most("object off the table", abs(mesh.bounds[0, 2]), 0.003, "m"),
         at_most("contacts inside the object", inside, CONTACT_INSIDE, "m"),
         at_most("tips short of the object", short, TIP_SHORT, "m"),
         at_most("hull outside the object's", _outside(true, hull), HULL_OUTSIDE, "m"),
