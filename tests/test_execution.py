@@ -20,7 +20,7 @@ from dexgrasp.motion.collision import CollisionChecker, densify
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
-from dexgrasp.motion.timing import round_corners, time_path, within_limits
+from dexgrasp.motion.timing import time_path, within_limits
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
@@ -138,16 +138,6 @@ def test_timing_of_degenerate_paths():
     samples = time_path(np.stack([HOME, HOME, tiny]), robot_tree(CELL))
     assert_allclose(samples[-1], tiny)
     assert within_limits(HOME, samples, robot_tree(CELL))
-
-
-def test_rounded_corners_stay_near_the_polyline():
-    path = np.stack([HOME, HOME + 0.3, HOME + 0.3 * (np.arange(23) % 2)])
-    rounded, at = round_corners(path, 0.1)
-    assert len(rounded) == len(at)
-    dense = densify(path, 0.002)
-    gaps = np.linalg.norm(rounded[:, None] - dense[None], axis=-1).min(axis=1)
-    assert gaps.max() < 0.1
-    assert_allclose(rounded[[0, -1]], path[[0, -1]])
 
 
 def test_palm_goes_straight_and_keeps_its_turn():

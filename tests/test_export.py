@@ -14,7 +14,7 @@ from robots import ARM_JOINTS, CELL, HAND_JOINTS, HOME, LOWER, ROBOT, UPPER
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
-from dexgrasp.export.check import _looks, check_trajectory
+from dexgrasp.export.check import check_trajectory
 from dexgrasp.export.formats import moveit_grasp, write_csv, write_json, write_ros2
 from dexgrasp.export.grasp_export import export_grasp
 from dexgrasp.export.read import read_trajectory
@@ -86,16 +86,6 @@ def test_laws_keep_the_limits_and_reach_the_end(seed):
     shares = np.array(limit_shares(np.concatenate([path[:1], rows]), 0.001, *LIMITS))
     assert max(shares) < 0.95
     assert shares[:2].max() > 0.2  # not just slow
-
-
-def test_a_law_goes_through_the_points_of_its_path():
-    path = np.array([[0.0, 0, 0, 0], [0.3, 0.2, 0, 0], [0.4, 0.6, 0.1, 0], [0.9, 0.5, 0.3, 0.2]])
-    rows = timed(path, LIMITS, 0.001)
-    assert max(np.abs(rows - point).max(axis=1).min() for point in path[1:]) < 0.003
-
-
-def test_standing_still_takes_no_time():
-    assert len(timed(np.zeros((3, 4)), LIMITS, 0.001)) == 0
 
 
 def test_a_way_along_the_ends_of_joint_ranges_stays_inside():
@@ -198,15 +188,6 @@ def test_segments_that_do_not_follow_each_other_are_found(folder, name):
 def test_a_grasp_that_was_exported_though_it_is_rejected_is_found(trajectory, tmp_path):
     write_csv(tmp_path, trajectory, FACTS | {"rejected": ["load"]})
     assert broken(tmp_path) == "grasp: checks of verify that fail"
-
-
-def test_no_joint_turns_far_between_two_looks_but_in_one_step(trajectory):
-    looks = _looks(trajectory.arm)
-    assert (looks[0], looks[-1]) == (0, len(trajectory.arm) - 1)
-    assert max(np.abs(np.diff(trajectory.arm[looks], axis=0)).max(axis=1)) <= 0.01 + 1e-12
-    assert len(looks) < 0.1 * len(trajectory.arm)
-    leaps = np.array([[0.0], [0.001], [0.5], [0.501], [0.502]])
-    assert _looks(leaps) == [0, 1, 2, 4]
 
 
 def test_damaged_files_are_one_line(folder, tmp_path):

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
-from refusals import refused
 from scipy.spatial import cKDTree
 
 from dexgrasp.geometry.mesh_distance import closest_on_mesh
@@ -37,10 +36,3 @@ def test_samples_depend_on_the_seed_only(box):
     assert_array_equal(first, same)
     assert_array_equal(first, triangle_samples(box.triangles, 256, np.random.default_rng(3)).points)
     assert (first != other).any()
-
-
-def test_bad_input_is_refused(box):
-    with refused("at least 1"):
-        triangle_samples(box.triangles, 0, 0)
-    with refused("area"):
-        triangle_samples(np.zeros((1, 3, 3)), 4, 0)

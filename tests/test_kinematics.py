@@ -231,12 +231,3 @@ def test_tips_of_grasping_fingers_may_touch_only_when_told():
                 assert all_[key][0] <= max(true[key], 0.0) + 1e-5
                 gained += key not in free or free[key][0] > all_[key][0] + 1e-3
     assert gained > 3
-
-
-def test_a_tree_with_other_links_keeps_what_plain_code_asks():
-    tree = robot_tree(CELL)
-    other = tree._replace(gear=2.0 * tree.gear)
-    assert_array_equal(other.gear, 2.0 * tree.gear)
-    assert other.home is tree.home
-    assert other.fingers is tree.fingers
-    assert other.model == tree.model

@@ -44,16 +44,6 @@ def bears(c, forces, answer, load):
     return (np.linalg.norm(after + press[..., None] * c.normals, axis=-1) <= MU * press + 1e-9).all()
 
 
-def test_load_is_the_largest_push_that_the_answer_of_least_norm_bears():
-    c = contacts()
-    forces = pressing(c, 5.0)
-    load = load_of(c, forces)
-    answer = np.linalg.pinv(grasp_matrix(c))[:, :3]
-    assert load > 1.5
-    assert bears(c, forces, answer, load - 1e-9)
-    assert not bears(c, forces, answer, 1.0 + 1.002 * (load - 1.0))
-
-
 def test_forces_that_fall_short_have_the_share_they_bear():
     c = contacts()
     whole, part = pressing(c, 5.0), pressing(contacts(mass=0.12), 5.0)

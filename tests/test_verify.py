@@ -10,10 +10,7 @@ from planned import MESHES, SETTINGS, failing
 from processes import python
 from robots import LOWER, UPPER
 
-from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.thresholds import planned_friction
-from dexgrasp.grasp.verify.scene import Scene
-from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.objects.catalogue import CATALOGUE
 
@@ -43,19 +40,6 @@ def test_every_check_of_a_planned_grasp_holds(name, contents, check):
     assert claimed["force_ratio_percent"] < 0.1
     assert claimed["torque_ratio_percent"] < 0.1
     assert claimed["holds"] is True
-
-
-def test_approach_and_lift_are_looked_at_every_hundredth_of_a_radian(contents, monkeypatch):
-    paths, look = [], Scene.first_contact
-
-    def seen(scene, path, **given):
-        paths.append(path)
-        return look(scene, path, **given)
-
-    monkeypatch.setattr(Scene, "first_contact", seen)
-    verify(record_of(contents["hammer"]), ("approach", "lift"))
-    assert len(paths) == 2
-    assert max(np.abs(np.diff(path, axis=0)).max() for path in paths) <= 0.01 + 1e-12
 
 
 def test_a_grasp_without_a_way_to_it_is_not_verified(contents, check):

@@ -44,13 +44,11 @@ class ConvexDistance:
             max_faces: keep at most this many triangles (at least 20), see `_simplify`; None keeps all.
 
         Raises:
-            InputError: fewer than 4 points, not finite, (nearly) coplanar, or `max_faces` too small.
+            InputError: fewer than 4 points, not finite, or (nearly) coplanar.
         """
         vertices = check("points of a convex hull", points, array(None, 3))
         if len(vertices) < 4:
             raise InputError(f"points are {len(vertices)}: a convex hull needs 4 or more")
-        if max_faces is not None and max_faces < 20:
-            raise InputError(f"max_faces is {max_faces}: valid are integers of at least 20")
         triangles, planes, hull = _hull(vertices)
         if max_faces is not None and len(triangles) > max_faces:
             return _simplify(vertices[hull.vertices], max_faces)

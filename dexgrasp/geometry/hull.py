@@ -5,8 +5,7 @@ from functools import cache
 import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp_env.arrays import Array, Mask, fibonacci_directions
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.perception.plane import Plane
 
 REACH = 0.020
@@ -73,34 +72,13 @@ def trim_extremes(points: Array, noise: float) -> Array:
     centre = np.median(points, axis=0)
     local = points - centre
     along = outward @ local.T
-    limit, beyond = _limits(along, count, 0.3 * noise)
-    out = np.flatnonzero(beyond)
+    farthest = np.partition(along, -count - 1, axis=1)[:, -count - 1]
+    limit = np.maximum(farthest - 0.3 * noise, 0.0)
+    out = np.flatnonzero((along > limit[:, None]).any(0))
     moved = _moved(local[out], along[:, out] - limit[:, None], outward)
     # A corner sticks out in more than one direction.
     local[out] = _moved(moved, outward @ moved.T - limit[:, None], outward)
     return local + centre
-
-
-@njit
-def _limits(along: Array, count: int, inwards: float) -> tuple[Array, Mask]:
-    """Return how far out (K,) points may be, and which (M,) are farther in any direction; `along` (K, M) says how far.
-
-    It is `inwards` from the farthest but `count` of them, of which there are few.
-    """
-    limit, beyond, farthest = np.empty(len(along)), np.zeros(along.shape[1], np.bool_), np.empty(count + 1)
-    for k in range(len(along)):
-        farthest[:] = -np.inf
-        for far in along[k]:
-            rank = count
-            while rank >= 0 and far > farthest[rank]:
-                if rank < count:
-                    farthest[rank + 1] = farthest[rank]
-                farthest[rank] = far
-                rank -= 1
-        limit[k] = max(farthest[count] - inwards, 0.0)
-        for m in range(len(beyond)):
-            beyond[m] |= along[k, m] > limit[k]
-    return limit, beyond
 
 
 def _moved(points: Array, excess: Array, outward: Array) -> Array:

@@ -40,10 +40,8 @@ def triangle_samples(triangles: Array, n: int, rng: np.random.Generator | int) -
         rng: generator or seed.
 
     Raises:
-        InputError: `n` below 1 or triangles without area.
+        InputError: triangles without area.
     """
-    if n < 1:
-        raise InputError(f"n is {n}: valid are integers of at least 1")
     normals, areas = _face_data(triangles)
     points, faces = _place(triangles, areas, np.random.default_rng(rng).random((OVERSAMPLING * n, 3)))
     # The radius of n discs packed as densely as can be (Yuksel, Eq. 1 for surfaces).

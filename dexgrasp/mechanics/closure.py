@@ -152,14 +152,13 @@ def closure_sweep(
     Returns:
         (M, 3) int32 indices, i < j < k, in lexicographic order.
     """
-    n = len(points)
-    if n < 3:
+    if len(points) < 3:
         return np.empty((0, 3), np.int32)
     points, normals = np.ascontiguousarray(points), np.ascontiguousarray(normals)
     scale = rms_radius(points) if length_scale is None else length_scale
-    tables = np.empty((n, n, 3)), np.empty((n, n, 3)), np.empty((n, n))
-    chord_tables(points, normals, *tables)
-    return _sweep(_Cloud(points, normals, *tables, mu, scale, min_distance**2), shape_of(3))
+    return _sweep(
+        _Cloud(points, normals, *chord_tables(points, normals), mu, scale, min_distance**2), shape_of(3)
+    )
 
 
 def opposed_pairs(

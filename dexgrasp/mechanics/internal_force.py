@@ -77,9 +77,7 @@ def squeeze_kernel(contacts: Contacts, aim: Aim, p: Programme) -> tuple[float, f
     if not internal_forces(contacts.points, contacts.normals, contacts.model.torsion, p.span) > FLAT:
         return 0.0, 0.0
     set_cones(p, contacts.normals, contacts.friction)
-    tolerance = 5e-5 * answers_to_pushes(  # of the weight
-        contacts.points, contacts.normals, contacts.model.torsion, contacts.centre, contacts.gravity, p.answers, p.fixed
-    )  # fmt: skip
+    tolerance = 5e-5 * answers_to_pushes(contacts, p.answers, p.fixed)  # of the weight
     p.span[:, :, -1] = 0.0
     if _solve(p, contacts, aim, aim.most, tolerance) and p.lp.z[-1] >= 0.0:
         return p.lp.z[-1], 1.0

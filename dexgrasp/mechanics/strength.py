@@ -8,7 +8,7 @@ they answer by the forces with the least f^T C f, df = -C^-1 G^T (G C^-1 G^T)^-1
 
 import numpy as np
 
-from dexgrasp.mechanics.cones import basis_of
+from dexgrasp.mechanics.cones import tangent_basis
 from dexgrasp.mechanics.contacts import Contacts, Shape, contiguous, shape_of
 from dexgrasp.mechanics.equilibrium import (
     FLAT,
@@ -104,8 +104,9 @@ def _push(contacts: Contacts, forces: Array, answers: Array) -> float:
     most = np.inf
     if np.abs(_grasp_matrix(contacts) @ answers - np.eye(6, 3)).max() > 1e-6:
         answers, most = np.zeros_like(answers), 0.0  # some direction cannot be answered at all: no push is
-    bases = np.array([basis_of(*normal) for normal in contacts.normals]).reshape(-1, 2, 3)
-    cones = np.concatenate([-contacts.friction[:, None, None] * contacts.normals[:, None], bases], axis=1)
+    cones = np.stack(
+        [-contacts.friction[:, None] * contacts.normals, *tangent_basis(contacts.normals)], axis=1
+    )
     borne = borne_pushes(cones, contacts.weight * answers.reshape(*forces.shape, 3), np.array(forces))
     return min(borne, most)
 
@@ -136,9 +137,7 @@ def _capacity(contacts: Contacts, shape: Shape, pushes: Array, stop: float) -> f
     if not internal_forces(contacts.points, contacts.normals, contacts.model.torsion, p.span) > FLAT:
         return 0.0
     set_cones(p, contacts.normals, contacts.friction)
-    answers_to_pushes(
-        contacts.points, contacts.normals, contacts.model.torsion, contacts.centre, contacts.gravity, answers, hold
-    )  # fmt: skip
+    answers_to_pushes(contacts, answers, hold)
     p.span[:, :, -1] = hold
     share = _most(p, contacts)
     if share < 1.0:
