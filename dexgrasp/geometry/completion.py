@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dexgrasp.geometry.completion_network import CompletionNetwork, shipped_network
+from dexgrasp.geometry.completion_network import shipped_network
 from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
 from dexgrasp.geometry.hull import cloud_corners, trim_extremes
 from dexgrasp.geometry.target import GraspTarget, Spread
@@ -51,9 +51,7 @@ def target_of(scene: Scene, mass: float | None = None, parts: int = MOST_PARTS) 
     return replace(target, seen=scene.target.points.astype(float)) if airy else target
 
 
-def completed_corners(
-    cloud: ObjectCloud, plane: Plane | None, network: CompletionNetwork | None = None
-) -> tuple[Array | None, Spread | None]:
+def completed_corners(cloud: ObjectCloud, plane: Plane | None) -> tuple[Array | None, Spread | None]:
     """Return the corners (N, 3) m of the hull of what a cloud shows, and the spread of one that was completed.
 
     A cloud whose normals do not all point one way shows the object all round: they are `cloud_corners`.
@@ -61,12 +59,11 @@ def completed_corners(
     Args:
         cloud: of the object alone.
         plane: the table; None completes nothing. The hull ends on it, or at the object's foot.
-        network: that completes; the shipped one by default.
     """
     points, normals, plane = cloud.points, cloud.normals, cloud.stands_on(plane)
     if plane is not None and len(points) >= _LEAST_POINTS and one_sidedness(normals) >= ONE_SIDED:
         view = VisibleSide.of(points, normals, plane)
-        support, spread = (network or shipped_network()).complete(view)
+        support, spread = shipped_network().complete(view)
         corners = _corners(support)
         if corners is not None:
             return cloud_corners(corners * UNIT @ view.R + view.origin), Spread(WRITTEN @ view.R, spread)

@@ -19,12 +19,10 @@ class SurfaceSamples(NamedTuple):
     Attributes:
         points: (n, 3) [m].
         normals: (n, 3) outward unit normals of their faces.
-        faces: (n,) int64 face indices.
     """
 
     points: Array
     normals: Array
-    faces: Index
 
 
 def triangle_samples(triangles: Array, n: int, rng: np.random.Generator | int) -> SurfaceSamples:
@@ -47,7 +45,7 @@ def triangle_samples(triangles: Array, n: int, rng: np.random.Generator | int) -
     # The radius of n discs packed as densely as can be (Yuksel, Eq. 1 for surfaces).
     reach = 2.0 * np.sqrt(areas.sum() / (2.0 * np.sqrt(3.0) * n))
     kept = _thin(points, normals[faces], n, reach)
-    return SurfaceSamples(points[kept], normals[faces[kept]], faces[kept])
+    return SurfaceSamples(points[kept], normals[faces[kept]])
 
 
 def _face_data(triangles: Array) -> tuple[Array, Array]:
