@@ -77,7 +77,7 @@ def test_bodies_that_spheres_tell_nothing_of_are_kept_apart_by_their_shapes(monk
     monkeypatch.setattr(shapes, "_left_out", shapes._left_out.__wrapped__)
     model = compiled_robot(CELL)
     free = left = 0
-    for q in ROBOT.drawn(50):
+    for q in ROBOT.drawn(20):
         q[: len(ROBOT.arm.bodies) - 1] = HOME[: len(ROBOT.arm.bodies) - 1]
         checker, path = CollisionChecker(CELL, None, shapes.LEAST), np.stack([HOME, q])
         contact = checker.first_contact(path)
@@ -91,7 +91,7 @@ def test_bodies_that_spheres_tell_nothing_of_are_kept_apart_by_their_shapes(monk
         checker.allow(q)
         assert checker.free(q) == (apart > -5e-4)
         left += shapes.LEAST > apart > -5e-4
-    assert 5 < free < 45
+    assert 2 < free < 18
     assert left
 
 
