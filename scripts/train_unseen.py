@@ -28,7 +28,7 @@ from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, File, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.geometry.completion_network import LOG_SPREAD, OUTPUT, SCHEMA
+from dexgrasp.geometry.completion_network import LOG_SPREAD, OUTPUT
 from dexgrasp.geometry.visible_side import UNIT, WRITTEN, VisibleSide
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.load import load_target
@@ -215,7 +215,7 @@ class Train(Script):
         mean, scale = x[~held_out].mean(0), x[~held_out].std(0) + 1e-3
         network = train((x - mean) / scale, y, held_out, self.hidden, self.epochs)
         arrays = {f"network.{key}": value for key, value in network.state_dict().items()}
-        note = {"schema": SCHEMA, "epochs": self.epochs, "seed": self.seed, "views": len(x)}
+        note = {"schema": 1, "epochs": self.epochs, "seed": self.seed, "views": len(x)}
         save_file({"mean": mean, "scale": scale} | arrays, self.out, {"dexgrasp": json.dumps(note)})
         return 0
 

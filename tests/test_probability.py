@@ -10,15 +10,13 @@ from robots import CELL, HOME
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.grasp.file import record_of
-from dexgrasp.grasp.probability import OUTCOMES, probability_of, read_model, shipped_model
+from dexgrasp.grasp.probability import OUTCOMES, probability_of, shipped_model
 from dexgrasp.grasp.probability_features import Draws, _borne, features_of
 from dexgrasp.grasp.record import as_json
 from dexgrasp.planning.diverse import UNSURE, chances_of, with_success_probability
 from dexgrasp.planning.planner import Planner, small_box
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp_env.assets import asset_path
-from dexgrasp_env.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -82,15 +80,6 @@ def test_guessed_surfaces_are_less_certain(record):
     seen, guessed = (features_of(record, 0.5, 0.3, error) for error in (0.0, 0.02))
     assert guessed["slips"] >= seen["slips"]
     assert guessed["borne_low"] <= seen["borne_low"]
-
-
-def test_a_damaged_model_is_refused(tmp_path):
-    path = tmp_path / "model.json"
-    for text in ("", "[]", '{"schema": 9}'):
-        path.write_text(text)
-        with pytest.raises(InputError, match="holds no model of probabilities"):
-            read_model(path)
-    assert asset_path("weights/probability.json").stat().st_size < 1e6
 
 
 def asked(min_success_probability):

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
 
 if TYPE_CHECKING:
     import trimesh
@@ -36,19 +35,12 @@ def closest_on_mesh(mesh: "trimesh.Trimesh", points: ArrayLike) -> Closest:
     surface a point lies.
 
     Args:
-        mesh: triangles [m].
+        mesh: triangles [m], one at least.
         points: (N, 3) [m].
-
-    Raises:
-        InputError: no faces, or vertices or points that are not finite.
     """
     import trimesh
 
     queries = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all() or not np.isfinite(queries).all():
-        raise InputError(
-            "the mesh is empty, or it or a point is not finite: valid are finite triangles and points"
-        )
     welded = trimesh.Trimesh(_SCALE * np.asarray(mesh.vertices), mesh.faces, process=True)
     closest, _, faces = trimesh.proximity.closest_point(welded, _SCALE * queries)
     shares = trimesh.triangles.points_to_barycentric(welded.triangles[faces], closest)
