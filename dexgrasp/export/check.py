@@ -85,20 +85,18 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
         [placed(cell.T_world_base, part) for part in shapes] for shapes in (facts.parts, facts.around)
     )
     scene = Scene(cell, parts, (), around)
-    words = {"self": "robot to itself", "hand_table": "robot to the table",
-             "hand_object": "robot to the object on the approach",
-             "hand_neighbour": "robot to what stands around",
-             "hand_seen": "robot to the points of the table that were seen"}  # fmt: skip
-    if not around:
-        del words["hand_neighbour"]
-    if facts.table is None:
-        del words["hand_seen"]
-    least = dict.fromkeys(words, np.inf)
-    times, rows = recording.arm.times, _together(recording)
+    words = {
+        "self": "robot to itself",
+        "hand_table": "robot to the table",
+        "hand_object": "robot to the object on the approach",
+        "hand_neighbour": "robot to what stands around",
+        "hand_seen": "robot to the points of the table that were seen",
+    }
+    least, times, rows = dict[str, float](), recording.arm.times, _together(recording)
     for k in _looks(rows):
         for kind, value in scene.clearances(rows[k], tips_touch=False).items():
-            if kind in least and (kind != "hand_object" or times[k] <= facts.segments["approach"].end):
-                least[kind] = min(least[kind], value)
+            if kind != "hand_object" or times[k] <= facts.segments["approach"].end:
+                least[kind] = min(least.get(kind, np.inf), value)
     # m: deeper than this is a collision
     checks = [at_least(f"{words[kind]} (m)", value, 0.0, "", 1e-4) for kind, value in least.items()]
     if around:
