@@ -96,43 +96,38 @@ def _rrt_connect(checker: CollisionChecker, start: Array, goal: Array, tries: in
     """Return configurations (m, n) rad between which trees that grew together go straight."""
     from ompl import base, geometric, util
 
-    level = util.getLogLevel()
-    # Seeding again is meant, every object that draws numbers is made anew below: no message about it.
-    util.setLogLevel(util.LOG_NONE)
-    try:
-        util.RNG.setSeed(_SEED)
-        dof, tree = checker.tree.arm, checker.tree
+    util.setLogLevel(
+        util.LOG_NONE
+    )  # seeding again is meant: every object that draws numbers is made anew below
+    util.RNG.setSeed(_SEED)
+    dof, tree = checker.tree.arm, checker.tree
 
-        def whole(state: base.State) -> Array:
-            """Return the configuration (n,) rad of a state of the arm."""
-            return np.concatenate([[state[j] for j in range(dof)], goal[dof:]])
+    def whole(state: base.State) -> Array:
+        """Return the configuration (n,) rad of a state of the arm."""
+        return np.concatenate([[state[j] for j in range(dof)], goal[dof:]])
 
-        space = base.RealVectorStateSpace(dof)
-        bounds = base.RealVectorBounds(dof)
+    space, bounds = base.RealVectorStateSpace(dof), base.RealVectorBounds(dof)
+    for j in range(dof):
+        bounds.setLow(j, float(tree.lower[j]))
+        bounds.setHigh(j, float(tree.upper[j]))
+    space.setBounds(bounds)
+    setup = geometric.SimpleSetup(space)
+    setup.setStateValidityChecker(lambda state: checker.free(whole(state)))
+    ends = [space.allocState(), space.allocState()]
+    for state, q in zip(ends, (start, goal), strict=True):
         for j in range(dof):
-            bounds.setLow(j, float(tree.lower[j]))
-            bounds.setHigh(j, float(tree.upper[j]))
-        space.setBounds(bounds)
-        setup = geometric.SimpleSetup(space)
-        setup.setStateValidityChecker(lambda state: checker.free(whole(state)))
-        ends = [space.allocState(), space.allocState()]
-        for state, q in zip(ends, (start, goal), strict=True):
-            for j in range(dof):
-                state[j] = float(q[j])
-        setup.setStartAndGoalStates(*ends)
-        information = setup.getSpaceInformation()
-        # of the space's extent: about 0.03 rad between checked states
-        information.setStateValidityCheckingResolution(0.002)
-        planner = geometric.RRTConnect(information)
-        planner.setRange(0.6)  # rad: longest branch of the trees
-        setup.setPlanner(planner)
-        left = iter(range(tries))
-        setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))
-        if not setup.haveExactSolutionPath():
-            return None
-        return np.array([whole(state) for state in setup.getSolutionPath().getStates()])
-    finally:
-        util.setLogLevel(level)
+            state[j] = float(q[j])
+    setup.setStartAndGoalStates(*ends)
+    information = setup.getSpaceInformation()
+    information.setStateValidityCheckingResolution(0.002)  # of the space's extent: about 0.03 rad
+    planner = geometric.RRTConnect(information)
+    planner.setRange(0.6)  # rad: longest branch of the trees
+    setup.setPlanner(planner)
+    left = iter(range(tries))
+    setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))
+    if not setup.haveExactSolutionPath():
+        return None
+    return np.array([whole(state) for state in setup.getSolutionPath().getStates()])
 
 
 def shorten(checker: CollisionChecker, path: Array) -> Array:
