@@ -91,7 +91,7 @@ def make_slide(push: Push, start: Array, target: GraspTarget, cell: Cell) -> Sli
     pieces = {
         "reach": np.concatenate([reach, np.repeat(way[:1], _SETTLE, axis=0)]),
         "slide": np.concatenate([_timed(way, tree), np.repeat(way[-1:], _SETTLE, axis=0)]),
-        "leave": _timed(way[:-6:-1], tree),
+        "leave": _timed(way[:-6:-1], tree),  # four points back from the end
     }
     kept = {name: np.clip(rows, tree.lower, tree.upper) for name, rows in pieces.items()}
     return Slide(ActionScript(kept, start), push, tree)
