@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 from dexgrasp.agent import Observation
 from dexgrasp.motion.carried import CarryAside, Rearrangement
 from dexgrasp.motion.carrying import GuardedCarry
-from dexgrasp.motion.motion import Motion, NoPath
+from dexgrasp.motion.motion import Motion, NoPath, Played
 from dexgrasp.motion.move_until_contact import GuardedGrasp
-from dexgrasp.motion.retreat import Retreat
+from dexgrasp.motion.retreat import plan_retreat
 from dexgrasp.motion.slide import Slide
 from dexgrasp.planning.carry import plan_turn
 from dexgrasp.planning.overhang import plan_slid, plan_slide
@@ -187,7 +187,7 @@ class GoHome(Stage):
         counted: the look at the end of the way is one of those that are left.
     """
 
-    motion: Retreat
+    motion: Played
     counted: bool = True
 
     def next(self, observation: Observation) -> Stage:
@@ -262,10 +262,12 @@ def take_hold(plan: PlanResult, **how: float) -> GuardedGrasp:
     return GuardedGrasp(script, grasp, **how)
 
 
-def way_home(state: State, observation: Observation) -> Retreat | None:
+def way_home(state: State, observation: Observation) -> Played | None:
     """Return the way home, where the cameras look again; None where there is none."""
     try:
-        return Retreat(state.episode.start(observation), state.episode.planner.cell, state.plan.neighbours)
+        return plan_retreat(
+            state.episode.start(observation), state.episode.planner.cell, state.plan.neighbours
+        )
     except NoPath:
         return None
 

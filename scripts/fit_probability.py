@@ -23,7 +23,7 @@ from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.grasp.file import record_of
-from dexgrasp.grasp.probability import OUTCOMES, SCHEMA, Model, read_model
+from dexgrasp.grasp.probability import OUTCOMES, Model, read_model
 from dexgrasp.grasp.probability_features import features_of
 from dexgrasp.runs.shards import read_shard, text_of
 from dexgrasp.runs.versions import package_version
@@ -207,7 +207,7 @@ def write_model(path: Path, rows: Rows, robot: str, judgement: dict[str, Any]) -
     """Fit on all episodes, write the model, and return it as it is read again."""
     names = list(rows.features)
     content = {
-        "schema": SCHEMA,
+        "schema": 1,
         "robot": robot,
         "features": names,
         "least_friction": FRICTIONS[0],

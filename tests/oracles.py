@@ -1,15 +1,9 @@
 """Plain, slow statements of what fast code must satisfy; nothing outside the tests uses them."""
 
-import clarabel
-import daqp
 import numpy as np
-from scipy.sparse import csc_matrix
 
-from dexgrasp.mechanics.closure import TOLERANCE, closure_sweep
+from dexgrasp.mechanics.closure import closure_sweep
 from dexgrasp.mechanics.cones import tangent_basis
-from dexgrasp.mechanics.equilibrium import grasp_map
-from dexgrasp.mechanics.simplex import FAR
-from dexgrasp.mechanics.wrench import pyramid_rows, restore_feasible
 
 
 def sample_box(n, rng, half=(0.03, 0.08, 0.105)):
@@ -68,47 +62,3 @@ def closed(points, normals, mu, scale=None):
     return np.array(
         [len(closure_sweep(p, n, mu, 0.0, scale)) == 1 for p, n in zip(points, normals, strict=True)]
     )
-
-
-def proved_closure(points, normals, mu, scale):
-    """Return whether Eq. 4's least value (f_min = 1) of one triple is below TOLERANCE, None where nothing is proved.
-
-    No solver's word counts. DAQP gives forces; moved into the cones, either their residual is below the tolerance, or
-    the wrench they leave separates: no forces up to FAR have a residual below it. Else clarabel's are tried.
-    """
-    G = grasp_map(points, points.mean(0), scale)
-    A, b = pyramid_rows(normals, mu, 1.0)
-    above, sense = np.full(15, 1e30), np.zeros(15, dtype=np.int32)
-    x = daqp.solve(G.T @ G + 1e-9 * np.eye(9), np.zeros(9), A, above, b, sense)[0]
-    verdict = _proof(G, normals, np.asarray(x).reshape(3, 3), mu)
-    if verdict is not None:
-        return verdict
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-13
-    P = csc_matrix(np.diag(np.r_[np.zeros(9), np.ones(6)]))
-    rows = csc_matrix(np.block([[G, -np.eye(6)], [-A, np.zeros((15, 6))]]))
-    cones = [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(15)]
-    answer = clarabel.DefaultSolver(P, np.zeros(15), rows, np.r_[np.zeros(6), -b], cones, settings).solve()
-    return _proof(G, normals, np.array(answer.x)[:9].reshape(3, 3), mu)
-
-
-def _proof(G, normals, forces, mu):
-    wrench = G @ restore_feasible(forces, normals, mu, 1.0).ravel()
-    value = float(wrench @ wrench)
-    if value < TOLERANCE:
-        return True
-    along = (pyramid_rows(normals, mu, 1.0)[0] @ (G.T @ wrench / value**0.5)).reshape(3, 5)
-    least = along[:, 0] - mu * np.abs(along[:, 1::2] - along[:, 2::2]).sum(1) / 2
-    bound = np.where(least >= 0, least, least * FAR).sum()
-    return False if bound > 0 and bound**2 >= TOLERANCE else None
-
-
-def against_proof(points, normals, mu, scale):
-    """Return how many of triples (K, 3, 3) the sweep accepts, decides against the proof, and nothing is proved of."""
-    decided = closed(points, normals, mu, scale)
-    proved = [proved_closure(p, n, mu, scale) for p, n in zip(points, normals, strict=True)]
-    wrong = sum(
-        verdict is not None and verdict != mine for verdict, mine in zip(proved, decided, strict=True)
-    )
-    return int(decided.sum()), wrong, proved.count(None)

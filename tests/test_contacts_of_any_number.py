@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from refusals import refused
 
 from dexgrasp.grasp.verify.cones import conic_margin, largest_push, slides, wrench_map
 from dexgrasp.grasp.verify.rays import least_way
 from dexgrasp.mechanics.closure import opposed_pairs
 from dexgrasp.mechanics.contact_models import contact_model
-from dexgrasp.mechanics.contacts import Contacts, checked, shape_of
+from dexgrasp.mechanics.contacts import Contacts, shape_of
 from dexgrasp.mechanics.internal_force import firmest_squeeze
 from dexgrasp.mechanics.margin import UNDEFINED, cone_margin, margins
 from dexgrasp.mechanics.strength import capacity_of, hold_residual, load_of, torque_fraction
@@ -114,9 +113,3 @@ def test_pairs_face_each_other():
     normals = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]])
     assert opposed_pairs(points, normals, 0.5, 0.01).tolist() == [[0, 1], [0, 3], [1, 4], [3, 4]]
     assert opposed_pairs(points, normals, 0.1, 0.01).tolist() == [[0, 1], [1, 4]]
-
-
-def test_soft_contacts_need_four_parts():
-    contacts = _contacts(np.random.default_rng(0), 3, 0.0)
-    with refused(r"jacobians is .* of shape \(3, 4, N\)"):
-        checked(contacts._replace(model=contact_model(0.01)))

@@ -20,7 +20,7 @@ from dexgrasp.motion.collision import CollisionChecker, densify
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
-from dexgrasp.motion.timing import round_corners, time_path, within_limits
+from dexgrasp.motion.timing import time_path, within_limits
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
@@ -77,7 +77,7 @@ def test_bodies_that_spheres_tell_nothing_of_are_kept_apart_by_their_shapes(monk
     monkeypatch.setattr(shapes, "_left_out", shapes._left_out.__wrapped__)
     model = compiled_robot(CELL)
     free = left = 0
-    for q in ROBOT.drawn(50):
+    for q in ROBOT.drawn(20):
         q[: len(ROBOT.arm.bodies) - 1] = HOME[: len(ROBOT.arm.bodies) - 1]
         checker, path = CollisionChecker(CELL, None, shapes.LEAST), np.stack([HOME, q])
         contact = checker.first_contact(path)
@@ -91,7 +91,7 @@ def test_bodies_that_spheres_tell_nothing_of_are_kept_apart_by_their_shapes(monk
         checker.allow(q)
         assert checker.free(q) == (apart > -5e-4)
         left += shapes.LEAST > apart > -5e-4
-    assert 5 < free < 45
+    assert 2 < free < 18
     assert left
 
 
@@ -138,16 +138,6 @@ def test_timing_of_degenerate_paths():
     samples = time_path(np.stack([HOME, HOME, tiny]), robot_tree(CELL))
     assert_allclose(samples[-1], tiny)
     assert within_limits(HOME, samples, robot_tree(CELL))
-
-
-def test_rounded_corners_stay_near_the_polyline():
-    path = np.stack([HOME, HOME + 0.3, HOME + 0.3 * (np.arange(23) % 2)])
-    rounded, at = round_corners(path, 0.1)
-    assert len(rounded) == len(at)
-    dense = densify(path, 0.002)
-    gaps = np.linalg.norm(rounded[:, None] - dense[None], axis=-1).min(axis=1)
-    assert gaps.max() < 0.1
-    assert_allclose(rounded[[0, -1]], path[[0, -1]])
 
 
 def test_palm_goes_straight_and_keeps_its_turn():

@@ -6,8 +6,7 @@ from oracles import box_distance
 from refusals import refused
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.geometry.convex_kernel import closest_feature, convex_distance, convex_distance_hessian
-from dexgrasp.geometry.triangle import EDGE, FACE, VERTEX
+from dexgrasp.geometry.convex_kernel import convex_distance, convex_distance_hessian
 
 SIDES = np.array([0.06, 0.16, 0.21])
 
@@ -41,23 +40,6 @@ def test_far_and_near_points_of_many_faces_agree_with_every_triangle(can):
     expected = np.linalg.norm(nearest - queries, axis=1).reshape(len(points), -1).min(axis=1)
     assert mesh.is_watertight
     assert_allclose(np.abs(can.distance(points)), expected, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("p", "feature", "distance", "gradient"),
-    [
-        ([0.05, 0.01, 0.02], FACE, 0.02, [1, 0, 0]),
-        ([0.0, 0.0, 0.1], FACE, -0.005, [0, 0, 1]),
-        ([0.06, 0.12, 0.0], EDGE, 0.05, [0.6, 0.8, 0]),
-        ([0.04, 0.1, 0.125], VERTEX, 0.03, [1 / 3, 2 / 3, 2 / 3]),
-    ],
-)
-def test_features_of_the_box(box, p, feature, distance, gradient):
-    g = np.empty(3)
-    d, code, _ = closest_feature(np.array(p), box.obstacle, g)
-    assert (FACE if code < EDGE else EDGE if code < VERTEX else VERTEX) == feature
-    assert d == pytest.approx(distance)
-    assert_allclose(g, gradient, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["box", "can"])
@@ -117,7 +99,7 @@ def test_curvature_of_a_union_is_that_of_its_nearest_part(hammer):
         assert_array_equal(H, expected)
 
 
-def test_simplified_hull_keeps_its_stated_error():
+def test_a_simplified_hull_lies_a_little_inside():
     mesh = trimesh.creation.icosphere(4, 0.05)
     full, small = ConvexDistance.from_points(mesh.vertices), ConvexDistance.from_points(mesh.vertices, 200)
     points = scatter(np.random.default_rng(6), 2000)
@@ -125,9 +107,7 @@ def test_simplified_hull_keeps_its_stated_error():
     gap = small.distance(points) - full.distance(points)
     assert len(small.triangles) <= 200
     assert gap.min() > -1e-12
-    assert gap.max() <= small.error + 1e-12
-    assert 1e-4 < small.error < 2.5e-3
-    assert full.error == 0.0
+    assert 1e-4 < gap.max() < 2.5e-3
 
 
 @pytest.mark.parametrize(
@@ -144,8 +124,3 @@ def test_simplified_hull_keeps_its_stated_error():
 def test_points_without_a_volume_are_refused(points):
     with refused("convex hull"):
         ConvexDistance.from_points(points)
-
-
-def test_too_few_faces_are_refused():
-    with refused("max_faces"):
-        ConvexDistance.from_points(np.random.default_rng(0).normal(size=(50, 3)), max_faces=3)

@@ -10,19 +10,6 @@ def ball(count, seed=0):
     return 0.05 * points / np.linalg.norm(points, axis=1, keepdims=True)
 
 
-def cube(n):
-    """Points (N, 3) in a lattice: most lie in planes and on lines with many others, and many are doubled."""
-    at = np.linspace(0.0, 0.1, n)
-    lattice = np.stack(np.meshgrid(at, at, at), -1).reshape(-1, 3)
-    return np.concatenate([lattice, lattice[::3]])
-
-
-def test_corners_come_before_what_tells_nothing():
-    points = cube(7)
-    found = points[extreme_points(points, 24)]
-    assert ConvexHull(found).volume == pytest.approx(1e-3, rel=1e-4)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_each_point_brings_most_of_what_is_left(seed):
     points = ball(400, seed)

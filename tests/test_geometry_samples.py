@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
-from refusals import refused
 from scipy.spatial import cKDTree
 
 from dexgrasp.geometry.mesh_distance import closest_on_mesh
@@ -18,10 +17,9 @@ def box():
 def test_samples_have_the_exact_count_and_lie_on_their_faces(box, n):
     samples = triangle_samples(box.triangles, n, 0)
     assert samples.points.shape == samples.normals.shape == (n, 3)
-    assert_allclose(closest_on_mesh(box, samples.points).distances, 0.0, atol=1e-12)
-    assert_allclose(samples.normals, box.face_normals[samples.faces], atol=1e-12)
-    offset = ((samples.points - box.triangles[samples.faces][:, 0]) * samples.normals).sum(-1)
-    assert_allclose(offset, 0.0, atol=1e-12)
+    distances, _, gradients = closest_on_mesh(box, samples.points + 1e-3 * samples.normals)
+    assert_allclose(distances, 1e-3, atol=1e-12)
+    assert_allclose(samples.normals, gradients, atol=1e-9)
 
 
 def test_samples_are_spread_evenly():
@@ -37,10 +35,3 @@ def test_samples_depend_on_the_seed_only(box):
     assert_array_equal(first, same)
     assert_array_equal(first, triangle_samples(box.triangles, 256, np.random.default_rng(3)).points)
     assert (first != other).any()
-
-
-def test_bad_input_is_refused(box):
-    with refused("at least 1"):
-        triangle_samples(box.triangles, 0, 0)
-    with refused("area"):
-        triangle_samples(np.zeros((1, 3, 3)), 4, 0)

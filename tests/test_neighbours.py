@@ -12,7 +12,6 @@ from dexgrasp.agent import public_info
 from dexgrasp.agents import bilevel, stages
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.geometry.completion import target_of
-from dexgrasp.geometry.distance_grid import field_at, field_of
 from dexgrasp.geometry.neighbours import SEEN, UNSEEN, columns, neighbours_of
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.planned_record import planned_record
@@ -133,15 +132,6 @@ def test_a_hand_that_meets_a_neighbour_while_it_closes_is_refused(plans):
         found = verify(planned_record("box", moved, target, PlannerSettings()))
         assert all(check.holds == held for check in found if check.name.startswith("closing"))
     assert any(check.name == "closing: clearance hand_neighbour" for check in found)
-
-
-def test_a_field_tells_distances_between_its_nodes_and_nothing_beyond():
-    shape, rng = ALONE.distance, np.random.default_rng(0)
-    low, high = np.array([0.4, -0.1, 0.0]), np.array([0.6, 0.1, 0.2])
-    field, points = field_of(shape, low, high), rng.uniform(low, high, (200, 3))
-    off = [field_at(field, point) - shape.distance(point[None])[0] for point in points]
-    assert np.abs(off).max() < 0.005
-    assert field_at(field, low - 0.01) == field_at(field, high + 0.03) == np.inf
 
 
 def shell(x, y, size, seen=((1, 0), (-1, 0), (0, 1), (0, -1))):

@@ -1,9 +1,7 @@
 """How likely a grasp holds: figures, model, file, `plan --at-least`."""
 
-import copy
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,15 +10,13 @@ from robots import CELL, HOME
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.grasp.file import record_of
-from dexgrasp.grasp.probability import OUTCOMES, probability_of, read_model, shipped_model
+from dexgrasp.grasp.probability import OUTCOMES, probability_of, shipped_model
 from dexgrasp.grasp.probability_features import Draws, _borne, features_of
 from dexgrasp.grasp.record import as_json
 from dexgrasp.planning.diverse import UNSURE, chances_of, with_success_probability
 from dexgrasp.planning.planner import Planner, small_box
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp_env.assets import asset_path
-from dexgrasp_env.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -86,15 +82,6 @@ def test_guessed_surfaces_are_less_certain(record):
     assert guessed["borne_low"] <= seen["borne_low"]
 
 
-def test_a_damaged_model_is_refused(tmp_path):
-    path = tmp_path / "model.json"
-    for text in ("", "[]", '{"schema": 9}'):
-        path.write_text(text)
-        with pytest.raises(InputError, match="holds no model of probabilities"):
-            read_model(path)
-    assert asset_path("weights/probability.json").stat().st_size < 1e6
-
-
 def asked(min_success_probability):
     planner = Planner(PlannerSettings(min_success_probability=min_success_probability), cell=CELL)
     return planner, with_success_probability(planner.plan(small_box(), 0, HOME), planner, HOME)
@@ -110,22 +97,6 @@ def test_a_grasp_is_as_sure_as_asked_or_there_is_none(found):
     assert 0.0 < none.log.blocked[UNSURE][1] < 1.0
     nothing = PlanResult(small_box(), planner.settings, shortfall="no_closure_triple")
     assert with_success_probability(nothing, planner, HOME).reason == "no_grasp:no_closure_triple"
-
-
-def test_of_a_set_those_remain_that_are_sure(found, monkeypatch):
-    planner = Planner(PlannerSettings(min_success_probability=0.9), cell=CELL)
-    result = PlanResult(small_box(), planner.settings, asked=3, found=[*found.found] * 3)
-    chances = (SimpleNamespace(lifted=SimpleNamespace(value=value)) for value in (0.95, 0.2, 0.92))
-    monkeypatch.setattr("dexgrasp.planning.diverse.chances_of", lambda one, result: next(chances))
-    left = with_success_probability(copy.copy(result), planner, HOME)
-    assert (len(left.found), left.success, left.reason) == (2, False, UNSURE)
-
-
-def test_no_probability_is_known_of_others(found, monkeypatch):
-    unknown = SimpleNamespace(holds_probability=None)
-    monkeypatch.setattr("dexgrasp.planning.diverse.planned_record", lambda *args: unknown)
-    with pytest.raises(InputError, match=r"friction 0\.3 or more"):
-        chances_of(found.found[0], found)
 
 
 def test_plan_at_least(printed, capsys):

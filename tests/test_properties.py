@@ -5,19 +5,15 @@ import json
 
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.testing import assert_allclose, assert_array_equal
-from oracles import box_distance
 from refusals import refused
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.cli.parsing import reader
-from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.grasp.file import record_of
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.margin import cone_margin
@@ -71,14 +67,6 @@ def test_the_margin_knows_no_frame_order_or_scale(n, p, q, order, scale):
     moved = cone_margin(scale * rotate(q, p)[order] + 0.3, rotate(q, n)[order], 0.5, shape_of(3))[0]
     assert moved == pytest.approx(value, rel=1e-5, abs=1e-5)
     assert value <= 1.0 + 1e-9
-
-
-@given(vectors(5), hnp.arrays(np.float64, (3,), elements=st.floats(0.1, 1.0)))
-def test_distances_to_a_box_are_the_analytic_ones(points, sides):
-    box = trimesh.creation.box(sides)
-    expected = box_distance(points, sides)
-    assert_allclose(closest_on_mesh(box, points).distances, expected, atol=1e-9)
-    assert_allclose(ConvexDistance.from_points(box.vertices).distance(points), expected, atol=1e-9)
 
 
 @given(hnp.arrays(np.float64, (40, 3), elements=st.floats(0.0, 0.1)), st.floats(0.005, 0.05))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dexgrasp.mechanics.contacts import Contacts, checked
+from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.equilibrium import grasp_map, rms_radius
 from dexgrasp.mechanics.strength import capacity_of, hold_residual, load_of
 
@@ -19,7 +19,8 @@ def contacts(mass=0.2, limit=0.7, turn=0.0):
         jacobians[i, :, 3 * i : 3 * i + 3] = 0.08 * np.eye(3)
     points = 0.03 * normals + np.array([0.5, 0.0, 0.05])
     gravity = np.array([0.0, 0.0, -9.81 * mass])
-    return checked(Contacts(points, normals, jacobians, limit, MU, np.array([0.5, 0.0, 0.05]), gravity))
+    centre = np.array([0.5, 0.0, 0.05])
+    return Contacts(points, normals, jacobians, np.full(9, limit), np.full(3, MU), centre, gravity)
 
 
 def grasp_matrix(c):
@@ -41,16 +42,6 @@ def bears(c, forces, answer, load):
     after = forces - size * np.einsum("ij,kj->ki", answer, pushes).reshape(-1, 3, 3)
     press = -(after * c.normals).sum(-1)
     return (np.linalg.norm(after + press[..., None] * c.normals, axis=-1) <= MU * press + 1e-9).all()
-
-
-def test_load_is_the_largest_push_that_the_answer_of_least_norm_bears():
-    c = contacts()
-    forces = pressing(c, 5.0)
-    load = load_of(c, forces)
-    answer = np.linalg.pinv(grasp_matrix(c))[:, :3]
-    assert load > 1.5
-    assert bears(c, forces, answer, load - 1e-9)
-    assert not bears(c, forces, answer, 1.0 + 1.002 * (load - 1.0))
 
 
 def test_forces_that_fall_short_have_the_share_they_bear():

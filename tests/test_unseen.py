@@ -5,12 +5,10 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
-from refusals import refused
 from robots import CELL
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.geometry.completion import NoTarget, completed_corners, target_of
-from dexgrasp.geometry.completion_network import read_network
 from dexgrasp.geometry.hull import cloud_corners
 from dexgrasp.geometry.visible_side import ONE_SIDED, one_sidedness
 from dexgrasp.planning.holding import narrowed_friction
@@ -137,12 +135,3 @@ def test_clouds_without_volume_or_table_are_not_completed():
     assert completed_corners(ObjectCloud(points, normals), None)[1] is None
     with pytest.raises(NoTarget, match="empty_cloud"):
         target_of(Scene(ObjectCloud(points[:3], normals[:3])))
-
-
-def test_weights_that_are_none_are_refused(tmp_path):
-    with refused("missing"):
-        read_network(tmp_path / "none.safetensors")
-    from dexgrasp_env.assets import asset_path
-
-    with refused("no completion network"):
-        read_network(asset_path("weights/cvae.safetensors"))

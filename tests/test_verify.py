@@ -10,10 +10,7 @@ from planned import MESHES, SETTINGS, failing
 from processes import python
 from robots import LOWER, UPPER
 
-from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.thresholds import planned_friction
-from dexgrasp.grasp.verify.scene import Scene
-from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.objects.catalogue import CATALOGUE
 
@@ -22,7 +19,7 @@ from dexgrasp_env.objects.catalogue import CATALOGUE
 def test_every_check_of_a_planned_grasp_holds(name, contents, check):
     checks = check(contents[name])
     assert failing(checks) == set()
-    assert len(checks) == (92 if name in CATALOGUE else 81)
+    assert len(checks) == (90 if name in CATALOGUE else 79)
     claimed = contents[name]["certificate"]
     least = min(checks[f"clearance {kind}"].value for kind in ("hand_object", "hand_table"))
     # The planner's spheres cover the true shapes: it never claims more room than there is.
@@ -45,19 +42,6 @@ def test_every_check_of_a_planned_grasp_holds(name, contents, check):
     assert claimed["holds"] is True
 
 
-def test_approach_and_lift_are_looked_at_every_hundredth_of_a_radian(contents, monkeypatch):
-    paths, look = [], Scene.first_contact
-
-    def seen(scene, path, **given):
-        paths.append(path)
-        return look(scene, path, **given)
-
-    monkeypatch.setattr(Scene, "first_contact", seen)
-    verify(record_of(contents["hammer"]), ("approach", "lift"))
-    assert len(paths) == 2
-    assert max(np.abs(np.diff(path, axis=0)).max() for path in paths) <= 0.01 + 1e-12
-
-
 def test_a_grasp_without_a_way_to_it_is_not_verified(contents, check):
     content = contents["pear"] | {"script": None}
     assert failing(check(content)) == {"approach given", "lift given"}
@@ -65,7 +49,7 @@ def test_a_grasp_without_a_way_to_it_is_not_verified(contents, check):
 
 SHARED = {
     "geometry.mesh_distance", "grasp.identity", "grasp.trajectory", "grasp.probability", "grasp.record",
-    "grasp.thresholds", "mechanics.kinematics.tree",
+    "grasp.thresholds",
 }  # fmt: skip
 """All of the library that the judge imports, also within functions."""
 

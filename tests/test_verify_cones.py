@@ -1,11 +1,10 @@
-"""The judge's programmes: bracketed, the same as on fine pyramids, refused where open."""
+"""The judge's programmes: the same as on fine pyramids, refused where open."""
 
+import daqp
 import numpy as np
 import pytest
-import qpsolvers
 from oracles import random_grasps
 from scipy.optimize import linprog
-from scipy.sparse import csc_matrix
 
 from dexgrasp.grasp.verify import cones
 from dexgrasp.grasp.verify.cones import conic_margin, conic_residual, largest_push, pyramid_forces, wrench_map
@@ -23,16 +22,17 @@ def faces(n, mu):
     return rows.reshape(-1, 9)
 
 
-def test_the_residual_is_bracketed_and_as_on_fine_pyramids():
+def test_the_residual_is_as_on_fine_pyramids():
+    compared = 0
     for p, n in zip(*random_grasps(60, 2), strict=True):
-        answer = conic_residual(p, n, 0.5)
-        assert answer.lower <= answer.upper * (1 + 1e-9) + 1e-12
-        assert answer.closed() is not None
         G, A = wrench_map(p, p.mean(0)), np.concatenate([-cones.press_rows(n), faces(n, 0.5)])
         b = np.r_[-np.ones(3), np.zeros(3 * FACES)]
-        H = csc_matrix(G.T @ G)
-        x = qpsolvers.solve_qp(H, np.zeros(9), csc_matrix(A), b, solver="clarabel")
-        assert ((G @ x) ** 2).sum() == pytest.approx(answer.upper, rel=2e-2, abs=1e-5)
+        H, below, sense = G.T @ G + 1e-9 * np.eye(9), np.full(len(b), -1e30), np.zeros(len(b), np.int32)
+        x, _, flag, _ = daqp.solve(H, np.zeros(9), A, b, below, sense)
+        if flag > 0:  # it finds an end
+            compared += 1
+            assert ((G @ x) ** 2).sum() == pytest.approx(conic_residual(p, n, 0.5), rel=2e-2, abs=1e-5)
+    assert compared >= 25
 
 
 def test_the_largest_push_is_as_on_fine_pyramids():
@@ -54,7 +54,7 @@ def test_what_a_solver_leaves_open_is_not_shown(monkeypatch):
     for x in (np.full(15, np.nan), np.zeros(15), np.arange(15.0)):
         monkeypatch.setattr(cones, "_minimise", lambda P, q, x=x, **_: (x[: len(q)], False))
         assert conic_margin(p, n, 0.5) is None
-        assert conic_residual(p, n, 0.5).closed() is not True
+        assert not conic_residual(p, n, 0.5) < 1e-6
         assert largest_push(np.zeros((6, 9)), n, 0.5, np.zeros((1, 9)), (np.zeros(6), np.ones(6))) is None
 
 

@@ -1,7 +1,4 @@
-"""Limits, timing and collisions of an exported trajectory, from the rows alone.
-
-The limits are the makers' tables, typed again: a wrong number in the exporter's is not confirmed by itself.
-"""
+"""Limits, timing and collisions of an exported trajectory, from the rows alone."""
 
 import numpy as np
 
@@ -16,28 +13,10 @@ from dexgrasp_env.robot.robot import Arm, Hand
 
 SHARE = 0.95
 """Largest share of a limit that a trajectory may use."""
-_MAKERS: dict[str, dict[str, tuple[float, ...]]] = {
-    "panda": {
-        "lower": (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973),
-        "upper": (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973),
-        "velocity": (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61),
-        "acceleration": (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
-        "jerk": (7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0),
-    },
-    "allegro": {
-        "lower": (-0.47, -0.196, -0.174, -0.227) * 3 + (0.263, -0.105, -0.189, -0.162),
-        "upper": (0.47, 1.61, 1.709, 1.618) * 3 + (1.396, 1.163, 1.644, 1.719),
-        "velocity": (7.0,) * 16,
-        "acceleration": (60.0,) * 16,
-        "jerk": (3000.0,) * 16,
-    },
-}
 _QUANTITIES = ("velocity", "acceleration", "jerk")
 _PERIODS = {"arm": 0.001, "hand": 0.003}  # s: the arm takes 1 kHz, the hand 333 Hz
 _TIME = 1e-9  # s
 _TURN = 0.01  # rad of any joint between two rows that are looked at for collisions
-_DEEPER = 0.002  # m that the object may get deeper into a neighbour than it seems to lie in it
-_CLEAR = 1e-4  # m: deeper than this is a collision
 
 
 def check_trajectory(recording: Recording, cell: Cell) -> list[Check]:
@@ -86,18 +65,10 @@ def _order(recording: Recording) -> Check:
     return at_most("segments follow each other to the end, off by (s)", off, _PERIODS["arm"], "", _TIME)
 
 
-def _tighter(part: Arm | Hand) -> dict[str, Array]:
-    """The tighter of the maker's limits, where they are known here, and the cell's."""
-    limits = {key: np.array(getattr(part.joints, key)) for key in ("lower", "upper", *_QUANTITIES)}
-    for key, maker in _MAKERS.get(part.name, {}).items():
-        limits[key] = (np.maximum if key == "lower" else np.minimum)(limits[key], maker)
-    return limits
-
-
 def _limits(name: str, rows: Rows, part: Arm | Hand) -> list[Check]:
-    q, limits = rows.positions, _tighter(part)
-    room = np.minimum(q - limits["lower"], limits["upper"] - q).min()
-    used = limit_shares(q, _PERIODS[name], *(limits[quantity] for quantity in _QUANTITIES))
+    q, joints = rows.positions, part.joints
+    room = np.minimum(q - joints.lower, np.subtract(joints.upper, q)).min()
+    used = limit_shares(q, _PERIODS[name], *(np.array(getattr(joints, kind)) for kind in _QUANTITIES))
     return [
         at_least(f"{name}: inside the joint limits by (rad)", room, 0.0),
         *(
@@ -114,26 +85,26 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
         [placed(cell.T_world_base, part) for part in shapes] for shapes in (facts.parts, facts.around)
     )
     scene = Scene(cell, parts, (), around)
-    words = {"self": "robot to itself", "hand_table": "robot to the table",
-             "hand_object": "robot to the object on the approach",
-             "hand_neighbour": "robot to what stands around",
-             "hand_seen": "robot to the points of the table that were seen"}  # fmt: skip
-    if not around:
-        del words["hand_neighbour"]
-    if facts.table is None:
-        del words["hand_seen"]
-    least = dict.fromkeys(words, np.inf)
-    times, rows = recording.arm.times, _together(recording)
+    words = {
+        "self": "robot to itself",
+        "hand_table": "robot to the table",
+        "hand_object": "robot to the object on the approach",
+        "hand_neighbour": "robot to what stands around",
+        "hand_seen": "robot to the points of the table that were seen",
+    }
+    least, times, rows = dict[str, float](), recording.arm.times, _together(recording)
     for k in _looks(rows):
         for kind, value in scene.clearances(rows[k], tips_touch=False).items():
-            if kind in least and (kind != "hand_object" or times[k] <= facts.segments["approach"].end):
-                least[kind] = min(least[kind], value)
-    checks = [at_least(f"{words[kind]} (m)", value, 0.0, "", _CLEAR) for kind, value in least.items()]
+            if kind != "hand_object" or times[k] <= facts.segments["approach"].end:
+                least[kind] = min(least.get(kind, np.inf), value)
+    # m: deeper than this is a collision
+    checks = [at_least(f"{words[kind]} (m)", value, 0.0, "", 1e-4) for kind, value in least.items()]
     if around:
         lift = rows[min(np.searchsorted(times, facts.segments["lift"].start), len(rows) - 1) :]
         lying, nearest = scene.carried(lift[_looks(lift)])
         checks.append(
-            at_least("object to what stands around, once lifted (m)", nearest, min(lying, 0.0), "", _DEEPER)
+            # m that the object may get deeper into a neighbour than it seems to lie in it
+            at_least("object to what stands around, once lifted (m)", nearest, min(lying, 0.0), "", 0.002)
         )
     return checks
 

@@ -15,8 +15,6 @@ from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.table import SeenTable
 from dexgrasp_env.valid import Names, Rule, Word, check, list_of, number, read
 
-_MOST_ROWS = 600_000  # ten minutes at 1 kHz
-
 
 @dataclass(frozen=True, eq=False)
 class Rows:
@@ -125,7 +123,8 @@ def _read_csv(path: Path, names: Names) -> Rows:
         with readable(path):
             check_file(path)
             with path.open(encoding="utf-8") as file:
-                header, *rows = [line.rstrip("\n").split(",") for line in islice(file, _MOST_ROWS)] or [[""]]
+                # ten minutes at 1 kHz
+                header, *rows = [line.rstrip("\n").split(",") for line in islice(file, 600_000)] or [[""]]
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is no CSV ({error})") from None
     if header != ["t", *names]:

@@ -14,10 +14,7 @@ from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
-USED = 0.90
-"""Share of every limit that is planned for; finite differences of the rows then stay below 0.95."""
 _APART = 0.004  # rad between two points of a path: nearer ones bend the spline for nothing
-_ROUNDS = 20
 _SLOWER = 1.0 / np.arange(
     1, 4
 )  # the time by which velocity, acceleration and jerk fall: k, k^2 and k^3 times
@@ -51,11 +48,12 @@ def timed(path: Array, limits: Limits, tick: float, multiple: int = 1) -> Array:
         return points[:0]
     spline, length = _spline(points)
     slow = 1.0
-    for _ in range(_ROUNDS):
+    for _ in range(20):
         rows = spline(_law(length, slow, tick))
         rows[-1] = points[-1]
         used = np.array(limit_shares(np.concatenate([points[:1], rows]), tick, *limits))
-        excess = (used**_SLOWER).max() / USED
+        # Share of every limit that is planned for; finite differences of the rows then stay below 0.95.
+        excess = (used**_SLOWER).max() / 0.90
         if excess <= 1.0:
             return np.concatenate([rows, np.repeat(rows[-1:], -len(rows) % multiple, axis=0)])
         slow *= 1.02 * excess
@@ -83,7 +81,7 @@ def _spline(points: Array) -> tuple[Callable[[Array], Array], float]:
 
 def _law(length: float, slow: float, tick: float) -> Array:
     """Return positions (T,) along a path of some length, jerk-limited, one a tick after the start."""
-    from ruckig import InputParameter, Result, Ruckig, Trajectory
+    from ruckig import InputParameter, Ruckig, Trajectory
 
     parameters, trajectory = InputParameter(1), Trajectory(1)
     parameters.current_position, parameters.target_position = [0.0], [length]
@@ -91,7 +89,6 @@ def _law(length: float, slow: float, tick: float) -> Array:
         setattr(parameters, name, [0.0])
     parameters.max_velocity, parameters.max_acceleration = [2.0 / slow], [8.0 / slow**2]
     parameters.max_jerk = [200.0 / slow**3]
-    if Ruckig(1).calculate(parameters, trajectory) not in (Result.Working, Result.Finished):
-        raise InputError("no jerk-limited law for this path")
+    Ruckig(1).calculate(parameters, trajectory)
     times = tick * np.arange(1, int(np.ceil(trajectory.duration / tick)) + 1)
     return np.array([min(trajectory.at_time(min(t, trajectory.duration))[0][0], length) for t in times])

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from dexgrasp.geometry.completion_network import CompletionNetwork, shipped_network
+from dexgrasp.geometry.completion_network import shipped_network
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
 from dexgrasp.geometry.hull import cloud_corners, trim_extremes
@@ -19,7 +19,6 @@ from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 NO_CLOUD, NO_VOLUME = "empty_cloud", "cloud_has_no_volume"
 _LEAST_POINTS = 4
-_GUESSED = 1.3  # of the section of what was seen, from which on that of a completed object is doubtful
 _LEAST_INSIDE = 0.003 / UNIT  # radius of the largest ball inside, below which there is no volume to speak of
 
 
@@ -67,9 +66,7 @@ def _nearest_guess(cloud: ObjectCloud, plane: Plane) -> ConvexDistance | None:
 
 
 @lru_cache(maxsize=64)  # of a target it is asked for by the list of objects, the plan and what stands around
-def completed_corners(
-    cloud: ObjectCloud, plane: Plane | None, network: CompletionNetwork | None = None
-) -> tuple[Array | None, Spread | None]:
+def completed_corners(cloud: ObjectCloud, plane: Plane | None) -> tuple[Array | None, Spread | None]:
     """Return the corners (N, 3) m of the hull of what a cloud shows, and the spread of one that was completed.
 
     A cloud whose normals do not all point one way shows the object all round: they are `cloud_corners`.
@@ -77,12 +74,11 @@ def completed_corners(
     Args:
         cloud: of the object alone.
         plane: the table; None completes nothing. The hull ends on it, or at the object's foot.
-        network: that completes; the shipped one by default.
     """
     points, normals, plane = cloud.points, cloud.normals, cloud.stands_on(plane)
     if plane is not None and len(points) >= _LEAST_POINTS and one_sidedness(normals) >= ONE_SIDED:
         view = VisibleSide.of(points, normals, plane)
-        support, spread = (network or shipped_network()).complete(view)
+        support, spread = shipped_network().complete(view)
         corners = _corners(support)
         if corners is not None:
             return cloud_corners(corners * UNIT @ view.R + view.origin), Spread(WRITTEN @ view.R, spread)
@@ -100,7 +96,7 @@ def _guess_said(cloud: ObjectCloud, plane: Plane | None) -> ObjectCloud:
     if corners is None or spread is None or plane is None:
         return cloud
     ratio = _section(corners) / _section(trim_extremes(cloud.points, plane.rms))
-    if ratio < _GUESSED:
+    if ratio < 1.3:  # of the section of what was seen, from which on that of a completed object is doubtful
         return cloud
     said = f"has a side that no camera saw: its section is taken to be {ratio:.1f} times what was seen"
     return replace(cloud, doubt="; ".join(filter(None, (cloud.doubt, said))))

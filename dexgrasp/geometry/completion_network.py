@@ -2,18 +2,14 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
-from dexgrasp.geometry.visible_side import READ, UNIT, WRITTEN, VisibleSide
+from dexgrasp.geometry.visible_side import UNIT, WRITTEN, VisibleSide
 from dexgrasp.runs.arrays import Layer, layers_of, read_arrays, relu, through
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.assets import asset_path
-from dexgrasp_env.errors import InputError
 
-SCHEMA = 1
-FEATURES = 4 * len(READ) + 3
 OUTPUT = 0.01
 """m: the network answers in this unit."""
 LOG_SPREAD = (-4.0, 3.0)
@@ -46,21 +42,5 @@ class CompletionNetwork:
 @lru_cache(maxsize=1)
 def shipped_network() -> CompletionNetwork:
     """Return the network that comes with the package."""
-    return read_network(asset_path("weights/unseen.safetensors"))
-
-
-def read_network(path: Path) -> CompletionNetwork:
-    """Return the network of a file of weights.
-
-    Raises:
-        InputError: missing, damaged, or of another schema; without safetensors.
-    """
-    arrays, note = read_arrays(path)
-    try:
-        layers = layers_of(arrays, "network")
-        fits = note["schema"] == SCHEMA and arrays["mean"].shape == (FEATURES,) == layers[0][0].shape[:1]
-        if not fits or layers[-1][0].shape[1] != 2 * len(WRITTEN):
-            raise KeyError
-        return CompletionNetwork(arrays["mean"], arrays["scale"], layers)
-    except KeyError:
-        raise InputError(f"{path} holds no completion network of schema {SCHEMA}") from None
+    arrays, _ = read_arrays(asset_path("weights/unseen.safetensors"))
+    return CompletionNetwork(arrays["mean"], arrays["scale"], layers_of(arrays, "network"))

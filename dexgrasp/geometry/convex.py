@@ -1,7 +1,7 @@
 """Convex polyhedra from points or meshes, simplified on request, and the signed distance to one or to their union."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, reduce
 
 import numpy as np
@@ -25,15 +25,12 @@ class ConvexDistance:
     Attributes:
         triangles: (F, 3, 3) corners [m], counter-clockwise seen from outside.
         planes: (F, 4) outward unit normal and offset of each triangle.
-        error: how much this polyhedron lies inside the one asked for [m]: the true distance d of a point
-            outside is within [distance - error, distance]. 0 when nothing was simplified.
-        sizes: faces of each part of a union, in order; empty for one polyhedron.
+        sizes: faces of each part of a union, in order.
     """
 
     triangles: Array
     planes: Array
-    error: float = 0.0
-    sizes: tuple[int, ...] = ()
+    sizes: tuple[int, ...]
 
     @classmethod
     def from_points(cls, points: ArrayLike, max_faces: int | None = None) -> "ConvexDistance":
@@ -41,20 +38,21 @@ class ConvexDistance:
 
         Args:
             points: (N, 3) points [m].
-            max_faces: keep at most this many triangles (at least 20), see `_simplify`; None keeps all.
+            max_faces: keep at most this many triangles, at least 20: of the corners those that stick out most. The
+                result lies inside the hull of all. None keeps all.
 
         Raises:
-            InputError: fewer than 4 points, not finite, (nearly) coplanar, or `max_faces` too small.
+            InputError: fewer than 4 points, not finite, or (nearly) coplanar.
         """
         vertices = check("points of a convex hull", points, array(None, 3))
         if len(vertices) < 4:
             raise InputError(f"points are {len(vertices)}: a convex hull needs 4 or more")
-        if max_faces is not None and max_faces < 20:
-            raise InputError(f"max_faces is {max_faces}: valid are integers of at least 20")
-        triangles, planes, hull = _hull(vertices)
-        if max_faces is not None and len(triangles) > max_faces:
-            return _simplify(vertices[hull.vertices], max_faces)
-        return cls(triangles, planes)
+        distance, hull = _hull(vertices)
+        if max_faces is None or len(distance.planes) <= max_faces:
+            return distance
+        corners = vertices[hull.vertices]
+        chosen = extreme_points(corners, max_faces // 2 + 2)  # n corners make 2 n - 4 triangles
+        return _hull(corners[chosen])[0]
 
     @classmethod
     def union(cls, parts: Sequence["ConvexDistance"]) -> "ConvexDistance":
@@ -66,11 +64,10 @@ class ConvexDistance:
 
     def joined(self, other: "ConvexDistance") -> "ConvexDistance":
         """Return the distance to what this or another holds."""
-        sizes = [one.sizes or (len(one.planes),) for one in (self, other)]
+        triangles = np.concatenate([self.triangles, other.triangles])
         return ConvexDistance(
-            np.concatenate([self.triangles, other.triangles]), np.concatenate([self.planes, other.planes]),
-            max(self.error, other.error), (*sizes[0], *sizes[1]),
-        )  # fmt: skip
+            triangles, np.concatenate([self.planes, other.planes]), self.sizes + other.sizes
+        )
 
     @cached_property
     def parts(self) -> list[Array]:
@@ -80,8 +77,7 @@ class ConvexDistance:
     @cached_property
     def obstacle(self) -> Obstacle:
         """The polyhedra as compiled code takes them."""
-        starts = np.cumsum([0, *(self.sizes or (len(self.planes),))], dtype=np.int64)
-        return Obstacle(self.triangles, self.planes, starts)
+        return Obstacle(self.triangles, self.planes, np.cumsum([0, *self.sizes], dtype=np.int64))
 
     def distance(self, points: ArrayLike) -> Array:
         """Return the signed distances (N,) [m] of points (N, 3), negative inside."""
@@ -94,8 +90,8 @@ class ConvexDistance:
         return convex_distances(queries, self.obstacle, gradients), gradients
 
 
-def _hull(points: Array) -> tuple[Array, Array, ConvexHull]:
-    """Return triangles and planes of a convex hull, and the hull as Qhull has it (its `vertices` take time).
+def _hull(points: Array) -> tuple[ConvexDistance, ConvexHull]:
+    """Return the distance to a convex hull, and the hull as Qhull has it (its `vertices` take time).
 
     The planes are Qhull's, one for all triangles of a merged facet: those of thin triangles would be noise.
     """
@@ -108,7 +104,7 @@ def _hull(points: Array) -> tuple[Array, Array, ConvexHull]:
         raise InputError(f"points lie in a plane to {FLAT} m: a convex hull needs points with a volume")
     planes = hull.equations.copy()
     planes[:, 3] -= planes[:, :3] @ centre
-    return _outward(points[hull.simplices], planes), planes, hull
+    return ConvexDistance(_outward(points[hull.simplices], planes), planes, (len(planes),)), hull
 
 
 def _outward(triangles: Array, planes: Array) -> Array:
@@ -117,14 +113,3 @@ def _outward(triangles: Array, planes: Array) -> Array:
     inward = (turns * planes[:, :3]).sum(1) < 0.0
     triangles[inward] = triangles[inward, ::-1]
     return triangles
-
-
-def _simplify(vertices: Array, max_faces: int) -> ConvexDistance:
-    """Return the hull of some of the vertices.
-
-    Those that stick out most are taken, until the faces are used up. The result lies inside the hull of all; the error
-    is the farthest vertex, where the two hulls are farthest apart.
-    """
-    chosen = extreme_points(vertices, max_faces // 2 + 2)  # n corners make 2 n - 4 triangles
-    inner = ConvexDistance(*_hull(vertices[chosen])[:2])
-    return replace(inner, error=max(float(inner.distance(vertices).max()), 0.0))

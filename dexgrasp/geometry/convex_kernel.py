@@ -16,9 +16,6 @@ from dexgrasp.geometry.triangle import EDGE, FACE, VERTEX, closest_on_triangle
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
-INCIDENT = 1e-9
-"""A face within this of a point [m] counts as holding it; far below any feature size, far above rounding."""
-
 
 class Obstacle(NamedTuple):
     """A union of convex polyhedra; one without faces (`NOTHING`) stands for no obstacle."""
@@ -65,7 +62,8 @@ def _walk(
         j = j + 1 if j + 1 < end else first
         idle += 1
         nx, ny, nz, offset = planes[j, 0], planes[j, 1], planes[j, 2], planes[j, 3]
-        if nx * cx + ny * cy + nz * cz + offset < -INCIDENT or nx * px + ny * py + nz * pz + offset <= 0.0:
+        # A face within this of a point [m] counts as holding it; far below any feature size, far above rounding.
+        if nx * cx + ny * cy + nz * cz + offset < -1e-9 or nx * px + ny * py + nz * pz + offset <= 0.0:
             continue
         x, y, z, trial = closest_on_triangle(px, py, pz, triangles[j])
         squared = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2

@@ -12,17 +12,6 @@ from dexgrasp_env.objects.cutting import best_cut, cut_up, held
 from dexgrasp_env.perception.plane import Plane
 
 MOST_PARTS = 6
-_DEEP = 0.008  # m inside the hull, from where a point counts as deep
-_SHARE = 0.05  # of the points that are deep, from where an object is cut at all
-_AIRY = 0.02  # the same, from where some of the hull's surface is taken to lie on air
-_NOTCH = 0.005  # m that a point lies inside the hull of its piece, from where a cut through it is tried
-_GAIN = 0.05  # of a piece's volume: what a cut must take away
-_LEAST = 0.02  # of the whole's volume: the same
-_LEFT = 0.9  # of the hull's volume: parts that hold more stand back for it
-_OVERLAP = 0.004  # m that the points of a part reach beyond the cut, so that the parts meet
-_POINTS = 300  # that cuts are tried on
-_NOTCHES = 3  # deepest points of a piece that cuts are tried through
-_APART = 0.03  # m between two of them
 
 
 def parts_within(
@@ -46,9 +35,9 @@ def parts_within(
     """
     points = np.asarray(points, dtype=float)
     whole = _Piece.of(_sample(points, plane), np.zeros((0, 4)))
-    deep = 0.0 if whole is None else (whole.depths() > _DEEP).mean()
-    if whole is None or deep < _SHARE:
-        return [hull], bool(deep > _AIRY)
+    deep = 0.0 if whole is None else (whole.depths() > 0.008).mean()  # share of points 8 mm inside or more
+    if whole is None or deep < 0.05:
+        return [hull], bool(deep > 0.02)
     pieces = _cut_up(whole, most)
     if len(pieces) < 2:
         return [hull], True
@@ -56,7 +45,7 @@ def parts_within(
     parts = [part for part in found if part is not None]
     from scipy.spatial import ConvexHull
 
-    little = sum(ConvexHull(part).volume for part in parts) > _LEFT * ConvexHull(hull).volume
+    little = sum(ConvexHull(part).volume for part in parts) > 0.9 * ConvexHull(hull).volume
     return ([hull] if len(parts) < len(found) or little else parts), True
 
 
@@ -88,13 +77,13 @@ class _Piece:
         return -(self.points @ self.planes[:, :3].T + self.planes[:, 3]).max(1)
 
     def notches(self) -> Array:
-        """Return the deepest points (K, 3) inside the hull, apart from each other, deepest first."""
+        """Return up to three points (K, 3) 5 mm or more inside the hull, 3 cm apart, deepest first."""
         depth = self.depths()
         found: list[int] = []
         for k in np.argsort(-depth, kind="stable"):
-            if depth[k] < _NOTCH or len(found) == _NOTCHES:
+            if depth[k] < 0.005 or len(found) == 3:
                 break
-            if all(np.linalg.norm(self.points[k] - self.points[j]) > _APART for j in found):
+            if all(np.linalg.norm(self.points[k] - self.points[j]) > 0.03 for j in found):
                 found.append(int(k))
         return self.points[found]
 
@@ -106,8 +95,8 @@ class _Piece:
 
 
 def _held(points: Array, within: Array) -> Mask:
-    """Return which points (M, 3) lie within half-spaces (K, 4), or next to them (M,)."""
-    return np.asarray((points @ within[:, :3].T <= within[:, 3] + _OVERLAP).all(1))
+    """Return which points (M, 3) lie within half-spaces (K, 4), or 4 mm beyond, so that parts meet (M,)."""
+    return np.asarray((points @ within[:, :3].T <= within[:, 3] + 0.004).all(1))
 
 
 def _cut_up(whole: _Piece, most: int) -> list[_Piece]:
@@ -116,7 +105,7 @@ def _cut_up(whole: _Piece, most: int) -> list[_Piece]:
     @cache
     def sides(piece: _Piece) -> Sequence[_Piece]:
         """Return the sides of the cut that takes away most, the piece itself where that is too little."""
-        least = max(_LEAST * whole.hull_volume, _GAIN * piece.hull_volume)
+        least = max(0.02 * whole.hull_volume, 0.05 * piece.hull_volume)
         if piece.hull_volume < 2.0 * least:
             return [piece]
         found = best_cut(piece, [(n, float(n @ notch)) for notch in piece.notches() for n in _DIRECTIONS])[1]
@@ -130,8 +119,8 @@ def _cut_up(whole: _Piece, most: int) -> list[_Piece]:
 
 
 def _sample(points: Array, plane: Plane | None) -> Array:
-    """Return some of the points, and where those near the table stand on it."""
-    some = points[:: max(1, len(points) // _POINTS)]
+    """Return some 300 of the points, and where those near the table stand on it."""
+    some = points[:: max(1, len(points) // 300)]
     if plane is None:
         return some
     heights = plane.heights(some)

@@ -5,19 +5,11 @@ from functools import cache
 import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp_env.arrays import Array, Mask, fibonacci_directions
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.perception.plane import Plane
 
 REACH = 0.020
 """m above the table within which points are dropped onto it."""
-# A hull is made of extremes, and the extremes of noisy points lie outside the surface. The two numbers below
-# were set on boxes, cans, balls, cones and a tetrahedron with the default sensor: without them the hull is
-# 13 % too large.
-_TRIMMED = 0.01  # share of the points that count as extremes in a direction, from 1 mm of noise
-_INWARDS = 0.3  # of the noise: how much farther in the hull begins than the last point that is none
-_SEEN, _UPPER = 0.02, 0.5  # share of points that are lower where the sides were seen; of the height, how low
-_FACES = 80  # of a hull that is kept clear of
 
 
 def cloud_corners(points: Array, plane: Plane | None = None) -> Array | None:
@@ -44,7 +36,7 @@ def cloud_corners(points: Array, plane: Plane | None = None) -> Array | None:
         points = trim_extremes(points, plane.rms)
         heights = plane.heights(points)
         dropped = points - heights[:, None] * plane.normal
-        if np.quantile(heights, _SEEN) > max(REACH, _UPPER * heights.max()):
+        if np.quantile(heights, 0.02) > max(REACH, 0.5 * heights.max()):  # hardly a point is low
             heights = np.zeros_like(heights)
         points = np.concatenate([points, dropped[heights < REACH], np.median(dropped, axis=0, keepdims=True)])
     try:
@@ -60,51 +52,33 @@ def standing_hull(points: Array) -> ConvexDistance:
         InputError: if the points span no volume.
     """
     shadow = points * [1.0, 1.0, 0.0]
-    return ConvexDistance.from_points(np.concatenate([points, shadow]), max_faces=_FACES)
+    return ConvexDistance.from_points(np.concatenate([points, shadow]), max_faces=80)
 
 
 def trim_extremes(points: Array, noise: float) -> Array:
     """Return the points (M, 3) with those that stick out moved inwards.
 
+    A hull is made of extremes, and those of noisy points lie outside the surface: of boxes, cans, balls, cones and a
+    tetrahedron, seen by the default sensor, it would be 13 % too large.
+
     In each of many directions, the farthest 1 % of the points are moved back to the next one and 0.3 of the
     noise farther. Downwards nothing is moved: the table ends the object there. Without noise nothing is
     moved at all.
     """
-    count = round(_TRIMMED * min(1.0, noise / 0.001) * len(points))
+    count = round(0.01 * min(1.0, noise / 0.001) * len(points))
     if count < 1:
         return points
     outward = _outward()
     centre = np.median(points, axis=0)
     local = points - centre
     along = outward @ local.T
-    limit, beyond = _limits(along, count, _INWARDS * noise)
-    out = np.flatnonzero(beyond)
+    farthest = np.partition(along, -count - 1, axis=1)[:, -count - 1]
+    limit = np.maximum(farthest - 0.3 * noise, 0.0)
+    out = np.flatnonzero((along > limit[:, None]).any(0))
     moved = _moved(local[out], along[:, out] - limit[:, None], outward)
     # A corner sticks out in more than one direction.
     local[out] = _moved(moved, outward @ moved.T - limit[:, None], outward)
     return local + centre
-
-
-@njit
-def _limits(along: Array, count: int, inwards: float) -> tuple[Array, Mask]:
-    """Return how far out (K,) points may be, and which (M,) are farther in any direction; `along` (K, M) says how far.
-
-    It is `inwards` from the farthest but `count` of them, of which there are few.
-    """
-    limit, beyond, farthest = np.empty(len(along)), np.zeros(along.shape[1], np.bool_), np.empty(count + 1)
-    for k in range(len(along)):
-        farthest[:] = -np.inf
-        for far in along[k]:
-            rank = count
-            while rank >= 0 and far > farthest[rank]:
-                if rank < count:
-                    farthest[rank + 1] = farthest[rank]
-                farthest[rank] = far
-                rank -= 1
-        limit[k] = max(farthest[count] - inwards, 0.0)
-        for m in range(len(beyond)):
-            beyond[m] |= along[k, m] > limit[k]
-    return limit, beyond
 
 
 def _moved(points: Array, excess: Array, outward: Array) -> Array:

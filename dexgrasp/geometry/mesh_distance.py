@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
 
 if TYPE_CHECKING:
     import trimesh
@@ -15,8 +14,6 @@ _SCALE = 1e3
 """trimesh takes squared distances within 1e-8 for equal: in metres that is 0.1 mm, in millimetres 0.1 um."""
 _CORNER = 1e-9
 """A barycentric coordinate below this is none: the closest point lies on an edge or a vertex."""
-_TOUCHING = 1e-12
-"""Below this distance [m] the direction to the closest point is rounding."""
 
 
 class Closest(NamedTuple):
@@ -38,19 +35,12 @@ def closest_on_mesh(mesh: "trimesh.Trimesh", points: ArrayLike) -> Closest:
     surface a point lies.
 
     Args:
-        mesh: triangles [m].
+        mesh: triangles [m], one at least.
         points: (N, 3) [m].
-
-    Raises:
-        InputError: no faces, or vertices or points that are not finite.
     """
     import trimesh
 
     queries = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all() or not np.isfinite(queries).all():
-        raise InputError(
-            "the mesh is empty, or it or a point is not finite: valid are finite triangles and points"
-        )
     welded = trimesh.Trimesh(_SCALE * np.asarray(mesh.vertices), mesh.faces, process=True)
     closest, _, faces = trimesh.proximity.closest_point(welded, _SCALE * queries)
     shares = trimesh.triangles.points_to_barycentric(welded.triangles[faces], closest)
@@ -61,7 +51,7 @@ def closest_on_mesh(mesh: "trimesh.Trimesh", points: ArrayLike) -> Closest:
     offsets = queries - closest
     lengths = np.sqrt((offsets * offsets).sum(-1))
     signed = np.where((offsets * normals).sum(-1) < 0.0, -lengths, lengths)
-    far = lengths > _TOUCHING
+    far = lengths > 1e-12  # Below this distance [m] the direction to the closest point is rounding.
     gradients = np.where(far[:, None], offsets / np.where(far, signed, 1.0)[:, None], normals)
     return Closest(signed, closest, gradients)
 

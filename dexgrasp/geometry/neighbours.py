@@ -16,12 +16,10 @@ SEEN, UNSEEN = 0.003, 0.006
 """m by which a neighbour's sides are taken to lie farther out: those that were seen, and those that no camera saw."""
 HIGHER = 0.002
 """m by which its top is."""
-_FACING = 0.5  # cosine of the angle to a side within which a normal shows that it was seen
 _SIDES = 8  # level directions in which a neighbour may be grown
 _INSIDE = 0.006  # m: a hull that holds points of the target this deep is not the neighbour's shape
 _COLUMN = 0.03  # m, side of a column
 _MOST = 60  # parts of a neighbour, as a grasp file takes them
-_HANGING, _BOARD = 0.55, 0.10  # m above the table from where on points hang; side of their columns
 _LEAST = 3  # points of a column: fewer are noise
 _THICK = 0.004  # m that a column reaches at least to either side of its middle
 
@@ -65,7 +63,8 @@ def _grown(corners: Array, cloud: ObjectCloud) -> Array:
     """Add to corners (N, 3) m the points that trimming left out, and all of it moved out to all sides and up."""
     angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
     sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)], axis=1)
-    grown = np.where((cloud.normals @ sides.T > _FACING).any(axis=0), SEEN, UNSEEN)
+    # cosine of the angle to a side within which a normal shows that it was seen
+    grown = np.where((cloud.normals @ sides.T > 0.5).any(axis=0), SEEN, UNSEEN)
     corners = np.concatenate([corners, cloud.points])
     level = np.concatenate([corners + step * side for step, side in zip(grown, sides, strict=True)])
     return np.concatenate([level, level[level[:, 2] > level[:, 2].min() + HIGHER] + [0.0, 0.0, HIGHER]])
@@ -85,8 +84,8 @@ def columns(points: Array) -> Parts:
 
     They stand on the table, but for what is seen far above it, which hangs.
     """
-    hang = points[:, 2] > _HANGING
-    return (*_boxes(points[~hang], _COLUMN, 0.0), *_boxes(points[hang], _BOARD))
+    hang = points[:, 2] > 0.55  # m above the table from where on points hang
+    return (*_boxes(points[~hang], _COLUMN, 0.0), *_boxes(points[hang], 0.10))  # side of their columns
 
 
 def _boxes(points: Array, side: float, foot: float | None = None) -> Parts:

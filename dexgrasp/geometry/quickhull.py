@@ -14,7 +14,6 @@ from dexgrasp_env.compiled import njit
 
 _JOGGLE = 1e-6  # m
 _OUTSIDE = 1e-9  # m
-_FLAT = 1e-12  # m2: twice the area of a triangle without a plane of its own
 
 
 class _Faces(NamedTuple):
@@ -79,7 +78,8 @@ def _set_face(corners: Array, faces: _Faces, slot: int, a: int, b: int, c: int) 
     cross(corners[b] - corners[a], corners[c] - corners[a], plane)
     size = np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     for k in range(3):
-        plane[k] = plane[k] / size if size > _FLAT else 0.0  # without a plane: no point is outside
+        # m2: twice the area of a triangle without a plane of its own
+        plane[k] = plane[k] / size if size > 1e-12 else 0.0  # without a plane: no point is outside
     plane[3] = 0.0
     plane[3] = -_height(plane, corners[a])
     faces.alive[slot] = True

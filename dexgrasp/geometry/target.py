@@ -24,12 +24,9 @@ if TYPE_CHECKING:
     import trimesh
     from scipy.spatial import cKDTree
 
-MAX_FACES = 120  # of the hull that is planned on
 PART_FACES = 80  # of each part where there are several
-ASSUMED_DENSITY = 900.0  # kg/m3: nobody weighs the object; common packed goods are lighter
 HAND_REACH = 0.15  # m from an object that parts of a hand are which grasps it
 MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
-_GAP = 0.010  # m from what was seen, beyond which a point of the hull lies on air
 
 
 Parts = tuple[Array, ...]
@@ -103,7 +100,7 @@ class GraspTarget:
         """
         if mass is not None:
             check("mass", mass, POSITIVE)
-        faces = MAX_FACES if len(corners) == 1 else PART_FACES
+        faces = 120 if len(corners) == 1 else PART_FACES  # of the hull that is planned on
         distance = ConvexDistance.union([ConvexDistance.from_points(some, faces) for some in corners])
         middle = np.asarray(volume_centre(distance) if centre is None else centre, dtype=float)
         known = assumed_mass(hull_volume(distance)[0]) if mass is None else float(mass)
@@ -134,7 +131,8 @@ class GraspTarget:
         """
         if self.seen is None:
             return np.ones(points.shape[:-1], bool)
-        return self._seen_tree.query(_raised(points))[0] < _GAP
+        # m from what was seen, beyond which a point of the hull lies on air
+        return self._seen_tree.query(_raised(points))[0] < 0.010
 
     def may_touch(self, points: Array, margin: float = 0.0) -> Mask:
         """Return which points (..., 3) m of the parts' surface were seen and are where contacts are asked for (...)."""
@@ -198,13 +196,6 @@ class GraspTarget:
         walls = ConvexDistance.union(parts)
         return replace(self, distance=walls, centre=volume_centre(walls))
 
-    @property
-    def surface(self) -> "trimesh.Trimesh":
-        """The faces of all parts in one mesh, also those that lie within another part."""
-        import trimesh
-
-        return cast("trimesh.Trimesh", trimesh.util.concatenate(list(self.parts)))
-
 
 def _raised(points: Array) -> Array:
     """Return points (..., 3) m with those below `REACH` at it."""
@@ -248,4 +239,5 @@ def assumed_mass(volume: float) -> float:
 
     Also where parts are known: what fills little of its hull is seldom packed goods, and denser.
     """
-    return float(np.clip(ASSUMED_DENSITY * volume, *MASS_RANGE))
+    # kg/m3: nobody weighs the object; common packed goods are lighter
+    return float(np.clip(900.0 * volume, *MASS_RANGE))

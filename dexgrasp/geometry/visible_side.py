@@ -14,7 +14,6 @@ UNIT = 0.1
 """m: lengths are read and written in this unit."""
 ONE_SIDED = 0.4
 """From here on normals point one way: with four cameras up to 0.27 was measured, with one the median is 0.86."""
-_EGI_POWER = 8  # how narrowly a direction looks at normals: half at 23 degrees
 
 
 def one_sidedness(normals: Array) -> float:
@@ -70,7 +69,8 @@ class VisibleSide(NamedTuple):
         along = self.points @ READ.T
         most = along.max(0)
         below = most - np.quantile(along, (0.9, 0.5), axis=0)
-        facing = (np.maximum(self.normals @ READ.T, 0.0) ** _EGI_POWER).mean(0)
+        # how narrowly a direction looks at normals: half at 23 degrees
+        facing = (np.maximum(self.normals @ READ.T, 0.0) ** 8).mean(0)
         rest = [np.cos(self.viewer), np.sin(self.viewer), np.log(len(self.points)) / 5.0]
         return np.concatenate([most, *below, facing, rest])
 

@@ -8,8 +8,6 @@ LOW = 0.030
 """m above the table, up to which nothing that is open above has room for a fingertip."""
 _TIER = 0.022  # m, height of a row of parts
 _TIERS = 3  # below the rim: a finger reaches no deeper
-_ARC = 0.040  # m along the outline that a part has
-_MOST_ARCS = 18  # of a row, so that a grasp file takes all parts
 _OVERLAP = 0.006  # m that parts reach beyond their edges
 _LEAST = 8  # points of a part
 
@@ -30,7 +28,8 @@ def walls_of(points: Array) -> list[Array]:
         return []
     from_middle = points[:, :2] - middle(points[:, :2])
     angle, radius = np.arctan2(from_middle[:, 1], from_middle[:, 0]), np.linalg.norm(from_middle, axis=1)
-    count = int(np.clip(np.ceil(2.0 * np.pi * radius.max() / _ARC), 6, _MOST_ARCS))
+    # Parts have 40 mm of the outline; not more of them than a grasp file takes.
+    count = int(np.clip(np.ceil(2.0 * np.pi * radius.max() / 0.040), 6, 18))
     found = []
     for tier in range(_TIERS):
         low, high = rim - (tier + 1) * _TIER, np.inf if tier == 0 else rim - tier * _TIER

@@ -7,14 +7,14 @@ import numpy as np
 from dexgrasp_env.arrays import LARGEST, Array, array
 from dexgrasp_env.valid import Rule, number
 
-_FLAT = 1e-6  # m: a part thinner than this has no inside
 _MOST_VERTICES, _MOST_PARTS = 100_000, 64
 
 
 def _corners(value: Any) -> Array:
     part: Array = array(None, 3).validate(value)
     few = not 4 <= len(part) <= _MOST_VERTICES
-    if few or np.linalg.svd(part - part.mean(0), compute_uv=False)[2] < _FLAT:
+    # m: a part thinner than this has no inside
+    if few or np.linalg.svd(part - part.mean(0), compute_uv=False)[2] < 1e-6:
         raise ValueError
     return part
 

@@ -1,11 +1,14 @@
 """Pictures of a grasp, hand, table, hull, contacts, friction cones and forces, and of what a hand can do."""
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.grasp.certificate import figures_of
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.mechanics.cones import cone_edges
 from dexgrasp_env.arrays import Array, middle, unit
@@ -14,14 +17,24 @@ from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, posed
 
 _COLOURS = ("#d1495b", "#2e6f95", "#3a7d44", "#8f5aa8", "#b8860b")  # of the contacts, in their order
-_VIEWS = ((14, -60), (14, 120), (90, -90))  # elevation and azimuth, deg; the last from above
-_HAND, _TABLE = (0.25, 0.27, 0.30, 0.22), (0.80, 0.72, 0.62, 0.55)
-_AROUND = 0.045  # m that is shown around the object
-_TICKS, _ZOOM = 4, 1.02
-_CONE_LENGTH, _CONE_SIDES = 0.03, 24  # m
-_NEWTON = 0.008  # m that a newton is drawn as
-_AXIS, _HINGE = 0.06, 0.008  # m, arrows of frames and pads, and half of a joint's axis
-_PALM_AXES = (("#c00000", "palm x: the way of approach"), ("#008000", "palm y"), ("#0000c0", "palm z"))
+_SIDES, _ABOVE = ((14, -60), (14, 120)), (90, -90)  # elevation and azimuth, deg
+_HAND, _EDGES = (0.25, 0.27, 0.30), (0.2, 0.2, 0.2)
+_CAPTION = {
+    "distances, cm": "{distances}",
+    "closure margin": "{closure_margin:.2f}",
+    "clearance, mm": "{clearance_mm:.1f}",
+    "joint torque of its limit": "{max_joint_torque_fraction:.0%}",
+    "made for, g": "{grams:.0f}",
+}
+
+
+class _Panel(NamedTuple):
+    """One view of something: drawn within a box (2, 3) m, seen from an elevation and azimuth, deg."""
+
+    box: Array
+    view: tuple[int, int]
+    draw: Callable[[Any], None]
+    title: str = ""
 
 
 def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str) -> Path:
@@ -33,19 +46,12 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str) -> 
         target: the object it was planned on.
         title: above the picture; the certificate's figures stand below.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure((15, 5.0))
     hand = hand_triangles(grasp.cell, grasp.q)
     box = _box(target.distance.triangles, hand)
-    for k, view in enumerate(_VIEWS):
-        axes = _add_axes(figure, (1, len(_VIEWS), k + 1), box, view)
-        _draw(axes, grasp, target, hand, box)
-    figure.legend(*axes.get_legend_handles_labels(), loc="upper left", frameon=False, fontsize=10)
-    figure.suptitle(title)
-    figure.text(0.5, 0.02, _caption(grasp), ha="center", fontsize=11)
-    figure.subplots_adjust(left=0.01, right=0.98, bottom=0.06, top=0.97, wspace=0.1)
-    return save(figure, path)
+    draw = partial(_draw_grasp, grasp, target, hand, box)
+    figures = figures_of(grasp.certificate.as_json(), _CAPTION)
+    caption = "    ".join(f"{name}: {value}" for name, value in figures.items())
+    return _write(path, [_Panel(box, view, draw) for view in (*_SIDES, _ABOVE)], title, caption)
 
 
 def hand_picture(
@@ -59,21 +65,15 @@ def hand_picture(
         postures: (n,) rad, by what they are called.
         grasps: with what they hold, by its name.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure((4 * (len(postures) + len(grasps)), 4.4))
-    shown = postures | {name: grasp.q for name, (grasp, _) in grasps.items()}
-    for k, (name, q) in enumerate(shown.items()):
+    panels = []
+    for name, q in (postures | {name: grasp.q for name, (grasp, _) in grasps.items()}).items():
         hand = hand_triangles(cell, q)
         box = _box(hand, hand)
-        axes = _add_axes(figure, (1, len(shown), k + 1), box, _VIEWS[0])
+        draw = partial(_add_solid, polygons=hand, face=(*_HAND, 0.5), edge=(*_EDGES, 0.2))
         if name in grasps:
-            _draw(axes, *grasps[name], hand, box)
-        else:
-            _add_solid(axes, hand, (*_HAND[:3], 0.5), (0.2, 0.2, 0.2, 0.2))
-        axes.set_title(name)
-    figure.subplots_adjust(left=0.02, right=0.97, bottom=0.05, top=0.92, wspace=0.1)
-    return save(figure, path)
+            draw = partial(_draw_grasp, *grasps[name], hand, box)
+        panels.append(_Panel(box, _SIDES[0], draw, name))
+    return _write(path, panels)
 
 
 def found_picture(path: Path, cell: Cell) -> Path:
@@ -83,49 +83,10 @@ def found_picture(path: Path, cell: Cell) -> Path:
         path: file to write.
         cell: whose hand it is.
     """
-    from matplotlib.figure import Figure
-
-    robot, q = cell.robot, cell.robot.home
-    model, hand = compiled_robot(cell), hand_triangles(cell, q)
-    data, figure, leaders = (
-        posed(model, q),
-        Figure((14, 7)),
-        {c.joint: c.follows for c in robot.hand.couplings},
-    )
-    palm = data.site(robot.hand.palm)
-    box = _box(hand, hand)
-    for k, view in enumerate(_VIEWS[:2]):
-        axes = _add_axes(figure, (1, 2, k + 1), box, view)
-        _add_solid(axes, hand, (*_HAND[:3], 0.12), (0.2, 0.2, 0.2, 0.06))
-        for column, (colour, what) in enumerate(_PALM_AXES):
-            end = palm.xpos + _AXIS * palm.xmat.reshape(3, 3)[:, column]
-            _arrow(axes, palm.xpos, end, colour, 2.5, what)
-        for finger, colour in zip(robot.grasping, _COLOURS, strict=False):
-            site, body = data.site(finger.tip), data.body(finger.bodies[-1])
-            pad = (
-                body.xmat.reshape(3, 3) @ finger.pad
-                + (robot.hand.torsion > 0.0) * site.xmat.reshape(3, 3)[:, 2]
-            )
-            _arrow(axes, site.xpos, site.xpos + _AXIS * unit(pad), colour, 2.0, f"pad of {finger.name}")
-        for name in robot.hand.joints.names:
-            at, leader = data.joint(name).xanchor, leaders.get(name)
-            ends = at + _HINGE * np.outer([-1.0, 1.0], data.joint(name).xaxis)
-            axes.plot(
-                *ends.T,
-                color="k" if leader is None else "0.55",
-                linewidth=2.0,
-                linestyle="-" if leader is None else ":",
-            )
-            if leader is None:
-                axes.text(*at, name, fontsize=6)
-            else:
-                axes.plot(
-                    *np.array([at, data.joint(leader).xanchor]).T, color="0.55", linewidth=0.8, linestyle="--"
-                )
-    figure.legend(*axes.get_legend_handles_labels(), loc="upper left", frameon=False, fontsize=9)
-    figure.suptitle(f"{robot.hand.name}: black joints are driven, dashed ones follow")
-    figure.subplots_adjust(left=0.01, right=0.98, bottom=0.03, top=0.95, wspace=0.05)
-    return save(figure, path)
+    hand = hand_triangles(cell, cell.robot.home)
+    draw = partial(_draw_found, cell, hand)
+    title = f"{cell.robot.hand.name}: black joints are driven, dashed ones follow"
+    return _write(path, [_Panel(_box(hand, hand), view, draw) for view in _SIDES], title)
 
 
 def hand_triangles(cell: Cell, q: Array) -> Array:
@@ -141,66 +102,93 @@ def hand_triangles(cell: Cell, q: Array) -> Array:
     ])  # fmt: skip
 
 
-def _draw(axes: Any, grasp: Grasp, target: GraspTarget, hand: Array, box: Array) -> None:
-    from matplotlib.colors import to_rgba
-
+def _draw_grasp(grasp: Grasp, target: GraspTarget, hand: Array, box: Array, axes: Any) -> None:
+    newton, cone_length = 0.008, 0.03  # m that a newton, and a cone, are drawn as
     (x, y, _), (X, Y, _) = box
-    _add_solid(axes, [[(x, y, 0), (X, y, 0), (X, Y, 0), (x, Y, 0)]], _TABLE, "none")
-    _add_solid(axes, hand, _HAND, (0.2, 0.2, 0.2, 0.10), 0.3)
+    _add_solid(axes, [[(x, y, 0), (X, y, 0), (X, Y, 0), (x, Y, 0)]], (0.80, 0.72, 0.62, 0.55), "none")
+    _add_solid(axes, hand, (*_HAND, 0.22), (*_EDGES, 0.1))
     _add_solid(axes, target.distance.triangles, (0.87, 0.66, 0.33, 0.35), (0.45, 0.40, 0.30, 0.35))
     contacts = zip(_COLOURS, grasp.fingers, grasp.contacts, grasp.normals, grasp.forces[:, :3], strict=False)
     for colour, finger, p, n, f in contacts:
-        rim = p + _CONE_LENGTH * cone_edges(n[None], grasp.certificate.friction, _CONE_SIDES)[0]
+        rim = p + cone_length * cone_edges(n[None], grasp.certificate.friction, 24)[0]
         cone = np.stack([np.broadcast_to(p, rim.shape), rim, np.roll(rim, -1, axis=0)], axis=1)
-        _add_solid(axes, cone, to_rgba(colour, 0.25), "none")
+        _add_solid(axes, cone, (colour, 0.25), "none")
         axes.scatter(*p, color=colour, s=28, depthshade=False)
-        _arrow(axes, p - _NEWTON * f, p, colour, 2.4, f"{finger}: {np.linalg.norm(f):.1f} N")
-    weight = np.array([0, 0, _NEWTON * 9.81 * grasp.certificate.mass])
-    _arrow(axes, target.centre, target.centre - weight, "k", 1.8, "weight")
+        _arrow(axes, p - newton * f, p, colour, f"{finger}: {np.linalg.norm(f):.1f} N")
+    weight = np.array([0, 0, newton * 9.81 * grasp.certificate.mass])
+    _arrow(axes, target.centre, target.centre - weight, "k", "weight")
 
 
-def _add_solid(axes: Any, polygons: Any, face: Any, edge: Any, width: float = 0.4) -> None:
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    axes.add_collection3d(Poly3DCollection(polygons, facecolor=face, edgecolor=edge, linewidth=width))
+def _draw_found(cell: Cell, hand: Array, axes: Any) -> None:
+    robot, arrow, hinge = cell.robot, 0.06, 0.008  # m, arrows of frames and pads, and half of a joint's axis
+    data, leaders = (
+        posed(compiled_robot(cell), robot.home),
+        {c.joint: c.follows for c in robot.hand.couplings},
+    )
+    palm = data.site(robot.hand.palm)
+    words = ("palm x: the way of approach", "palm y", "palm z")
+    _add_solid(axes, hand, (*_HAND, 0.12), (*_EDGES, 0.06))
+    for colour, what, way in zip(
+        ("#c00000", "#008000", "#0000c0"), words, palm.xmat.reshape(3, 3).T, strict=True
+    ):
+        _arrow(axes, palm.xpos, palm.xpos + arrow * way, colour, what)
+    for finger, colour in zip(robot.grasping, _COLOURS, strict=False):
+        site, body = data.site(finger.tip), data.body(finger.bodies[-1])
+        pad = body.xmat.reshape(3, 3) @ finger.pad
+        if robot.hand.torsion > 0.0:  # a jaw closes between its pad and its end
+            pad = unit(pad + site.xmat.reshape(3, 3)[:, 2])
+        _arrow(axes, site.xpos, site.xpos + arrow * pad, colour, f"pad of {finger.name}")
+    for name in robot.hand.joints.names:
+        at, leader = data.joint(name).xanchor, leaders.get(name)
+        colour = "k" if leader is None else "0.55"
+        axes.plot(
+            *(at + hinge * np.outer([-1.0, 1.0], data.joint(name).xaxis)).T, color=colour, linewidth=2.0
+        )
+        if leader is None:
+            axes.text(*at, name, fontsize=6)
+        else:
+            axes.plot(*np.array([at, data.joint(leader).xanchor]).T, color=colour, linestyle="--")
 
 
 def _box(triangles: Array, hand: Array) -> Array:
     """Corners (2, 3) of what is shown: around triangles, m, from below the table where they reach there."""
-    corners = triangles.reshape(-1, 3)
-    half = 0.5 * np.ptp(corners, axis=0)[:2].max() + _AROUND
+    corners, around = triangles.reshape(-1, 3), 0.045  # m
+    half = 0.5 * np.ptp(corners, axis=0)[:2].max() + around
     box = middle(corners) + np.array([[-half], [half]])
     box[:, 2] = max(corners[:, 2].min(), 0.0) - 0.01, max(hand[..., 2].max(), corners[:, 2].max()) + 0.01
     return box
 
 
-def _add_axes(figure: Any, place: tuple[int, int, int], box: Array, view: tuple[int, int]) -> Any:
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
+def _add_solid(axes: Any, polygons: Any, face: Any, edge: Any) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    axes, from_above = figure.add_subplot(*place, projection="3d", computed_zorder=False), view[0] == 90
-    axes.view_init(*view)
-    for name, limits in zip("xyz", box.T, strict=True):
-        axes.set(**{f"{name}lim": limits, f"{name}label": f"{name} / cm"})
-        axis = getattr(axes, f"{name}axis")
-        axis.set_major_locator(MaxNLocator(_TICKS))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f}"))
-    axes.set_box_aspect(box[1] - box[0], zoom=1.0 if from_above else _ZOOM)
-    axes.tick_params(labelsize=8)
-    if from_above:
-        axes.set_proj_type("ortho")
-        axes.set(zticks=[], zlabel="")
-    return axes
+    axes.add_collection3d(Poly3DCollection(polygons, facecolor=face, edgecolor=edge, linewidth=0.4))
 
 
-def _arrow(axes: Any, a: Array, b: Array, colour: str, width: float, label: str) -> None:
-    axes.quiver(*a, *(b - a), color=colour, linewidth=width, arrow_length_ratio=0.25, label=label)
+def _arrow(axes: Any, a: Array, b: Array, colour: str, label: str) -> None:
+    axes.quiver(*a, *(b - a), color=colour, linewidth=2.0, arrow_length_ratio=0.25, label=label)
 
 
-def _caption(grasp: Grasp) -> str:
-    c = grasp.certificate
-    distances = ", ".join(f"{d:.2f}" for d in c.distances_cm)
-    return (
-        f"distances {distances} cm    closure margin {c.closure_margin:.2f}    "
-        f"clearance {1000 * c.min_clearance_m:.1f} mm    "
-        f"joint torque {100 * c.max_joint_torque_fraction:.0f} % of its limit    made for {1000 * c.mass:.0f} g"
-    )
+def _write(path: Path, panels: Sequence[_Panel], title: str = "", caption: str = "") -> Path:
+    """Write panels side by side as PNG; with a title there is a legend of what the last one shows."""
+    from matplotlib.figure import Figure
+
+    figure = Figure((5.0 * len(panels), 5.0))
+    for k, panel in enumerate(panels):
+        axes = figure.add_subplot(1, len(panels), k + 1, projection="3d", computed_zorder=False)
+        axes.view_init(*panel.view)
+        x, y, z = panel.box.T
+        axes.set(xlim=x, ylim=y, zlim=z, xlabel="x / m", ylabel="y / m", zlabel="z / m", title=panel.title)
+        axes.set_box_aspect(panel.box[1] - panel.box[0])
+        axes.locator_params(nbins=5)
+        axes.tick_params(labelsize=7)
+        if panel.view == _ABOVE:
+            axes.set_proj_type("ortho")
+            axes.set(zticks=[], zlabel="")
+        panel.draw(axes)
+    if title:
+        figure.legend(*axes.get_legend_handles_labels(), loc="upper left", frameon=False, fontsize=9)
+    figure.suptitle(title)
+    figure.text(0.5, 0.02, caption, ha="center", fontsize=11)
+    figure.subplots_adjust(left=0.02, right=0.95, bottom=0.06, top=0.93, wspace=0.1)
+    return save(figure, path)

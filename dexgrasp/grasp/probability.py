@@ -18,13 +18,10 @@ from dexgrasp.grasp.record import Chance, GraspRecord, HoldsProbability
 from dexgrasp.grasp.thresholds import HOLD_SHARE
 from dexgrasp_env.arrays import Array, Fields, Index
 from dexgrasp_env.assets import asset_path
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_file
 
-SCHEMA = 1
 OUTCOMES = ("lifted", "pushed")
 """What is foretold: lifted and held for 3 s (`lift`); and through pushes by the weight from six sides (`pushed@1`)."""
-_SPREAD = 1.96  # standard deviations of the members' log odds, to either side
 
 
 class Trees(NamedTuple):
@@ -70,7 +67,8 @@ class Model(NamedTuple):
         found = {}
         for name, (trees, (offset, slope)) in self.outcomes.items():
             odds = offset + slope * trees.log_odds(x)
-            middle, around = odds.mean(), _SPREAD * odds.std()
+            # standard deviations of the members' log odds, to either side
+            middle, around = odds.mean(), 1.96 * odds.std()
             found[name] = Chance(*(_share(each) for each in (middle, middle - around, middle + around)))
         return found
 
@@ -105,29 +103,16 @@ def shipped_model() -> Model:
 
 
 def read_model(path: Path) -> Model:
-    """Return the model of a file.
-
-    Raises:
-        InputError: missing, damaged, or of another schema.
-    """
+    """Return the model of a file that `scripts/fit_probability.py` wrote."""
     content = read_file(path)
-    try:
-        stated = json.loads(content)
-        if stated["schema"] != SCHEMA:
-            raise ValueError
-        return Model(
-            content_hash(content),
-            str(stated["robot"]),
-            tuple(stated["features"]),
-            float(stated["least_friction"]),
-            {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES},
-        )
-    except (ValueError, LookupError, TypeError):
-        raise InputError(f"{path} holds no model of probabilities of schema {SCHEMA}") from None
+    stated = json.loads(content)
+    outcomes = {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES}
+    features = tuple(stated["features"])
+    return Model(content_hash(content), stated["robot"], features, stated["least_friction"], outcomes)
 
 
 def _outcome(stated: Fields) -> tuple[Trees, tuple[float, float]]:
     whole = ("feature", "left", "right", "roots", "member")
     columns = {name: np.array(stated[name], dtype=int if name in whole else float) for name in Trees._fields}
     offset, slope = stated["calibration"]
-    return Trees(**columns), (float(offset), float(slope))
+    return Trees(**columns), (offset, slope)

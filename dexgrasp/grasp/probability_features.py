@@ -16,7 +16,6 @@ from dexgrasp_env.arrays import Array, cube_directions, unit
 from dexgrasp_env.scene.constants import GRAVITY
 
 _DRAWS = 64
-_PLACE, _TILT = 0.003, 0.07  # m of contacts and centre; rad of normals: standard deviations
 _MOST = 8.0  # weights: larger pushes tell nothing more
 _SIDES = cube_directions()
 
@@ -41,7 +40,8 @@ def features_of(record: GraspRecord, friction: float, mass: float, guessed: floa
     weight, forces = GRAVITY * mass, record.forces[:, :3]
     exact = Draws(record.points[None], record.normals[None], record.centre[None])
     held, borne = _borne(forces, exact, weight, friction)
-    around = _borne(forces, _drawn(record, np.hypot(_PLACE, guessed)), weight, friction)[1]
+    # m of contacts and centre
+    around = _borne(forces, _drawn(record, np.hypot(0.003, guessed)), weight, friction)[1]
     planned = held[0]
     press = -(planned * record.normals).sum(1)
     slide = np.linalg.norm(planned + press[:, None] * record.normals, axis=1)
@@ -73,7 +73,8 @@ def _drawn(record: GraspRecord, place: float) -> Draws:
     rng, shape = np.random.default_rng(0), (_DRAWS, *record.points.shape)
     moved = place * rng.standard_normal(shape)
     tips = record.points + record.thresholds.tip_radius * record.normals
-    normals = unit(_nearest(record.parts, tips + moved) + _TILT * rng.standard_normal(shape))
+    # rad of normals: standard deviations
+    normals = unit(_nearest(record.parts, tips + moved) + 0.07 * rng.standard_normal(shape))
     return Draws(record.points + moved, normals, record.centre + place * rng.standard_normal((_DRAWS, 3)))
 
 

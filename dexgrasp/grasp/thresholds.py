@@ -96,14 +96,16 @@ _AT_LEAST = (
     "closure_margin", "clearance", "tip_cosine", "pad_cosine", "joint_margin", "contact_height", "least_press",
 )  # fmt: skip
 FROZEN = Thresholds()
-_NARROW = 0.01  # m: tips of a smaller radius go less deep, in proportion: their links are as narrow
-_WEAK = 0.7  # Nm, or N of slides: weaker joints press less, in proportion, as they have to squeeze as well
 
 
 def frozen_for(hand: Hand) -> Thresholds:
-    """Return the frozen thresholds for a hand's tips and torques."""
-    share, (low, high) = min(1.0, hand.tip_radius / _NARROW), FROZEN.distance
-    press = min(1.0, min(hand.joints.torque) / _WEAK) * FROZEN.least_press
+    """Return the frozen thresholds for a hand's tips and torques.
+
+    Tips of a radius below 1 cm go less deep, in proportion: their links are as narrow. Joints weaker than 0.7 Nm, or N
+    of slides, press less, in proportion: they have to squeeze as well.
+    """
+    share, (low, high) = min(1.0, hand.tip_radius / 0.01), FROZEN.distance
+    press = min(1.0, min(hand.joints.torque) / 0.7) * FROZEN.least_press
     return replace(
         FROZEN, tip_radius=hand.tip_radius, distance=(share * low, share * high), least_press=press
     )

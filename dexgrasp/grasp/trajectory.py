@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from dexgrasp_env.arrays import Array
 
 TURN = 0.15  # m that a radian of the palm counts as
-_LINE = 1e-7  # of the spread of neighbours: less across their main direction is a line
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,8 @@ def _stands_out(rows: Array, near: Array) -> float:
     """Return how far at most rows (K, 23) are from the planes of K sets of neighbours (K, n, 23)."""
     middle = near.mean(1)
     _, spread, directions = np.linalg.svd(near - middle[:, None], full_matrices=False)
-    spans = spread[:, :2] > np.maximum(_LINE * spread[:, :1], 1e-9)
+    # of the spread of neighbours: less across their main direction is a line
+    spans = spread[:, :2] > np.maximum(1e-7 * spread[:, :1], 1e-9)
     spanned = directions[:, :2] * spans[:, :, None]
     off = rows - middle
     along = np.einsum("knj,kj->kn", spanned, off)

@@ -8,10 +8,6 @@ from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array
 
-_COMPONENTS = 5
-_SAME = 1e-16  # of the sum of squares: what rounding leaves of equal grasps
-_LEVER = 0.1  # m along the palm's axes: as far as the hand reaches
-
 
 def component_shares(features: Array) -> list[float]:
     """Return the share of variance that the first 1 to 5 principal components explain; lower is more varied.
@@ -24,9 +20,9 @@ def component_shares(features: Array) -> list[float]:
     if len(features) < 3:
         return []
     variances = np.linalg.svd(features - features.mean(0), compute_uv=False) ** 2
-    if variances.sum() <= _SAME:
+    if variances.sum() <= 1e-16:  # of the sum of squares: what rounding leaves of equal grasps
         return []
-    return np.cumsum(variances / variances.sum())[:_COMPONENTS].tolist()
+    return np.cumsum(variances / variances.sum())[:5].tolist()
 
 
 def grasp_features(grasp: Grasp) -> Array:
@@ -42,4 +38,5 @@ def hand_points(q: Array, contacts: Array, tree: RobotTree) -> Array:
     Two grasps are as far apart as the root mean square of these points' distances.
     """
     R, p = palm_frame(q, tree)
-    return np.concatenate([contacts, p[None], p + _LEVER * R[:, :2].T])
+    # m along the palm's axes: as far as the hand reaches
+    return np.concatenate([contacts, p[None], p + 0.1 * R[:, :2].T])

@@ -20,7 +20,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.mechanics.checks import Numbers, check_contacts, check_positive
 from dexgrasp.mechanics.closure_closed_form import chord_tables, closed_form, flatness
 from dexgrasp.mechanics.contacts import Shape, shape_of
 from dexgrasp.mechanics.equilibrium import grasp_map, rms_radius
@@ -28,7 +27,6 @@ from dexgrasp.mechanics.margin_lp import Programme, add_presses, begin, empty_pr
 from dexgrasp.mechanics.simplex import Simplex, solve
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
-from dexgrasp_env.errors import InputError
 
 TOLERANCE = 1e-6
 BAND = 1.02
@@ -36,7 +34,6 @@ FLAT = 0.15
 """Triangles whose height is below this part of their longest side get the wider band."""
 LINE = 4e-3
 """Below this part they count as lying on a line and always go to the programme."""
-_UNKNOWNS = 10  # three forces in world axes, and the least value's negative root
 _FACES, _ROUNDS = 4, 60
 _ROUNDING = 1e-9
 
@@ -114,7 +111,8 @@ def _wider(mu: float, flat2: float) -> float:
 def _sweep(cloud: _Cloud, shape: Shape) -> Triples:
     """Return the feasible triples (M, 3) in lexicographic order."""
     E, T, D, mu, near = cloud.E, cloud.T, cloud.D, cloud.mu, cloud.near
-    p = empty_programme(shape, _UNKNOWNS, 3 * (_FACES + 1) + 12 + _ROUNDS)
+    # three forces in world axes, and the least value's negative root
+    p = empty_programme(shape, 10, 3 * (_FACES + 1) + 12 + _ROUNDS)
     p.span[:] = 0.0
     for i in range(9):
         p.span[i // 3, i % 3, i] = 1.0
@@ -140,11 +138,7 @@ def _sweep(cloud: _Cloud, shape: Shape) -> Triples:
 
 
 def closure_sweep(
-    points: Numbers,
-    normals: Numbers,
-    mu: float,
-    min_distance: float = 0.03,
-    length_scale: float | None = None,
+    points: Array, normals: Array, mu: float, min_distance: float = 0.03, length_scale: float | None = None
 ) -> Triples:
     """Return every feasible triple of contact points (the module's text says what feasible means).
 
@@ -158,22 +152,17 @@ def closure_sweep(
     Returns:
         (M, 3) int32 indices, i < j < k, in lexicographic order.
     """
-    points, normals = check_contacts(points, normals)
-    mu, n = check_positive("mu", mu), len(points)
-    if n > 2048:
-        raise InputError(f"a sweep takes at most 2048 points, got {n}")
-    if not (np.isfinite(min_distance) and min_distance >= 0):
-        raise InputError(f"min_distance must be a finite number of metres >= 0, got {min_distance!r}")
-    if n < 3:
+    if len(points) < 3:
         return np.empty((0, 3), np.int32)
-    scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
-    tables = np.empty((n, n, 3)), np.empty((n, n, 3)), np.empty((n, n))
-    chord_tables(points, normals, *tables)
-    return _sweep(_Cloud(points, normals, *tables, mu, scale, min_distance**2), shape_of(3))
+    points, normals = np.ascontiguousarray(points), np.ascontiguousarray(normals)
+    scale = rms_radius(points) if length_scale is None else length_scale
+    return _sweep(
+        _Cloud(points, normals, *chord_tables(points, normals), mu, scale, min_distance**2), shape_of(3)
+    )
 
 
 def opposed_pairs(
-    points: Numbers, normals: Numbers, mu: float, min_distance: float, max_distance: float = np.inf
+    points: Array, normals: Array, mu: float, min_distance: float, max_distance: float = np.inf
 ) -> Triples:
     """Return every pair of contact points whose line lies in both friction cones.
 
@@ -187,10 +176,9 @@ def opposed_pairs(
     Returns:
         (M, 2) int32 indices, i < j, in lexicographic order.
     """
-    points, normals = check_contacts(points, normals)
     way = points[None] - points[:, None]
     distance = np.linalg.norm(way, axis=2)
     inwards = -(way * normals[:, None]).sum(2)  # how far the other point is behind the surface at each
-    facing = inwards > distance / np.sqrt(1.0 + check_positive("mu", mu) ** 2)
+    facing = inwards > distance / np.sqrt(1.0 + mu**2)
     pairs = np.triu(facing & facing.T & (distance >= min_distance) & (distance <= max_distance), 1)
     return np.argwhere(pairs).astype(np.int32)

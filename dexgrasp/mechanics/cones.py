@@ -12,7 +12,6 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
-from dexgrasp_env.errors import InputError
 
 _S14, _S10, _S140 = 14.0**0.5, 10.0**0.5, 140.0**0.5
 C = (1.0 / _S14, 2.0 / _S14, 3.0 / _S14)
@@ -48,8 +47,6 @@ def cone_edges(normals: Array, mu: float, edges: int) -> Array:
         mu: friction coefficient.
         edges: how many, at least 3; the first lies along t1.
     """
-    if edges < 3:
-        raise InputError(f"edges must be at least 3, got {edges}")
     t1, t2 = tangent_basis(normals)
     angle = 2.0 * np.pi * np.arange(edges) / edges
     u, v = mu * np.cos(angle)[:, None], mu * np.sin(angle)[:, None]

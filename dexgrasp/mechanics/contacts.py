@@ -4,14 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.mechanics.checks import Numbers, check_array, check_contacts
 from dexgrasp.mechanics.contact_models import ContactModel, HardFinger
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
 
 
 class Contacts(NamedTuple):
-    """N contacts of an object, SI units, world axes; `checked` makes one of a user's numbers.
+    """N contacts of an object, SI units, world axes.
 
     A force has c parts: its three axes, and of a soft finger also its torque about the normal, over `model.torsion`.
     """
@@ -44,33 +42,6 @@ def shape_of(count: int, model: ContactModel = HardFinger()) -> Shape:  # noqa: 
     return Shape(count, model, max(len(model.parts) * count - 6, 1))
 
 
-def checked(contacts: Contacts) -> Contacts:
-    """Return contacts as contiguous arrays, one friction coefficient and torque limit stated for all as many.
-
-    Raises:
-        InputError: wrong shapes, NaN, or values out of range.
-    """
-    points, normals = check_contacts(contacts.points, contacts.normals)
-    jacobians = check_array("jacobians", contacts.jacobians, (len(points), len(contacts.model.parts), None))
-    gravity = check_array("gravity", contacts.gravity, (3,))
-    if not (gravity**2).sum() > 0.0:
-        raise InputError("gravity must not be zero: pushes are measured in weights")
-    return Contacts(
-        points, normals, jacobians, _positive("torque_limits", contacts.torque_limits, jacobians.shape[2]),
-        _positive("friction", contacts.friction, len(points)), check_array("centre", contacts.centre, (3,)), gravity,
-        contacts.model,
-    )  # fmt: skip
-
-
 def contiguous(contacts: Contacts) -> Contacts:
     """Return contacts with arrays as compiled code knows them: C-contiguous and writeable."""
     return Contacts._make([*(np.array(part, order="C") for part in contacts[:-1]), contacts.model])
-
-
-def _positive(name: str, values: Numbers, count: int) -> Array:
-    if np.shape(values) not in ((), (count,)):
-        raise InputError(f"{name} must be one number or ({count},), got {np.shape(values)}")
-    array = check_array(name, np.broadcast_to(values, (count,)), (count,))
-    if not (array > 0.0).all():
-        raise InputError(f"{name} must be above 0")
-    return array

@@ -7,6 +7,7 @@ soft contacts, which turn about their normals as well, need not lie apart.
 
 import numpy as np
 
+from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
@@ -122,22 +123,22 @@ def middle_and_inverse(points: Array, middle: Array, inverse: Array) -> None:
 
 
 @njit
-def answers_to_pushes(
-    points: Array, normals: Array, torsion: float | None, centre: Array, gravity: Array, answers: Array, hold: Array
-) -> float:  # fmt: skip
+def answers_to_pushes(contacts: Contacts, answers: Array, hold: Array) -> float:
     """Write the least forces that make up the weight, along each axis and against gravity; return the weight, N.
 
     About the contacts' middle forces and torques come apart: each contact takes its part of the force, and turns
     against the torque.
 
     Args:
-        points, normals, torsion, centre, gravity: of N contacts, whose grasp matrix has rank 6.
+        contacts: N, whose grasp matrix has rank 6.
         answers: (N, c, 3), written: contact, axis, axis of a force of one weight through the centre of mass.
         hold: (N, c), written: the forces whose sum bears the object.
     """
-    n, c, g = points.shape[0], answers.shape[1], gravity
+    n, c, g = answers.shape[0], answers.shape[1], contacts.gravity
     weight = np.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
-    _least_answers(points, normals, torsion, centre, weight, answers)
+    _least_answers(
+        contacts.points, contacts.normals, contacts.model.torsion, contacts.centre, weight, answers
+    )
     for i in range(n):
         for k in range(c):
             hold[i, k] = (

@@ -31,9 +31,8 @@ from dexgrasp_env.compiled import njit
 
 RESERVED = 1.0
 """Weights: what a push has beyond this, the joints keep the torque to answer. What is heavy is squeezed with all."""
-_FACES, _COARSE = 12, 8  # planes of each cone at first; in an estimate
+_FACES = 12  # planes of each cone at first
 _ROUNDS = 8  # of further planes; two or three are enough as a rule
-_TOLERANCE = 5e-5  # of the weight
 
 
 class Squeeze(NamedTuple):
@@ -78,9 +77,7 @@ def squeeze_kernel(contacts: Contacts, aim: Aim, p: Programme) -> tuple[float, f
     if not internal_forces(contacts.points, contacts.normals, contacts.model.torsion, p.span) > FLAT:
         return 0.0, 0.0
     set_cones(p, contacts.normals, contacts.friction)
-    tolerance = _TOLERANCE * answers_to_pushes(
-        contacts.points, contacts.normals, contacts.model.torsion, contacts.centre, contacts.gravity, p.answers, p.fixed
-    )  # fmt: skip
+    tolerance = 5e-5 * answers_to_pushes(contacts, p.answers, p.fixed)  # of the weight
     p.span[:, :, -1] = 0.0
     if _solve(p, contacts, aim, aim.most, tolerance) and p.lp.z[-1] >= 0.0:
         return p.lp.z[-1], 1.0
@@ -102,7 +99,7 @@ def _solve(p: Programme, contacts: Contacts, aim: Aim, most: float, tolerance: f
 @njit
 def squeeze_estimate(contacts: Contacts, most: float, room: Programme) -> float:
     """Return the load of the firmest squeeze, mostly a tenth too high: cones have eight planes, and none is added."""
-    push, share = squeeze_kernel(contacts, Aim(0.0, np.inf, most, _COARSE, 0), room)
+    push, share = squeeze_kernel(contacts, Aim(0.0, np.inf, most, 8, 0), room)
     return push + share
 
 

@@ -32,10 +32,8 @@ from dexgrasp_env.compiled import njit
 
 UNDEFINED = -1e3
 """Value of triples on a line, and of those whose internal forces cannot press at all; values end there."""
-_LINE = 1e-6  # height of a triangle over its longest side
 _FACES, _ROUNDS = 4, 45
 _EXACT = 6e-11
-_NOTHING = 1e-7  # N that internal forces of 1 N press with
 
 
 class _Room(NamedTuple):
@@ -68,7 +66,8 @@ def _optimum(points: Array, normals: Array, room: _Room, tolerance: float, enoug
     It is n times the largest t for which each force still is in its cone when it presses t less.
     """
     p, n = room.programme, len(points)
-    if not internal_forces(points, normals, room.torsion, room.internal) > _LINE:
+    # height of a triangle over its longest side
+    if not internal_forces(points, normals, room.torsion, room.internal) > 1e-6:
         return UNDEFINED
     set_cones(p, normals, room.friction)
     if not _press_one(normals, room):
@@ -94,7 +93,7 @@ def _press_one(normals: Array, room: _Room) -> bool:
             for k in range(3):
                 mirror[q] -= normals[i, k] * internal[i, k, q]
         squared += mirror[q] ** 2
-    if squared < _NOTHING**2:
+    if squared < 1e-7**2:  # N that internal forces of 1 N press with
         return False
     press = -np.copysign(np.sqrt(squared), mirror[last])  # N, of the last of the reflected forces
     mirror[last] -= press

@@ -23,7 +23,6 @@ from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
 _HALF = 0.5**0.5
-_ROUNDING = 1e-9  # N that a force may be beyond a plane
 
 Plane = tuple[float, float, float, float]
 """Inward normal of a plane; the fourth counts where contacts are soft."""
@@ -221,7 +220,7 @@ def maximise(p: Programme, rounds: int, tolerance: float, enough: float) -> bool
     """
     lp, contacts = p.lp, p.cones.shape[0]
     for turn in range(rounds + 1):
-        if not solve(lp, min(_ROUNDING, 0.1 * tolerance)):
+        if not solve(lp, min(1e-9, 0.1 * tolerance)):  # N that a force may be beyond a plane
             return False
         for i in range(contacts):
             for k in range(len(p.parts)):

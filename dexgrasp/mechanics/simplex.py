@@ -14,9 +14,6 @@ from dexgrasp_env.compiled import njit
 
 FAR = 1e4
 """Bound of the unknowns but the last."""
-_PIVOTS = 200
-_LEAST_PIVOT = 1e-10
-_CLOSE = 1e-7  # violation that passes where pivots go round in circles at rounding
 
 
 class Simplex(NamedTuple):
@@ -57,7 +54,7 @@ def restart(lp: Simplex, most: float) -> None:
 def solve(lp: Simplex, tolerance: float) -> bool:
     """Write unknowns and multipliers; False where nothing satisfies all rows to `tolerance`, or no end is found."""
     n, z, A, b, worst = len(lp.z), lp.z, lp.A, lp.b, 0.0
-    for _ in range(_PIVOTS):
+    for _ in range(200):
         for i in range(n):
             z[i] = 0.0
             for k in range(n):
@@ -77,7 +74,7 @@ def solve(lp: Simplex, tolerance: float) -> bool:
         if lp.basis[leave] == enter:  # what is left is rounding
             return True
         _exchange(lp, leave, enter)
-    return worst > -_CLOSE
+    return worst > -1e-7  # violation that passes where pivots go round in circles at rounding
 
 
 @njit
@@ -88,7 +85,7 @@ def _leaving(lp: Simplex, enter: int) -> int:
         w[k] = 0.0
         for i in range(n):
             w[k] += lp.A[enter, i] * lp.inverse[i, k]
-        if w[k] > _LEAST_PIVOT:
+        if w[k] > 1e-10:
             ratio = max(lp.multipliers[k], 0.0) / w[k]
             if ratio < least or (ratio == least and w[k] > w[leave]):
                 leave, least = k, ratio

@@ -8,7 +8,7 @@ they answer by the forces with the least f^T C f, df = -C^-1 G^T (G C^-1 G^T)^-1
 
 import numpy as np
 
-from dexgrasp.mechanics.cones import basis_of
+from dexgrasp.mechanics.cones import tangent_basis
 from dexgrasp.mechanics.contacts import Contacts, Shape, contiguous, shape_of
 from dexgrasp.mechanics.equilibrium import (
     FLAT,
@@ -32,9 +32,6 @@ from dexgrasp_env.compiled import njit
 BALANCED = 1e-4  # of the weight: what counts as balanced
 _ROUNDING = 1e-6
 _FACES, _ROUNDS = 8, 24  # planes of each cone at first, and rounds of further ones
-_IN_CONE = 2e-7  # N of friction that forces may be beyond their cones
-_FAR = 1e6  # weights: no push is larger
-_GIVES = 1e-6  # m/N that a contact gives way besides its joints, in every direction: hardly, but not nothing
 
 
 def torque_fraction(contacts: Contacts, forces: Array) -> float:
@@ -94,7 +91,8 @@ def _servo_answers(contacts: Contacts, G: Array, stiffness: Array) -> Array:
     J, yields = contacts.jacobians, np.zeros((G.shape[1], 6))
     if (np.abs(J).max(1) > 0.0).sum(0).max() > 1:  # some joint moves several contacts
         J = J.reshape(1, G.shape[1], -1)
-    compliance = J / stiffness @ J.transpose(0, 2, 1) + _GIVES * np.eye(J.shape[1])
+    # m/N that a contact gives way besides its joints, in every direction: hardly, but not nothing
+    compliance = J / stiffness @ J.transpose(0, 2, 1) + 1e-6 * np.eye(J.shape[1])
     for i in range(len(J)):
         own = slice(i * J.shape[1], (i + 1) * J.shape[1])
         yields[own] = np.linalg.solve(compliance[i], G[:, own].T)
@@ -106,8 +104,9 @@ def _push(contacts: Contacts, forces: Array, answers: Array) -> float:
     most = np.inf
     if np.abs(_grasp_matrix(contacts) @ answers - np.eye(6, 3)).max() > 1e-6:
         answers, most = np.zeros_like(answers), 0.0  # some direction cannot be answered at all: no push is
-    bases = np.array([basis_of(*normal) for normal in contacts.normals]).reshape(-1, 2, 3)
-    cones = np.concatenate([-contacts.friction[:, None, None] * contacts.normals[:, None], bases], axis=1)
+    cones = np.stack(
+        [-contacts.friction[:, None] * contacts.normals, *tangent_basis(contacts.normals)], axis=1
+    )
     borne = borne_pushes(cones, contacts.weight * answers.reshape(*forces.shape, 3), np.array(forces))
     return min(borne, most)
 
@@ -138,9 +137,7 @@ def _capacity(contacts: Contacts, shape: Shape, pushes: Array, stop: float) -> f
     if not internal_forces(contacts.points, contacts.normals, contacts.model.torsion, p.span) > FLAT:
         return 0.0
     set_cones(p, contacts.normals, contacts.friction)
-    answers_to_pushes(
-        contacts.points, contacts.normals, contacts.model.torsion, contacts.centre, contacts.gravity, answers, hold
-    )  # fmt: skip
+    answers_to_pushes(contacts, answers, hold)
     p.span[:, :, -1] = hold
     share = _most(p, contacts)
     if share < 1.0:
@@ -160,6 +157,7 @@ def _capacity(contacts: Contacts, shape: Shape, pushes: Array, stop: float) -> f
 
 @njit
 def _most(p: Programme, contacts: Contacts) -> float:
-    begin(p, _FAR, _FACES)
+    begin(p, 1e6, _FACES)  # weights: no push is larger
     add_torques(p, contacts, np.inf)
-    return max(p.lp.z[-1], 0.0) if maximise(p, _ROUNDS, _IN_CONE, -np.inf) else 0.0
+    # N of friction that forces may be beyond their cones
+    return max(p.lp.z[-1], 0.0) if maximise(p, _ROUNDS, 2e-7, -np.inf) else 0.0

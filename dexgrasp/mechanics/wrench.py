@@ -10,18 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.mechanics.checks import Numbers, check_array, check_contacts, check_positive
 from dexgrasp.mechanics.cones import tangent_basis
 from dexgrasp.mechanics.equilibrium import grasp_map, rms_radius
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
     import daqp
-
-REGULARISER = 1e-9
-"""Added to the Hessian for the QP solver, which wants one; the residual returned is computed without it."""
 
 
 class WrenchSolution(NamedTuple):
@@ -53,33 +48,28 @@ def restore_feasible(forces: Array, normals: Array, mu: float, f_min: float) -> 
 
 
 def solve_wrench_qp(
-    points: Numbers,
-    normals: Numbers,
+    points: Array,
+    normals: Array,
     mu: float,
     f_min: float = 1.0,
     length_scale: float | None = None,
-    center: Numbers = None,
+    center: Array | None = None,
 ) -> WrenchSolution:
     """Solve Eq. 4 by daqp.
 
     Args:
-        points: (N, 3) metres. normals: (N, 3) unit, out of the object. mu: friction coefficient.
+        points: (N, 3) metres, one at least.
+        normals: (N, 3) unit, out of the object.
+        mu: friction coefficient.
         f_min: least pressing force [N] of each contact.
         length_scale: divides torques [m]; None is the contacts' rms radius.
         center: (3,) torque reference; None is the contacts' centroid.
-
-    Raises:
-        InputError: bad contacts.
     """
-    points, normals = check_contacts(points, normals)
-    if len(points) == 0:
-        raise InputError("points must hold at least one contact, got none")
-    about = points.mean(0) if center is None else check_array("center", center, (3,))
-    scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
-    mu, f_min = check_positive("mu", mu), check_positive("f_min", f_min)
-    G = grasp_map(points, about, scale)
+    about = points.mean(0) if center is None else center
+    G = grasp_map(points, about, rms_radius(points) if length_scale is None else length_scale)
     A, b = pyramid_rows(normals, mu, f_min)
-    H = G.T @ G + REGULARISER * np.eye(G.shape[1])
+    # Added to the Hessian for the QP solver, which wants one; the residual returned is computed without it.
+    H = G.T @ G + 1e-9 * np.eye(G.shape[1])
     below, sense = np.full(len(b), -1e30), np.zeros(len(b), np.int32)
     x, _, flag, _ = daqp.solve(H, np.zeros(len(H)), -A, -b, below, sense)
     forces = restore_feasible(x.reshape(-1, 3) if flag > 0 else -f_min * normals, normals, mu, f_min)

@@ -10,15 +10,10 @@ from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import NoPath, arm_and_hand
 from dexgrasp_env.arrays import Array
 
-_SPACING = 0.01  # m between points of a straight motion of the palm
 _HOVERS = ((0.0, 0.15), (0.0, 0.10), (0.08, 0.08), (0.12, 0.0), (0.08, 0.0), (0.05, 0.12))
 """Where the last straight stretch may begin: m back along the palm's normal, and m up."""
-_PALM_ERROR = 0.002  # m
-_RANGE = 0.6  # rad: longest branch of the trees
 TRIES = 3000
 """Growths of the trees; counted, not timed, so that a slow machine finds the same path."""
-_RESOLUTION = 0.002  # of the space's extent: about 0.03 rad between checked states
-_SHORTCUTS = 120
 _SEED = 1
 
 
@@ -56,10 +51,12 @@ def _descents(checker: CollisionChecker, pregrasp: Array) -> Iterator[Array]:
     R, _ = palm_frame(pregrasp, checker.tree)
     for back, up in _HOVERS:
         shift = np.array([0.0, 0.0, up]) - back * R[:, 0]
-        count = int(np.ceil(np.linalg.norm(shift) / _SPACING))
+        count = int(
+            np.ceil(np.linalg.norm(shift) / 0.01)
+        )  # m between points of a straight motion of the palm
         path, error = shift_palm(pregrasp, checker.tree, np.arange(1, count + 1)[:, None] / count * shift)
         descent = np.vstack([path[::-1], pregrasp])
-        if error < _PALM_ERROR and checker.first_contact(descent) is None:
+        if error < 0.002 and checker.first_contact(descent) is None:  # m
             yield descent
 
 
@@ -99,48 +96,44 @@ def _rrt_connect(checker: CollisionChecker, start: Array, goal: Array, tries: in
     """Return configurations (m, n) rad between which trees that grew together go straight."""
     from ompl import base, geometric, util
 
-    level = util.getLogLevel()
-    # Seeding again is meant, every object that draws numbers is made anew below: no message about it.
-    util.setLogLevel(util.LOG_NONE)
-    try:
-        util.RNG.setSeed(_SEED)
-        dof, tree = checker.tree.arm, checker.tree
+    util.setLogLevel(
+        util.LOG_NONE
+    )  # seeding again is meant: every object that draws numbers is made anew below
+    util.RNG.setSeed(_SEED)
+    dof, tree = checker.tree.arm, checker.tree
 
-        def whole(state: base.State) -> Array:
-            """Return the configuration (n,) rad of a state of the arm."""
-            return np.concatenate([[state[j] for j in range(dof)], goal[dof:]])
+    def whole(state: base.State) -> Array:
+        """Return the configuration (n,) rad of a state of the arm."""
+        return np.concatenate([[state[j] for j in range(dof)], goal[dof:]])
 
-        space = base.RealVectorStateSpace(dof)
-        bounds = base.RealVectorBounds(dof)
+    space, bounds = base.RealVectorStateSpace(dof), base.RealVectorBounds(dof)
+    for j in range(dof):
+        bounds.setLow(j, float(tree.lower[j]))
+        bounds.setHigh(j, float(tree.upper[j]))
+    space.setBounds(bounds)
+    setup = geometric.SimpleSetup(space)
+    setup.setStateValidityChecker(lambda state: checker.free(whole(state)))
+    ends = [space.allocState(), space.allocState()]
+    for state, q in zip(ends, (start, goal), strict=True):
         for j in range(dof):
-            bounds.setLow(j, float(tree.lower[j]))
-            bounds.setHigh(j, float(tree.upper[j]))
-        space.setBounds(bounds)
-        setup = geometric.SimpleSetup(space)
-        setup.setStateValidityChecker(lambda state: checker.free(whole(state)))
-        ends = [space.allocState(), space.allocState()]
-        for state, q in zip(ends, (start, goal), strict=True):
-            for j in range(dof):
-                state[j] = float(q[j])
-        setup.setStartAndGoalStates(*ends)
-        information = setup.getSpaceInformation()
-        information.setStateValidityCheckingResolution(_RESOLUTION)
-        planner = geometric.RRTConnect(information)
-        planner.setRange(_RANGE)
-        setup.setPlanner(planner)
-        left = iter(range(tries))
-        setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))
-        if not setup.haveExactSolutionPath():
-            return None
-        return np.array([whole(state) for state in setup.getSolutionPath().getStates()])
-    finally:
-        util.setLogLevel(level)
+            state[j] = float(q[j])
+    setup.setStartAndGoalStates(*ends)
+    information = setup.getSpaceInformation()
+    information.setStateValidityCheckingResolution(0.002)  # of the space's extent: about 0.03 rad
+    planner = geometric.RRTConnect(information)
+    planner.setRange(0.6)  # rad: longest branch of the trees
+    setup.setPlanner(planner)
+    left = iter(range(tries))
+    setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))
+    if not setup.haveExactSolutionPath():
+        return None
+    return np.array([whole(state) for state in setup.getSolutionPath().getStates()])
 
 
 def shorten(checker: CollisionChecker, path: Array) -> Array:
     """Cut corners of a free polyline (m, n) where the straight line between two of its points is free."""
     rng = np.random.default_rng(_SEED)
-    for _ in range(_SHORTCUTS):
+    for _ in range(120):
         if len(path) < 3:
             break
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])

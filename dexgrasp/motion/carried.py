@@ -20,15 +20,10 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 STILL = 0.001
 """m that count as no way."""
-_SPEED = 0.01  # m a control step, on average
-_SETTLE, _OPEN = 6, 14  # control steps before the hand opens, and of its opening
-_SECONDS = 1.15  # s a radian
-_LEAST_SECONDS = 0.6
-_STRAY = 0.005  # m that the palm may be off its way in a turn; a radian counts as 0.15 m
 
 
 def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple[Array, float]:
-    """Move an object straight; about the robot's base, it turns along.
+    """Move an object straight, 1 cm a control step on average; about the robot's base, it turns along.
 
     Args:
         targets: (n,) rad, set-points before.
@@ -41,7 +36,7 @@ def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple
     """
     if np.abs(leg).max() < STILL:
         return targets[None], 0.0
-    ends = middle + np.linspace(0.0, 1.0, int(np.linalg.norm(leg) / _SPEED) + 2)[1:, None] * leg
+    ends = middle + np.linspace(0.0, 1.0, int(np.linalg.norm(leg) / 0.01) + 2)[1:, None] * leg
     azimuths = np.arctan2(ends[:, 1], ends[:, 0]) - np.arctan2(middle[1], middle[0])
     turns = np.stack([about_z(angle) for angle in azimuths])
     arm = palm_frame(targets, tree)[1] - middle
@@ -82,7 +77,7 @@ def turn_arm(
         neighbours: what stands on the table, in the way of hand and object; None where there is nothing.
     """
     tree = robot_tree(cell)
-    count = round(max(_SECONDS * float(np.linalg.norm(vector)), _LEAST_SECONDS) / CONTROL_PERIOD)
+    count = round(max(1.15 * float(np.linalg.norm(vector)), 0.6) / CONTROL_PERIOD)  # s a radian
     turns = Rotation.from_rotvec(smooth_steps(count)[:, None] * vector).as_matrix()
     turned = (turns @ corners.T).transpose(0, 2, 1)
     arm = palm_frame(start, tree)[1] - centre
@@ -90,7 +85,7 @@ def turn_arm(
     shifts[:, 2] += np.maximum.accumulate(np.maximum(corners[:, 2].min() - turned[..., 2].min(axis=1), 0.0))
     path, strayed = shift_palm(start, tree, shifts, turns)
     if (
-        strayed > _STRAY
+        strayed > 0.005  # m that the palm may be off its way in a turn; a radian counts as 0.15 m
         or not within_limits(start, path, tree)
         or CollisionChecker(cell, neighbours, 0.0).first_contact(np.vstack([start, path])) is not None
     ):
@@ -104,7 +99,8 @@ def turn_arm(
 
 def let_go(held: Array, opened: Array) -> Array:
     """Return set-points (m, n) rad that come to rest at `held` (n,), and open the hand to `opened` (n,)."""
-    return np.concatenate([np.repeat(held[None], _SETTLE, axis=0), ramp(held, opened, _OPEN)])
+    settle, opening = 6, 14  # control steps
+    return np.concatenate([np.repeat(held[None], settle, axis=0), ramp(held, opened, opening)])
 
 
 class Rearrangement(NamedTuple):

@@ -21,12 +21,6 @@ from dexgrasp.motion.move_until_contact import (
 )
 from dexgrasp_env.arrays import Array
 
-_FREE_SHARE = 0.15  # of the torque asked for: a finger that lags by less has nothing left to press against
-_GIVEN_WAY = 0.008  # m that thumb and finger come closer where nothing is between them any more
-_LATE = 10  # control steps past the end of the hold
-_LOST_STEPS = 11  # control steps that it must last: a push of 0.5 s may unload a finger
-_LOST_LIFTING = 6  # while the object is lifted, when nobody pushes
-
 
 class GuardedCarry(Motion):
     """Carries what was taken hold of: the arm by the script, the fingers pressing as they do."""
@@ -48,7 +42,8 @@ class GuardedCarry(Motion):
     @property
     def lost(self) -> bool:
         """True once the object has left the hand, as far as the joints can tell."""
-        return self._lost_steps >= (_LOST_LIFTING if self.lifting else _LOST_STEPS)
+        # Control steps that it must last: later on a push of 0.5 s may unload a finger.
+        return self._lost_steps >= (6 if self.lifting else 11)
 
     @property
     def lifting(self) -> bool:
@@ -58,7 +53,7 @@ class GuardedCarry(Motion):
     @property
     def overdue(self) -> bool:
         """True once an episode in which the object was held would have ended."""
-        return self._step >= len(self._held.script.targets) + _LATE
+        return self._step >= len(self._held.script.targets) + 10  # control steps past the end of the hold
 
     def _next(self, q: Array) -> Array:
         self._lost_steps = self._lost_steps + 1 if self._nothing_to_press(q) else 0
@@ -94,12 +89,14 @@ class GuardedCarry(Motion):
         On the way up one of them tells. What hangs may have shifted and hang from two: it is lost when all are free.
         """
         enough = np.any if self.lifting else np.all
-        if enough(self._held.spans - tip_spans(q, self.tree) > _GIVEN_WAY):
+        # m that thumb and finger come closer where nothing is between them any more
+        if enough(self._held.spans - tip_spans(q, self.tree) > 0.008):
             return True
         hand = slice(self.tree.arm, None)
         given, asked = (self._pressed - q)[hand] * self.tree.stiffness, self._wanted(q, self._turned)[hand]
         of_finger = finger_of_joints(self.tree)[hand] == np.arange(len(self.tree.fingers))[:, None]
-        return bool(enough(of_finger @ (given * asked) < _FREE_SHARE * (of_finger @ (asked * asked))))
+        # of the torque asked for: a finger that lags by less has nothing left to press against
+        return bool(enough(of_finger @ (given * asked) < 0.15 * (of_finger @ (asked * asked))))
 
 
 class PickUp(Motion):

@@ -9,7 +9,6 @@ from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
-_DAMPING = 1e-4
 _CORRECTIONS = 4  # steps of Newton at every point; two are enough away from singularities
 
 
@@ -56,7 +55,7 @@ def _shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array) -> tuple
                 break
             palm_jacobian(tree, frames, J)
             # No pull to a posture: the path must follow from where it starts, not drift.
-            change = damped_step(J, e, _DAMPING, np.zeros(arm), np.inf)
+            change = damped_step(J, e, 1e-4, np.zeros(arm), np.inf)
             now[:arm] = np.minimum(np.maximum(now[:arm] + change, tree.lower[:arm]), tree.upper[:arm])
         worst = max(worst, error)
         path[i] = now

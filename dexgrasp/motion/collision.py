@@ -32,12 +32,8 @@ from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell
 
-_CHECK_STEP = 0.015  # rad of any joint between two checked states: under 12 mm of the fingertips
-_FAR, _NEAR = 0.016, 0.004  # m beyond the margin: up to there clearances from object and self are measured
-_CARRIED, _DEEPER = 200, 0.0015  # points of an object in the hand; m that it may get deeper into a neighbour
-_RISE = 0.005  # m between looks at an object that is raised
+_NEAR = 0.004  # m beyond the margin, up to where clearances between bodies are measured
 _CLOSER = 5e-4  # m that bodies may come nearer than at the ends of a path
-_OVERESTIMATE = 0.008  # m: covering spheres exceed the palm by 7 mm, a finger link by 3 mm
 
 
 class Contact(NamedTuple):
@@ -79,7 +75,8 @@ class CollisionChecker:
         values, labels = clearances(q, self.tree, (self._obstacle, NOTHING), self.margin, False)
         kind, body, other = labels.T
         column = np.where(kind == SELF, other, len(self._needed) + (kind != OBJECT))
-        np.minimum.at(self._needed, (body, column), np.maximum(values - _CLOSER, -_OVERESTIMATE))
+        # m: covering spheres exceed the palm by 7 mm, a finger link by 3 mm
+        np.minimum.at(self._needed, (body, column), np.maximum(values - _CLOSER, -0.008))
         for pair, apart in near_shapes(q[None], self._cell):
             self._needed[pair] = max(apart, 0.0) - _CLOSER
 
@@ -98,7 +95,8 @@ class CollisionChecker:
         known = np.zeros((2, nb)), np.full((2, nb), -1.0), np.full((2, pairs + 1), -1.0)
         label = np.empty(3, np.int64)
         watch = _Watch(self._obstacle, self._needed - slack, self.margin, *known, label)
-        states, names = densify(path, _CHECK_STEP), self._cell.robot.bodies
+        # rad of any joint between two checked states: under 12 mm of the fingertips
+        states, names = densify(path, 0.015), self._cell.robot.bodies
         value = _first_contact(states, self.tree, watch)
         if value == np.inf:
             for (a, b), apart in near_shapes(states, self._cell):
@@ -127,7 +125,8 @@ def carried_into(target: GraspTarget, path: Array, tree: RobotTree, start: Array
 
 def raised_into(target: GraspTarget, height: float) -> float:
     """Return how far, m, an object gets into its neighbours on a straight way up of `height` m, however it is held."""
-    ways = np.linspace(0.0, height, round(height / _RISE) + 1)[1:]
+    # m between looks at an object that is raised
+    ways = np.linspace(0.0, height, round(height / 0.005) + 1)[1:]
     return _moved_into(target, np.zeros(3), ((np.eye(3), np.array([0.0, 0.0, up])) for up in ways))
 
 
@@ -135,12 +134,12 @@ def _moved_into(target: GraspTarget, origin: Array, poses: Iterable[tuple[Array,
     """Return how much deeper, m, an object gets into its neighbours at poses of a frame at `origin`."""
     if target.around is None:
         return 0.0
-    points = triangle_samples(target.distance.triangles, _CARRIED, 0).points
+    points = triangle_samples(target.distance.triangles, 200, 0).points  # points of an object in the hand
     held = np.concatenate([points, *target.corners]) - origin
     deepest = least = min(target.around.distance(held + origin).min(), 0.0)
     for turn, at in poses:
         deepest = min(deepest, target.around.distance(held @ turn.T + at).min())
-    return max(least - deepest - _DEEPER, 0.0)
+    return max(least - deepest - 0.0015, 0.0)  # m that it may get deeper into a neighbour
 
 
 class _Watch(NamedTuple):
@@ -200,7 +199,7 @@ def _object_contact(cover: Cover, watch: _Watch) -> float:
             continue
         value = convex_distance(cover.bounds[b], obstacle, direction) - tree.bound_radius[b]
         if value <= margin:
-            value, _ = object_clearance(cover, b, obstacle, margin + _FAR, False, direction)
+            value, _ = object_clearance(cover, b, obstacle, margin + 0.016, False, direction)
         known[0, b], known[1, b] = value, way
         if value < min(needed[b, nb], margin):
             label[0], label[1], label[2] = OBJECT, b, -1

@@ -17,12 +17,6 @@ from dexgrasp.motion.motion import Motion
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-_TOUCH_LAG = 0.0018  # m that a tip stays behind its set-point when it has touched: about 2 N
-_CLOSE_SPEED = 0.03  # m/s of the tips
-_OVERTRAVEL = 0.016  # m past where the surface is believed to be
-_CLOSE_STEPS, _SETTLE_STEPS = 60, 3  # control steps at most, and after contact
-_RAMP_STEPS, _SQUEEZE_STEPS = 8, 16  # control steps until the torque is asked for in full, and until the lift
-_GAIN = 0.6  # of the way to the wanted torque, per control step: less than 1, as the joints move on meanwhile
 TIP_DEPTH = 0.75  # of a tip's radius: how far from its centre it touches
 
 
@@ -35,7 +29,7 @@ class GuardedGrasp(Motion):
         spans: (g - 1,) m, distances of the other tips from the opposing one's at the end.
     """
 
-    def __init__(self, script: ActionScript, grasp: Grasp, overtravel: float = _OVERTRAVEL) -> None:
+    def __init__(self, script: ActionScript, grasp: Grasp, overtravel: float = 0.016) -> None:
         """Prepare.
 
         Args:
@@ -57,35 +51,37 @@ class GuardedGrasp(Motion):
     @property
     def done(self) -> bool:
         """True once the hand has the object."""
-        return self._squeeze_count >= _SQUEEZE_STEPS
+        return self._squeeze_count >= 16  # control steps
 
     def _next(self, q: Array) -> Array:
         if self._step < len(self._approach):
             self._step += 1
             return self._approach[self._step - 1]
-        return self._close(q) if self._settled <= _SETTLE_STEPS else self._press(q)
+        return self._close(q) if self._settled <= 3 else self._press(q)
 
     def _close(self, q: Array) -> Array:
         self._close_count += 1
         behind = fingertips(self.targets, self.tree) - fingertips(q, self.tree)
         lag = -(behind * self.grasp.normals).sum(1)
-        self._touched |= (lag > _TOUCH_LAG) & (self._progress > 0.3)
+        # m that a tip stays behind its set-point when it has touched: about 2 N
+        self._touched |= (lag > 0.0018) & (self._progress > 0.3)
         limit = 1.0 + self._overtravel / self._travel
         moving = ~self._touched & (self._progress < limit)
-        self._progress[moving] += _CLOSE_SPEED * CONTROL_PERIOD / self._travel[moving]
+        self._progress[moving] += 0.03 * CONTROL_PERIOD / self._travel[moving]  # m/s of the tips
         self._progress = np.minimum(self._progress, limit)
         share = np.append(self._progress, 0.0)[self._finger]
         # A joint cannot follow beyond its range, and what lags there has touched nothing.
         self.targets = within_range(self._open + share * (self._closed - self._open), self.tree)
-        if not moving.any() or self._close_count >= _CLOSE_STEPS:
+        if not moving.any() or self._close_count >= 60:
             self._settled += 1
         return self.targets
 
     def _press(self, q: Array) -> Array:
         self._squeeze_count += 1
         torques = pressing_torques(q, self.grasp.normals, self.grasp.forces, self.tree)
-        lag = lag_of(min(1.0, self._squeeze_count / _RAMP_STEPS) * torques, self.tree)
-        targets = self.targets + _GAIN * (self._finger >= 0) * (q + lag - self.targets)
+        lag = lag_of(min(1.0, self._squeeze_count / 8) * torques, self.tree)
+        # of the way to the wanted torque, per control step: less than 1, as the joints move on meanwhile
+        targets = self.targets + 0.6 * (self._finger >= 0) * (q + lag - self.targets)
         self.targets = within_range(targets, self.tree)
         if self.done:
             self.spans = tip_spans(q, self.tree)

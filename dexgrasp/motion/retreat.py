@@ -11,31 +11,25 @@ from dexgrasp.motion.timing import still, time_path
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 
-_SETTLE = 0.35  # s at home: the arm's servos lag by 0.1 s
-_MARGIN = 0.004  # m that the robot keeps from the table and from itself
 _SPEED = 0.9  # of the limits: the hand is empty, and an episode has time for a second grasp only
 
 
-class Retreat(Played):
-    """Goes home and stays there; where the object lies now nobody knows, so only its neighbours are kept clear of."""
+def plan_retreat(start: Array, cell: Cell, neighbours: ConvexDistance | None) -> Played:
+    """Return the way home; where the object lies now nobody knows, so only its neighbours are kept clear of.
 
-    def __init__(self, start: Array, cell: Cell, neighbours: ConvexDistance | None) -> None:
-        """Plan the way.
+    Args:
+        start: (n,) rad, the set-points now.
+        cell: of the robot.
+        neighbours: of the object; None where there is nothing.
 
-        Args:
-            start: (n,) rad, the set-points now.
-            cell: of the robot.
-            neighbours: of the object; None where there is nothing.
-
-        Raises:
-            NoPath: where that, the table or the robot itself is in the way.
-        """
-        checker, home = CollisionChecker(cell, neighbours, _MARGIN), cell.robot.home
-        tree = robot_tree(cell)
-        start = np.clip(start, tree.lower, tree.upper)
-        opened = arm_and_hand(start, home, tree)
-        # Unchecked: pressing fingers are set inside one another.
-        opening = time_path(np.stack([start, opened]), tree, speed=_SPEED)
-        way = time_path(plan_approach(checker, opened, home), tree, checker, _SPEED)
-        rows = np.concatenate([opening, way, still(home, _SETTLE)])
-        super().__init__(np.clip(rows, tree.lower, tree.upper), tree)
+    Raises:
+        NoPath: where that, the table or the robot itself is in the way.
+    """
+    checker, home, tree = CollisionChecker(cell, neighbours), cell.robot.home, robot_tree(cell)
+    start = np.clip(start, tree.lower, tree.upper)
+    opened = arm_and_hand(start, home, tree)
+    # Unchecked: pressing fingers are set inside one another.
+    opening = time_path(np.stack([start, opened]), tree, speed=_SPEED)
+    way = time_path(plan_approach(checker, opened, home), tree, checker, _SPEED)
+    rows = np.concatenate([opening, way, still(home, 0.35)])  # s at home: the arm's servos lag by 0.1 s
+    return Played(np.clip(rows, tree.lower, tree.upper), tree)

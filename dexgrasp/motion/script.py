@@ -18,13 +18,7 @@ from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import max_step
 
-_SETTLE = 0.35  # s after the approach: the arm's servos lag by 0.1 s
-_CLOSE, _SQUEEZE, _LIFT, _HOLD = 0.6, 0.4, 1.2, 3.4  # s
-_LIFT_JERK = 3e-3  # rad that a set-point of the lift may lie from its neighbours' cubic; `verify` allows 4e-3
 _BEND = 2.3e-3  # rad that a set-point of the approach may stand out of its neighbours' plane; `verify` allows 2.5e-3
-_FEW_TRIES = 500  # of the sampling planner, among neighbours
-_LIFT_ERROR = 0.01  # m that the palm may stray at the end of the lift
-_LIFT_SHORT = 4.5e-4  # m that the lift may miss its height by; `verify` allows 5e-4
 
 
 def make_script(
@@ -49,18 +43,19 @@ def make_script(
     start = np.asarray(start, dtype=float)
     lift = _lift(tree, motion)  # cheap, so that it fails first
     checker = CollisionChecker(cell, obstacle, margin)
-    waypoints = plan_approach(checker, start, motion.pregrasp, _FEW_TRIES if among else TRIES)
+    # of the sampling planner, among neighbours
+    waypoints = plan_approach(checker, start, motion.pregrasp, 500 if among else TRIES)
     for slower in (1.0, 0.5) if among else (1.0,):  # corners of a sampled path bend less
         # Smoothing may overshoot by a hair where the pregrasp stands at the end of a joint's range.
         approach = np.clip(time_path(waypoints, tree, checker, slower * SPEED), tree.lower, tree.upper)
         if not among or bend(np.vstack([start, approach])) <= _BEND:
             break
-    pieces = {
-        "approach": np.concatenate([approach, still(motion.pregrasp, _SETTLE)]),
-        "close": _ramp(motion.pregrasp, motion.grasp, _CLOSE, tree),
-        "squeeze": _ramp(motion.grasp, motion.squeeze, _SQUEEZE, tree),
+    pieces = {  # s of each phase; servos of the arm, which lag by 0.1 s, settle before the close
+        "approach": np.concatenate([approach, still(motion.pregrasp, 0.35)]),
+        "close": _ramp(motion.pregrasp, motion.grasp, 0.6, tree),
+        "squeeze": _ramp(motion.grasp, motion.squeeze, 0.4, tree),
         "lift": lift,
-        "hold": still(lift[-1], _HOLD),
+        "hold": still(lift[-1], 3.4),
     }
     return ActionScript(pieces, start)
 
@@ -73,19 +68,20 @@ def _ramp(a: Array, b: Array, seconds: float, tree: RobotTree) -> Array:
 
 def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
     """Raise the palm straight up from the squeeze, (m, n)."""
-    up = np.outer(RAISED * smooth_steps(round(_LIFT / CONTROL_PERIOD)), [0.0, 0.0, 1.0])
+    up = np.outer(RAISED * smooth_steps(round(1.2 / CONTROL_PERIOD)), [0.0, 0.0, 1.0])
     path, error = shift_palm(motion.squeeze, tree, up)
-    if error > _LIFT_ERROR:
+    if error > 0.01:  # m that the palm may stray at the end of the lift
         raise NoPath("lift_out_of_reach", f"the palm strays {1000 * error:.0f} mm from the way up")
     rise = palm_frame(path[-1], tree)[1][2] - palm_frame(motion.squeeze, tree)[1][2]
-    if abs(rise - RAISED) > _LIFT_SHORT:
+    if abs(rise - RAISED) > 4.5e-4:  # m that the lift may miss its height by; `verify` allows 5e-4
         raise NoPath("lift_out_of_reach", f"the lift ends {1000 * (RAISED - rise):.1f} mm short")
     way = np.vstack([motion.squeeze, path])
     fast = (np.abs(np.diff(way, axis=0)) / max_step(tree)).max()
     if fast > 1.0:
         raise NoPath("lift_out_of_reach", f"a joint would move at {fast:.1f} times its limit")
     jerk = jerkiness(way)
-    if jerk > _LIFT_JERK:  # the arm turns at a joint limit or near a singularity
+    # rad that a set-point of the lift may lie from its neighbours' cubic; `verify` allows 4e-3
+    if jerk > 3e-3:  # the arm turns at a joint limit or near a singularity
         raise NoPath("lift_out_of_reach", f"a joint would jerk by {1000 * jerk:.0f} mrad on the way up")
     return path
 

@@ -24,17 +24,8 @@ from dexgrasp_env.poses import quat_to_matrix, yaw_quat
 from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-_FINGER = (0.0, 0.2, 1.4, 0.8)  # rad: curled so that what resists a tip neither lifts it nor presses it down
-_TILTS = (0.09, 0.3)  # rad of the palm, first choice first
-_HEIGHT = 0.0105  # m of the tips' centres, at which they press on the table: what they push cannot lift them
-_BEFORE, _BACK = 0.02, 4  # m before the push; points back from its end
-_LAG = 0.009  # m that tips end short of where they are sent: the table's friction
+_BEFORE = 0.02  # m before the push
 _SPACING = 0.01  # m between points of the push
-_SPEED = 0.21  # m/s on average
-_SLOWER = 1.15
-_OFF_TABLE = -0.0043  # m that covering spheres may be in the table, which the tips press on
-_STRAY = 0.003  # m of the palm
-_MARGIN = 0.004  # m from what is approached
 _SETTLE = 4  # control steps
 
 
@@ -95,12 +86,12 @@ def make_slide(push: Push, start: Array, target: GraspTarget, cell: Cell) -> Sli
     way = _way(push, cell)
     if way is None:
         raise NoPath("push_out_of_reach", "the arm cannot take two fingertips along the whole way")
-    checker = CollisionChecker(cell, target.distance, _MARGIN)
+    checker = CollisionChecker(cell, target.distance, 0.004)  # m from what is approached
     reach = time_path(plan_approach(checker, start, way[0]), tree, checker)
     pieces = {
         "reach": np.concatenate([reach, np.repeat(way[:1], _SETTLE, axis=0)]),
         "slide": np.concatenate([_timed(way, tree), np.repeat(way[-1:], _SETTLE, axis=0)]),
-        "leave": _timed(way[: -_BACK - 2 : -1], tree),
+        "leave": _timed(way[:-6:-1], tree),  # four points back from the end
     }
     kept = {name: np.clip(rows, tree.lower, tree.upper) for name, rows in pieces.items()}
     return Slide(ActionScript(kept, start), push, tree)
@@ -110,7 +101,8 @@ def _pushing(tree: RobotTree) -> Array:
     """Return a configuration (n,) rad whose index and middle finger are curled, the others straight."""
     q = np.zeros_like(tree.home)
     for first, end in tree.fingers[1:]:
-        q[first:end] = _FINGER
+        # rad: curled so that what resists a tip neither lifts it nor presses it down
+        q[first:end] = (0.0, 0.2, 1.4, 0.8)
     return arm_and_hand(tree.home, np.clip(q, tree.lower + 0.01, tree.upper - 0.01), tree)
 
 
@@ -121,28 +113,31 @@ def _way(push: Push, cell: Cell) -> Array | None:
     R0, p0 = palm_frame(q, tree)
     tips = (fingertips(q, tree)[1:] - p0) @ R0
     ahead = np.array([*push.direction, 0.0])
-    length = _BEFORE + push.distance + _LAG
+    # m that tips end short of where they are sent: the table's friction
+    length = _BEFORE + push.distance + 0.009
     along = np.linspace(length, 0.0, int(np.ceil(length / _SPACING)) + 1)
-    for tilt in _TILTS:
+    for tilt in (0.09, 0.3):  # rad of the palm, first choice first
         R = hanging_palm(-ahead, tilt)
         line = (R @ (tips[0] - tips[1]))[:2]
         off_square = np.arctan(line @ push.direction / (line @ [-push.direction[1], push.direction[0]]))
         R = quat_to_matrix(yaw_quat(off_square)) @ R  # both tips touch a straight side at once
-        begin = np.array([*(push.touch - _BEFORE * push.direction), _HEIGHT]) - R @ tips.mean(0)
+        # m of the tips' centres, at which they press on the table: what they push cannot lift them
+        begin = np.array([*(push.touch - _BEFORE * push.direction), 0.0105]) - R @ tips.mean(0)
         # The end is next to the base, where the arm has the least room.
         for last in palm_postures(q, R, begin + length * ahead, tree):
             path, strayed = shift_palm(last, tree, (along[1:, None] - length) * ahead)
             way = np.vstack([last, path])[::-1]
-            if strayed < _STRAY and CollisionChecker(cell, None, _OFF_TABLE).first_contact(way) is None:
+            # Covering spheres may be 4.3 mm in the table, which the tips press on.
+            if strayed < 0.003 and CollisionChecker(cell, None, -0.0043).first_contact(way) is None:
                 return way
     return None
 
 
 def _timed(path: Array, tree: RobotTree) -> Array:
     """Return set-points (T, n) rad along points `_SPACING` apart, from rest to rest."""
-    seconds = max(_SPACING * (len(path) - 1) / _SPEED, 0.4)
+    seconds = max(_SPACING * (len(path) - 1) / 0.21, 0.4)  # m/s on average
     while True:
         rows = eased(path, round(seconds / CONTROL_PERIOD))
         if within_limits(path[0], rows, tree):
             return rows
-        seconds *= _SLOWER
+        seconds *= 1.15

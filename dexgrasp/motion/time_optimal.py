@@ -13,8 +13,6 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
-_STEPS = 60
-_ROUNDING = 1e-9
 _LARGE = 1e8
 
 
@@ -77,11 +75,11 @@ def fastest_squared_speeds(
             if abs(first[i, j]) > 1e-12:
                 most[i] = min(most[i], (velocity[j] / first[i, j]) ** 2)
         ahead = 2.0 * (at[i + 1] - at[i])
-        for _ in range(_STEPS):
+        for _ in range(60):
             # The room between the bounds is concave in x: Newton's steps from above end at its zero.
             most[i] = min(most[i], _accelerations(i, most[i], curve, ahead, most[i + 1], bounds))
             room = bounds[1, 0] - bounds[0, 0]
-            if room >= -_ROUNDING:
+            if room >= -1e-9:
                 break
             slope = bounds[1, 1] - bounds[0, 1]
             if slope >= 0.0:
@@ -96,24 +94,17 @@ def fastest_squared_speeds(
     return x
 
 
-@njit
 def places_at(at: Array, squared: Array, period: float) -> Array:
     """Return where on the path one is after every period, (T,); the last is the end. Empty where the way halts."""
-    n = at.shape[0]
-    when = np.zeros(n)
-    for i in range(n - 1):
-        speed = np.sqrt(squared[i]) + np.sqrt(squared[i + 1])
-        if speed <= 1e-9:
-            return np.empty(0)
-        when[i + 1] = when[i] + 2.0 * (at[i + 1] - at[i]) / speed
-    count = max(1, int(np.ceil(when[n - 1] / period - 1e-9)))
-    out, i = np.empty(count), 0
-    for k in range(count):
-        t = min((k + 1) * period, when[n - 1])
-        while i < n - 2 and when[i + 1] < t:
-            i += 1
-        u = (squared[i + 1] - squared[i]) / (2.0 * (at[i + 1] - at[i]))
-        late = t - when[i]
-        out[k] = min(at[i] + np.sqrt(squared[i]) * late + 0.5 * u * late * late, at[n - 1])
-    out[count - 1] = at[n - 1]
-    return out
+    speed, stretch = np.sqrt(squared), np.diff(at)
+    both = speed[:-1] + speed[1:]
+    if (both <= 1e-9).any():
+        return np.empty(0)
+    when = np.append(0.0, np.cumsum(2.0 * stretch / both))
+    count = max(1, int(np.ceil(when[-1] / period - 1e-9)))
+    time = np.minimum(period * np.arange(1, count + 1), when[-1])
+    i = np.minimum(np.searchsorted(when[1:], time), len(at) - 2)
+    late, change = time - when[i], np.diff(squared)[i] / (2.0 * stretch[i])
+    places = np.minimum(at[i] + speed[i] * late + 0.5 * change * late * late, at[-1])
+    places[-1] = at[-1]
+    return places

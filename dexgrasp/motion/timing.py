@@ -11,11 +11,7 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 SPEED = 0.65
 """Share of the limits of velocity and acceleration that ways use."""
-_BLENDS = (0.3, 0.15, 0.06)  # rad along the path: how far before a corner the turn begins, widest first
-_SPACING = 0.015  # rad along the path between the points that are timed
-_EXCESS = 1.1  # acceleration of the sampled set-points over what was asked for
 _ROOM = 0.99  # of the limits: the solver keeps them to rounding
-_CUT = 0.001  # m
 
 
 def time_path(
@@ -35,13 +31,14 @@ def time_path(
     path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]  # without repeats
     if len(path) < 2:
         return path[:0]
-    for blend in _BLENDS if len(path) > 2 else ():
+    # rad along the path: how far before a corner the turn begins, widest first
+    for blend in (0.3, 0.15, 0.06) if len(path) > 2 else ():
         rounded, at = round_corners(path, blend)
         if checker is not None and checker.first_contact(rounded) is not None:
             continue
         timed = _time_smooth(rounded, at, tree, speed)
         # Set-points go straight between control steps, so they cut the roundings a little.
-        if checker is None or checker.first_contact(np.vstack([path[0], timed]), _CUT) is None:
+        if checker is None or checker.first_contact(np.vstack([path[0], timed]), 0.001) is None:  # m
             return timed
     return np.concatenate(
         [_time_smooth(*round_corners(path[i : i + 2], 0.0), tree, speed) for i in range(len(path) - 1)]
@@ -63,7 +60,8 @@ def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
     legs = np.linalg.norm(ways, axis=1)
     corners = np.concatenate([[0.0], np.cumsum(legs)])
     tangents = ways / legs[:, None]
-    at = np.linspace(0.0, corners[-1], max(20, int(np.ceil(corners[-1] / _SPACING)) + 1))
+    # rad along the path between the points that are timed
+    at = np.linspace(0.0, corners[-1], max(20, int(np.ceil(corners[-1] / 0.015)) + 1))
     points = points_at(at, corners, path)
     for i in range(1, len(path) - 1):
         reach = min(blend, 0.5 * legs[i - 1], 0.5 * legs[i])
@@ -99,7 +97,8 @@ def _gentle(start: Array, samples: Array, tree: RobotTree, speed: float) -> bool
     """Return True if set-points, from rest to rest, keep the limits of velocity and acceleration."""
     rest = np.vstack([start, start, samples, samples[-1]])
     change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2
-    return bool((change <= _EXCESS * speed * tree.acceleration).all()) and within_limits(start, samples, tree)
+    # acceleration of the sampled set-points over what was asked for
+    return bool((change <= 1.1 * speed * tree.acceleration).all()) and within_limits(start, samples, tree)
 
 
 def _slow(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:

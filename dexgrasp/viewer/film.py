@@ -13,8 +13,6 @@ from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.cell import Cell
 
-_CLOSING = 12  # states from open to closed, and from closed to pressing
-
 
 @dataclass(frozen=True, eq=False)
 class GraspPlayback:
@@ -58,35 +56,17 @@ def film_of(record: GraspRecord, cloud: Array | None = None) -> GraspPlayback:
         InputError: for a grasp of another cell, or one whose object is not here.
     """
     cell, pose = record.check_cell(), record.T_world_object
-    script = record.script
-    approach, lift = (
-        [phase.setpoints for phase in script.phases]
-        if script
-        else [record.pregrasp[None], record.squeeze[None]]
-    )
-    closing = np.linspace(record.pregrasp, record.grasp, _CLOSING)
-    pressing = np.linspace(record.grasp, record.squeeze, _CLOSING)
+    approach, lift = record.pregrasp[None], record.squeeze[None]
+    if record.script is not None:
+        approach, lift = (phase.setpoints for phase in record.script.phases)
+    closing = np.linspace(record.pregrasp, record.grasp, 12)
+    pressing = np.linspace(record.grasp, record.squeeze, 12)
     states = np.concatenate([approach, closing, pressing, lift])
-    poses = carried(states, len(states) - len(lift), np.eye(4) if pose is None else pose, cell)
+    palms, start, at = palm_poses(states, cell), np.eye(4) if pose is None else pose, len(states) - len(lift)
+    poses = np.tile(start, (len(states), 1, 1))
+    poses[at:] = palms[at:] @ np.linalg.inv(palms[at]) @ start
     model = None if pose is None else record.object.load()
     return GraspPlayback(record, states, poses, model, cloud)
-
-
-def carried(states: Array, first_lifted: int, T_world_object: Array, cell: Cell) -> Array:
-    """Return object poses (T, 4, 4) that rest until a state and then move with the palm.
-
-    Args:
-        states: (T, n) rad.
-        first_lifted: from this state on the object moves with the palm.
-        T_world_object: (4, 4) where it rests.
-        cell: with the mount in use.
-    """
-    palms = palm_poses(states, cell)
-    poses = np.tile(np.asarray(T_world_object, dtype=float), (len(states), 1, 1))
-    at = min(first_lifted, len(states) - 1)
-    in_palm = np.linalg.inv(palms[at]) @ T_world_object
-    poses[at:] = palms[at:] @ in_palm
-    return poses
 
 
 def palm_poses(states: Array, cell: Cell) -> Array:

@@ -17,10 +17,6 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 if TYPE_CHECKING:
     import viser
 
-_APART = 1.3  # m between films that stand side by side
-_FRAMES = 90  # states of a film that a page holds at most
-_CAMERA = (1.12, -0.72, 0.52)  # m, where one looks from
-_LOOK_AT = (0.40, 0.0, 0.19)  # m
 _FACTS = """
 <div id="facts" style="position:fixed;right:12px;top:12px;z-index:10;max-width:340px;max-height:80vh;overflow:auto;
 padding:8px 12px;background:rgba(255,255,255,.88);border-radius:8px;font:13px/1.5 system-ui,sans-serif;color:#222">
@@ -38,7 +34,7 @@ def page(films: Sequence[GraspPlayback]) -> str:
     try:
         stages, count = _staged(server, films)
         recording = server.get_scene_serializer()
-        every = -(-count // _FRAMES)
+        every = -(-count // 90)  # states of a film that a page holds at most
         for index in range(0, count, every):
             for stage in stages:
                 stage.show(index)
@@ -70,7 +66,8 @@ def serve(films: Sequence[GraspPlayback], port: int) -> None:
 
 def _staged(server: "viser.ViserServer", films: Sequence[GraspPlayback]) -> tuple[list[ViserScene], int]:
     """Return the films side by side, and how many states the longest has."""
-    stages = [ViserScene(server, film, f"film {k}", -_APART * k) for k, film in enumerate(films)]
+    # m between films that stand side by side
+    stages = [ViserScene(server, film, f"film {k}", -1.3 * k) for k, film in enumerate(films)]
     return stages, max(len(film.states) for film in films)
 
 
@@ -82,6 +79,6 @@ def start_server(port: int, quiet: bool) -> "viser.ViserServer":
     with contextlib.redirect_stdout(io.StringIO() if quiet else sys.stderr):  # it prints a banner
         server = viser.ViserServer(host="127.0.0.1", port=port, verbose=False)
     server.scene.set_up_direction("+z")
-    server.initial_camera.position = _CAMERA
-    server.initial_camera.look_at = _LOOK_AT
+    server.initial_camera.position = (1.12, -0.72, 0.52)  # m, where one looks from
+    server.initial_camera.look_at = (0.40, 0.0, 0.19)  # m
     return server

@@ -15,11 +15,6 @@ if TYPE_CHECKING:
     import viser
 
 _COLOURS = ((214, 84, 60), (58, 120, 190), (60, 150, 90), (143, 90, 168), (184, 134, 11))  # of the contacts
-_TABLE = (168, 140, 106)
-_OBJECT, _HULL, _CLOUD, _NEIGHBOUR = (222, 168, 84), (90, 90, 110), (40, 40, 60), (150, 150, 150)
-_FORCE_SCALE = 0.008  # m a newton
-_CONE, _RAYS = 0.03, 24  # m, height of the cones that are drawn
-_VISUAL = 2  # group of the geoms that are shown
 
 
 class ViserScene:
@@ -43,7 +38,9 @@ class ViserScene:
         self._bodies = self._add_robot()
         self._object = self._scene.add_frame(f"{self._root}/object", show_axes=False)
         table = (TABLE_CENTRE_X, 0.0, -0.5 * TABLE_SIZE[2] - 0.001)
-        self._scene.add_box(f"{self._root}/table", dimensions=TABLE_SIZE, color=_TABLE, position=table)
+        self._scene.add_box(
+            f"{self._root}/table", dimensions=TABLE_SIZE, color=(168, 140, 106), position=table
+        )
         self._add_seen()
         self._add_contacts()
         self.show(0)
@@ -65,7 +62,7 @@ class ViserScene:
         from dexgrasp_env.scene.shapes import geom_mesh
 
         handles, model = dict[int, Any](), self._model
-        for geom in np.flatnonzero(model.geom_group == _VISUAL).tolist():
+        for geom in np.flatnonzero(model.geom_group == 2).tolist():  # group of the geoms that are shown
             mesh, body = geom_mesh(model, geom), int(model.geom_bodyid[geom])
             if mesh is not None:
                 path = f"{self._root}/robot/{model.body(body).name}"
@@ -87,14 +84,18 @@ class ViserScene:
         film, T = self.film, self.film.object_poses[0]
         seen = trimesh.util.concatenate([trimesh.convex.convex_hull(part) for part in film.record.parts])
         shape = seen.copy().apply_transform(np.linalg.inv(T)) if film.object is None else film.object.mesh
-        self._mesh(f"{self._root}/object/surface", shape, _OBJECT, flat_shading=True)
+        self._mesh(f"{self._root}/object/surface", shape, (222, 168, 84), flat_shading=True)
         self._mesh(
-            f"{self._root}/hull planned on", seen, _HULL, wireframe=True, visible=film.object is not None
+            f"{self._root}/hull planned on",
+            seen,
+            (90, 90, 110),
+            wireframe=True,
+            visible=film.object is not None,
         )
         for k, part in enumerate(film.record.around):
-            self._mesh(f"{self._root}/neighbours/{k}", trimesh.convex.convex_hull(part), _NEIGHBOUR)
+            self._mesh(f"{self._root}/neighbours/{k}", trimesh.convex.convex_hull(part), (150, 150, 150))
         if film.cloud is not None:
-            self._scene.add_point_cloud(f"{self._root}/cloud", film.cloud, _CLOUD, point_size=0.002)
+            self._scene.add_point_cloud(f"{self._root}/cloud", film.cloud, (40, 40, 60), point_size=0.002)
 
     def _add_contacts(self) -> None:
         """Contacts, forces, rays and rim of cones that open outside; in the object's frame, to move with it."""
@@ -103,9 +104,9 @@ class ViserScene:
         self._scene.add_frame(path, show_axes=False, position=T[:3, 3], wxyz=matrix_to_quat(T[:3, :3]))
         for contact, colour in zip(record.contacts, _COLOURS, strict=False):
             own, point = f"{path}/{contact.finger}", contact.point
-            force = np.stack([point - _FORCE_SCALE * contact.force, point])[None]
+            force = np.stack([point - 0.008 * contact.force, point])[None]  # m a newton
             self._scene.add_line_segments(f"{own}/force", force, colour, thickness=0.004)
-            rim = point - _CONE * cone_edges(contact.normal[None], record.thresholds.friction, _RAYS)[0]
+            rim = point - 0.03 * cone_edges(contact.normal[None], record.thresholds.friction, 24)[0]  # m
             rays = np.stack([np.broadcast_to(point, rim.shape), rim], axis=1)[::3]
             rays = np.concatenate([rays, np.stack([rim, np.roll(rim, -1, axis=0)], axis=1)])
             self._scene.add_line_segments(f"{own}/cone", rays, colour, thickness=0.001)

@@ -10,7 +10,6 @@ from dexgrasp.grasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
 
 GRAVITY = 9.81  # m/s^2
-_GIVES = 1e-6  # m/N that a contact gives way besides its joints
 
 
 class Case:
@@ -80,5 +79,6 @@ class ForceBalance:
         most, stiffness = case.servos
         self.torques = case.touch.jacobians.transpose(2, 0, 1).reshape(len(most), -1) / most[:, None]
         bend = self.torques * most[:, None]
-        self.compliance = bend.T @ (bend / stiffness[:, None]) + _GIVES * np.eye(self.forces.size)
+        # m/N that a contact gives way besides its joints
+        self.compliance = bend.T @ (bend / stiffness[:, None]) + 1e-6 * np.eye(self.forces.size)
         self.torque_use = np.abs(self.torques @ self.forces.ravel()).max()

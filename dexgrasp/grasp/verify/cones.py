@@ -1,39 +1,14 @@
 """Forces within friction cones: the judge's own programmes, solved by clarabel and, through qpsolvers, by osqp.
 
-A solver may stop short, so no answer rests on its word. The residual of Eq. 4 is bracketed: above by forces moved into
-the cones, below by a separating wrench. A margin is that of forces whose balance is looked at. What is left open counts
-as not shown.
+A solver may stop short, so no answer rests on its word. The residual of Eq. 4 is that of forces moved into the cones, a
+margin that of forces whose balance is looked at. What is left open counts as not shown.
 """
 
 import warnings
-from typing import NamedTuple
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-
-FORCE_BOUND = 1e5
-"""Lower bounds hold for contact forces up to this many times f_min."""
-_RANK = 1e-4  # least singular value of a grasp matrix of rank 6
-_IMBALANCE = 1e-6  # of the total press: more than rounding
-
-
-class Residual(NamedTuple):
-    """Eq. 4 in the exact cone, bracketed.
-
-    Attributes:
-        upper: residual, N^2, of `forces`, which lie in the cones and press at least 1 N.
-        lower: no forces up to `FORCE_BOUND` N have a smaller residual, N^2.
-        forces: (N, 3) N.
-    """
-
-    upper: float
-    lower: float
-    forces: Array
-
-    def closed(self, tolerance: float = 1e-6) -> bool | None:
-        """Compare the least residual with `tolerance`, N^2: True and False are proved, None is open."""
-        return True if self.upper < tolerance else False if self.lower >= tolerance else None
 
 
 def wrench_map(points: Array, centre: Array, normals: Array | None = None, torsion: float = 0.0) -> Array:
@@ -77,8 +52,8 @@ def slides(forces: Array, normals: Array) -> tuple[Array, Array]:
     return press, np.linalg.norm(across, axis=-1)
 
 
-def conic_residual(points: Array, normals: Array, mu: float) -> Residual:
-    """Bracket the least value of Eq. 4 (f_min 1 N, torques over the rms radius) with the exact cone.
+def conic_residual(points: Array, normals: Array, mu: float) -> float:
+    """Return a residual of Eq. 4, N^2, that forces in the exact cones have: the least, or more where clarabel fails.
 
     Args:
         points: (N, 3) m.
@@ -89,60 +64,16 @@ def conic_residual(points: Array, normals: Array, mu: float) -> Residual:
     n = 3 * N
     # In (f, w) with w = G f: better conditioned than G^T G.
     x, _ = _minimise(
-        np.diag(np.r_[np.zeros(n), np.full(6, 2.0)]), np.zeros(n + 6),
-        equal=(np.c_[G, -np.eye(6)], np.zeros(6)),
+        np.diag(np.r_[np.zeros(n), np.full(6, 2.0)]), np.zeros(n + 6), equal=(np.c_[G, -np.eye(6)], np.zeros(6)),
         at_most=(np.c_[-press_rows(normals), np.zeros((N, 6))], np.full(N, -1.0)),
         cones=np.c_[cone_rows(normals, mu), np.zeros((n, 6))], tolerance=1e-12,
     )  # fmt: skip
-    forces = _into_cones(np.nan_to_num(x[:n]).reshape(N, 3), normals, mu)
-    wrench = G @ forces.ravel()
-    return Residual(float(wrench @ wrench), _lower(G, wrench, normals, mu), forces)
-
-
-def _into_cones(forces: Array, normals: Array, mu: float) -> Array:
-    """Press harder until every force (N, 3) lies in its exact cone and presses at least 1 N."""
+    forces = np.nan_to_num(x[:n]).reshape(N, 3)
     press, sliding = slides(forces, normals)
-    need = np.maximum(1.0, sliding / mu * (1 + 1e-15))
-    return forces - np.maximum(0.0, need - press)[:, None] * normals
-
-
-def _lower(G: Array, wrench: Array, normals: Array, mu: float) -> float:
-    """Bound |G f|^2 from below, by f's least component along `wrench` (6,)."""
-    size = np.linalg.norm(wrench)
-    if size == 0.0:
-        return 0.0
-    press, sliding = slides((G.T @ (wrench / size)).reshape(-1, 3), normals)
-    least = press - mu * sliding
-    return max(0.0, float(np.where(least >= 0, least, least * FORCE_BOUND).sum())) ** 2
-
-
-def conic_margin(points: Array, normals: Array, mu: float, torsion: float = 0.0) -> float | None:
-    """Return the closure margin in the exact cone, N x max min_i (press_i - |f_t,i| / mu), or None.
-
-    The maximum is over balanced forces whose presses sum to 1. None where no balanced forces press at all (all contacts
-    on one face), or none are found, or where contacts leave some wrench free, as two points do.
-
-    Args:
-        points: (N, 3) m.
-        normals: (N, 3) unit, out of the object.
-        mu: friction coefficient.
-        torsion: radius of soft contacts, m; 0: points.
-    """
-    G, N, parts = wrench_map(points, points.mean(0), normals, torsion), len(points), 4 if torsion else 3
-    if np.linalg.matrix_rank(G, tol=_RANK) < 6:
-        return None
-    rows, first = cone_rows(normals, mu, parts) / mu, np.tile(np.eye(parts)[0], N)
-    n = parts * N
-    x, _ = _minimise(
-        np.zeros((n + 1, n + 1)), np.r_[np.zeros(n), -1.0],
-        equal=(np.c_[np.r_[G, press_rows(normals, parts).sum(0)[None]], np.zeros(7)], np.r_[np.zeros(6), 1.0]),
-        cones=np.c_[rows, -first], tolerance=1e-10, size=parts,
-    )  # fmt: skip
-    press, *across = (rows @ x[:-1]).reshape(N, parts).T
-    total = press.sum()
-    if not np.isfinite(x).all() or total < 1e-9 or np.linalg.norm(G @ x[:-1]) > _IMBALANCE * total:
-        return None
-    return N * (press - np.linalg.norm(across, axis=0)).min() / total
+    need = np.maximum(1.0, sliding / mu * (1 + 1e-15))  # harder until each lies in its cone
+    forces -= np.maximum(0.0, need - press)[:, None] * normals
+    wrench = G @ forces.ravel()
+    return float(wrench @ wrench)
 
 
 def pyramid_forces(points: Array, normals: Array, mu: float) -> Array:
@@ -160,6 +91,36 @@ def pyramid_forces(points: Array, normals: Array, mu: float) -> Array:
         warnings.simplefilter("ignore")
         answer = qpsolvers.solve_problem(problem, "osqp", eps_abs=1e-9, eps_rel=1e-9, max_iter=400_000)
     return -normals if answer.x is None or not answer.found else answer.x.reshape(-1, 3)
+
+
+def conic_margin(points: Array, normals: Array, mu: float, torsion: float = 0.0) -> float | None:
+    """Return the closure margin in the exact cone, N x max min_i (press_i - |f_t,i| / mu), or None.
+
+    The maximum is over balanced forces whose presses sum to 1. None where no balanced forces press at all (all contacts
+    on one face), or none are found, or where contacts leave some wrench free, as two points do.
+
+    Args:
+        points: (N, 3) m.
+        normals: (N, 3) unit, out of the object.
+        mu: friction coefficient.
+        torsion: radius of soft contacts, m; 0: points.
+    """
+    G, N, parts = wrench_map(points, points.mean(0), normals, torsion), len(points), 4 if torsion else 3
+    if np.linalg.matrix_rank(G, tol=1e-4) < 6:  # least singular value of a grasp matrix of rank 6
+        return None
+    rows, first = cone_rows(normals, mu, parts) / mu, np.tile(np.eye(parts)[0], N)
+    n = parts * N
+    x, _ = _minimise(
+        np.zeros((n + 1, n + 1)), np.r_[np.zeros(n), -1.0],
+        equal=(np.c_[np.r_[G, press_rows(normals, parts).sum(0)[None]], np.zeros(7)], np.r_[np.zeros(6), 1.0]),
+        cones=np.c_[rows, -first], tolerance=1e-10, size=parts,
+    )  # fmt: skip
+    press, *across = (rows @ x[:-1]).reshape(N, parts).T
+    total = press.sum()
+    # of the total press: more than rounding
+    if not np.isfinite(x).all() or total < 1e-9 or np.linalg.norm(G @ x[:-1]) > 1e-6 * total:
+        return None
+    return N * (press - np.linalg.norm(across, axis=0)).min() / total
 
 
 def largest_push(

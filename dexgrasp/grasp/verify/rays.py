@@ -5,10 +5,6 @@ import numpy as np
 from dexgrasp.grasp.verify.cones import slides
 from dexgrasp_env.arrays import Array, fibonacci_directions, unit
 
-_RAYS, _NEAR = 1500, 80  # directions at first, and about each of the best
-_NARROWINGS, _BEST, _REACH = 8, 5, 0.12
-_FAR, _HALVINGS = 1e3, 40  # pushes: no hand bears as many; down to 1e-9 of them
-
 
 def least_way(forces: Array, answer: Array, normals: Array, mu: float) -> float:
     """Return the least way that forces go with a push, in any direction, until one leaves its cone.
@@ -22,12 +18,12 @@ def least_way(forces: Array, answer: Array, normals: Array, mu: float) -> float:
     Returns:
         The way in units of the push.
     """
-    directions, reach, least = fibonacci_directions(_RAYS), _REACH, np.inf
-    spread = fibonacci_directions(_NEAR)
-    for _ in range(_NARROWINGS + 1):
+    directions, reach, least = fibonacci_directions(1500), 0.12, np.inf
+    spread = fibonacci_directions(80)
+    for _ in range(9):  # each time closer about the best
         ways = _ways(forces, np.einsum("ij,kj->ki", answer, directions), normals, mu)
         least = min(least, float(ways.min()))
-        best = directions[np.argsort(ways)[:_BEST]]
+        best = directions[np.argsort(ways)[:5]]
         directions = unit((best[:, None] + reach * spread[None]).reshape(-1, 3))
         reach *= 0.4
     return least
@@ -36,8 +32,8 @@ def least_way(forces: Array, answer: Array, normals: Array, mu: float) -> float:
 def _ways(forces: Array, moves: Array, normals: Array, mu: float) -> Array:
     """Return (K,) how often moves (K, c N) can be added to forces (N, c) until one leaves its cone, by halving."""
     moves = moves.reshape(-1, *forces.shape)
-    low, high = np.zeros(len(moves)), np.full(len(moves), _FAR)
-    for _ in range(_HALVINGS):
+    low, high = np.zeros(len(moves)), np.full(len(moves), 1e3)  # no hand bears as many
+    for _ in range(40):
         middle = 0.5 * (low + high)
         press, sliding = slides(forces + middle[:, None, None] * moves, normals)
         inside = (sliding <= mu * press).all(1)

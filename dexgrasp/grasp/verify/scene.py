@@ -18,7 +18,6 @@ from dexgrasp_env.robot.model import excluded_pairs, robot_spec
 
 FAR = 0.05  # m: distances beyond are not measured
 _DOT = 1e-4  # m, radius of a point of the table that was seen
-PLINTH_BODIES = 3  # links 0 to 2 stand on the arm's plinth, not over the table
 
 
 @dataclass(frozen=True)
@@ -232,7 +231,8 @@ class Scene:
         return self.table not in pair or not any(map(self._on_plinth, pair - {self.table}))
 
     def _on_plinth(self, geom: int) -> bool:
-        return self.model.body(self.model.geom_bodyid[geom]).name in self.robot.arm.bodies[:PLINTH_BODIES]
+        # links 0 to 2 stand on the arm's plinth, not over the table
+        return self.model.body(self.model.geom_bodyid[geom]).name in self.robot.arm.bodies[:3]
 
     def _least(self, pairs: list[tuple[int, int]]) -> float:
         from_to = np.zeros(6)

@@ -15,11 +15,8 @@ from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import njit
 
 OBJECT, TABLE, SELF, NEIGHBOUR = 0, 1, 2, 3
-EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two of them
 ROUNDING = 1e-9  # m: two ways to compute a distance differ by less
-_MOST_ROWS = 256  # more than there are bodies and pairs of them
 KINDS = ("hand_object", "hand_table", "self", "hand_neighbour")
-TABLE_FROM = 0.15  # m: nearer to the base than this the arm stands on its plinth, not over the table
 
 
 class Rows(NamedTuple):
@@ -96,7 +93,7 @@ def clearances(
     q: Array, tree: RobotTree, obstacles: tuple[Obstacle, Obstacle], activation: float, tips_touch: bool
 ) -> tuple[Array, Index]:
     """Return the clearances (K,) m at `q` (n,) rad that `clearance_rows` finds, and their labels (K, 3)."""
-    rows = empty_rows(_MOST_ROWS, tree)
+    rows = empty_rows(256, tree)  # more than there are bodies and pairs of them
     n = clearance_rows(tree, body_frames(q, tree), obstacles, activation, tips_touch, rows)
     return rows.values[:n], rows.labels[:n]
 
@@ -127,7 +124,8 @@ def table_clearance(cover: Cover, b: int, activation: float) -> tuple[float, int
     tree, centres, best, which = cover.tree, cover.centres, activation, -1
     _know(cover, b)
     for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
-        if centres[s, 0] < TABLE_FROM and b < tree.base:
+        # m: nearer to the base than this the arm stands on its plinth, not over the table
+        if centres[s, 0] < 0.15 and b < tree.base:
             continue
         d = centres[s, 2] - tree.sphere_radius[s]
         if d < best:
@@ -259,7 +257,8 @@ def palm_clearance(cover: Cover, activation: float, nearest: Array, direction: A
                 deepest, axis = out, c
             inside[c] = max(out, 0.0)
             squared += inside[c] ** 2
-        d = (np.sqrt(squared) if squared > 0.0 else deepest) - EDGE_ERROR
+        # m: how much the points of an edge may miss between two of them
+        d = (np.sqrt(squared) if squared > 0.0 else deepest) - 0.0005
         last, at_last = k, d
         if d >= best:
             continue

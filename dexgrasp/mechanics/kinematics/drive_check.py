@@ -10,17 +10,6 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.robot.cell import Cell
 
-_RAMP, _SETTLE = 200, 100  # physics steps in which a set-point goes through a range, and then waits
-_WHOLE, _LITTLE = (
-    0.9,
-    0.3,
-)  # shares of its range that a drive goes at least, and with which it is of hardly any use
-_MOVES = 0.001  # m that something of the hand moves with a drive
-_TURN = 2.0 * np.pi - 0.05  # rad of a finger's range that are no limit
-_MASS = (0.03, 6.0)  # kg of a hand
-_DENSITY = (20.0, 25_000.0)  # kg/m3 of a link: less than foam, more than any metal
-_LIGHT = 1e-4  # kg: lighter, a link has no mass
-
 
 def check_drives(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Yield what stops drives of the hand within their ranges, and which move nothing."""
@@ -29,13 +18,13 @@ def check_drives(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     for j in drives:
         name, low_high = robot.joints[j], (robot.lower[j], robot.upper[j])
         ends = [_driven(home, C[:, j], end - home.qpos[j]) for end in low_high]
-        if _moved(ends[0], ends[1], cell) < _MOVES:
+        if _moved(ends[0], ends[1], cell) < 0.001:  # m that something of the hand moves with a drive
             mend = "name it under `held`, or look at its axis and at what hangs on it"
             yield Finding("error", f"drive {name} moves nothing", mend)
             continue
         share = (ends[1].qpos[j] - ends[0].qpos[j]) / (low_high[1] - low_high[0])
-        good += bool(share > _WHOLE)
-        if share < _LITTLE:
+        good += bool(share > 0.9)
+        if share < 0.3:
             stopped = max(ends, key=lambda data: abs(data.ctrl[j] - data.qpos[j]))
             what = f"drive {name} goes through {100 * share:.0f} % of its range"
             yield Finding(
@@ -48,8 +37,9 @@ def _driven(home: mujoco.MjData, column: Array, way: float) -> mujoco.MjData:
     """Return the simulation after set-points went `way` along a column (n,) from home."""
     data = mujoco.MjData(home.model)
     data.qpos[:] = data.ctrl[:] = home.qpos
-    for k in range(_RAMP + _SETTLE):
-        data.ctrl[:] = home.qpos + min(1.0, (k + 1) / _RAMP) * way * column
+    ramp, settle = 200, 100  # physics steps
+    for k in range(ramp + settle):
+        data.ctrl[:] = home.qpos + min(1.0, (k + 1) / ramp) * way * column
         mujoco.mj_step(home.model, data)
     return data
 
@@ -71,7 +61,7 @@ def _touched(data: mujoco.MjData) -> str:
 def check_limits(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Yield the finger joints without limits of their own."""
     robot, unit = cell.robot, robot_tree(cell).unit
-    wide = (robot.upper - robot.lower) / unit > _TURN
+    wide = (robot.upper - robot.lower) / unit > 2.0 * np.pi - 0.05  # rad: a whole turn is no limit
     found = [name for name, of in zip(robot.joints, wide, strict=True) if of][: robot.dof]
     found = [name for name in found if name in robot.hand.joints.names]
     if found:
@@ -85,18 +75,18 @@ def check_limits(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
 def check_masses(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Yield masses of the hand that are missing or that no hand has."""
     model, bodies = home.model, [home.model.body(name).id for name in cell.robot.hand.bodies]
-    mass = model.body_mass[bodies]
-    missing = [name for name, m in zip(cell.robot.hand.bodies, mass, strict=True) if m < _LIGHT]
+    mass, least = model.body_mass[bodies], 1e-4  # kg: a lighter link has no mass
+    missing = [name for name, m in zip(cell.robot.hand.bodies, mass, strict=True) if m < least]
     if missing:
         mend = "state masses in kg in the description: what has none cannot be simulated"
         yield Finding("warning", f"without mass: {', '.join(missing)}", mend)
     for body, m in zip(bodies, mass, strict=True):
         volume = _volume(model, body)
-        if m >= _LIGHT and volume > 0 and not _DENSITY[0] < m / volume < _DENSITY[1]:
+        if m >= least and volume > 0 and not 20.0 < m / volume < 25_000.0:  # foam, metal
             what = f"{model.body(body).name} of {1000 * m:.0f} g has {m / volume:.0f} kg/m3"
             yield Finding("warning", what, "look at the units of its mass (kg) and of its meshes (m)")
     mend = "look at the units: masses are kg, lengths m"
-    good = _MASS[0] < mass.sum() < _MASS[1]
+    good = 0.03 < mass.sum() < 6.0
     yield Finding("info" if good else "warning", f"the hand has {mass.sum():.2f} kg", "" if good else mend)
 
 

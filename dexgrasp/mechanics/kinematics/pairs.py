@@ -14,7 +14,6 @@ from dexgrasp_env.robot.robot import Robot
 _SAMPLES = 300
 _NEAR = 0.01  # m between two bodies: covering spheres exceed the shapes by less
 _LOOKS, _MOSTLY = 60, 0.6  # covering spheres that overlap in so many postures can tell nothing of a pair
-_APART = 0.002  # m that they leave where fingers are open or idle, or they cannot either
 
 Pairs = list[tuple[int, int]]
 
@@ -61,6 +60,7 @@ def told_apart(pairs: Pairs, robot: Robot, model: mujoco.MjModel, spheres: list[
         centres = [s.centre @ b.xmat.reshape(3, 3).T + b.xpos for s, b in placed]
         for k, (a, b) in enumerate(pairs):
             apart = np.linalg.norm(centres[a][:, None] - centres[b], axis=2)
-            room = _APART if weight > 1 else 0.0
+            # m that they leave where fingers are open or idle, or they cannot either
+            room = 0.002 if weight > 1 else 0.0
             inside[k] += weight * (apart < spheres[a].radius[:, None] + spheres[b].radius + room).any()
     return [pair for pair, often in zip(pairs, inside, strict=True) if often < _MOSTLY * _LOOKS]

@@ -23,9 +23,6 @@ TURN_SCALE = 0.15
 PALM_DOWN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """Rotation of a palm whose face looks down, fingers along x."""
 _DAMPING = 1e-3
-_LARGEST = 0.5  # rad a joint in a step
-_REACHED = 2e-3  # m, error with which a palm pose counts as reached
-_POSTURE = 2e-2  # pull towards the middle of the range, in the null space only
 
 
 @njit
@@ -60,8 +57,9 @@ def solve_palm(
         if error < tolerance or k == iterations:
             return error
         palm_jacobian(tree, frames, J)
-        pull = _POSTURE * (0.5 * (tree.lower[:n] + tree.upper[:n]) - q[:n])
-        step = damped_step(J, e, _DAMPING * min(error, 0.1), pull, _LARGEST)
+        # pull towards the middle of the range, in the null space only
+        pull = 2e-2 * (0.5 * (tree.lower[:n] + tree.upper[:n]) - q[:n])
+        step = damped_step(J, e, _DAMPING * min(error, 0.1), pull, 0.5)  # rad a joint in a step
         q[:n] = np.minimum(np.maximum(q[:n] + step, tree.lower[:n] + 1e-3), tree.upper[:n] - 1e-3)
     return error
 
@@ -77,7 +75,7 @@ def palm_postures(q: Array, R: Array, p: Array, tree: RobotTree) -> Iterator[Arr
     for start in tree.starts:
         q[: tree.arm] = start
         q[0] = np.clip(toward + start[0], tree.lower[0], tree.upper[0])
-        if solve_palm(q, R, p, tree, 40, 1e-4) < _REACHED:
+        if solve_palm(q, R, p, tree, 40, 1e-4) < 2e-3:  # m, error with which a palm pose counts as reached
             yield q
 
 

@@ -20,15 +20,7 @@ from dexgrasp_env.robot.model import compiled_robot, excluded_pairs, joints_betw
 from dexgrasp_env.robot.robot import Finger
 from dexgrasp_env.scene.arena import read_arena
 
-_ROUNDING = 1e-12  # m and of directions: two ways to compute a frame differ by less
-_PUSH, _STEPS = 0.1, 400  # rad that a set-point moves, and physics steps until the joint has followed
-_FOLLOWS, _STRAYS = 0.8, 0.3  # share of it that a joint follows at least, and another strays at most
 _OFF = 0.004  # m that a tip's surface may be from its sphere
-_PINCH = 5.0  # N that a finger should be able to press with
-_POSTURES, _DRAWN = 300, 800  # of the robot, and of its fingers, drawn at random
-_FACING = 0.06  # m between pads that a grasp can be made with
-_BORNE = 0.9  # share of a joint's torque that bearing its weight may take
-_REACHED = 0.5  # share of palm poses over the table that the arm should reach
 _PALMS = tuple(product((0.4, 0.5, 0.6), (-0.2, 0.0, 0.2), np.linspace(-np.pi, np.pi, 6, endpoint=False)))
 """x and y, m, and yaw, rad, of those poses."""
 
@@ -36,18 +28,9 @@ _PALMS = tuple(product((0.4, 0.5, 0.6), (-0.2, 0.0, 0.2), np.linspace(-np.pi, np
 def check_robot(cell: Cell) -> list[Finding]:
     """Return what is found of a cell's robot: errors have to be mended, warnings looked at."""
     checks = (
-        _kinematics,
-        _excluded,
-        _authority,
-        check_drives,
-        check_limits,
-        check_masses,
-        _tips,
-        _opposition,
-        _meeting,
-        _strength,
-        _reach,
-    )
+        _kinematics, _excluded, _authority, check_drives, check_limits, check_masses, _tips, _opposition, _meeting,
+        _strength, _reach,
+    )  # fmt: skip
     compiled_robot(cell)  # refuses what no simulation can tell anything of
     model = _alone(cell)
     found = list(_order(cell, model))
@@ -104,18 +87,13 @@ def _order(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
 
 
 def _kinematics(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
-    robot, tree, worst = cell.robot, robot_tree(cell), 0.0
-    for q in robot.drawn(50):
-        data, frames = _at(home.model, q), body_frames(q, tree)
-        for b, name in enumerate(robot.bodies):
-            body = data.body(name)
-            worst = max(
-                worst,
-                np.abs(frames.p[b] - body.xpos).max(),
-                np.abs(frames.R[b] - body.xmat.reshape(3, 3)).max(),
-            )
+    worst, ids = 0.0, [home.model.body(name).id for name in cell.robot.bodies]
+    for q in cell.robot.drawn(50):
+        data, (R, p) = _at(home.model, q), body_frames(q, robot_tree(cell))
+        turned = np.abs(R.reshape(-1, 9) - data.xmat[ids]).max()
+        worst = max(worst, turned, np.abs(p - data.xpos[ids]).max())
     mend = "joints have to sit at their bodies' origins, and to turn or slide"
-    yield _told(worst < _ROUNDING, f"kinematics and simulation differ by {worst:.0e}", mend)
+    yield _told(worst < 1e-12, f"kinematics and simulation differ by {worst:.0e}", mend)
 
 
 def _home(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
@@ -138,7 +116,7 @@ def _excluded(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
         return
     every, robot, found = _alone(cell, excluding=False), cell.robot, dict[frozenset[int], float]()
     resting = {pair for pair, _ in _touching(_at(every, robot.home))}
-    for q in robot.drawn(_POSTURES):
+    for q in robot.drawn(300):
         for pair, depth in _touching(_at(every, q)):
             if pair in pairs - resting:
                 found[pair] = max(found.get(pair, 0.0), depth)
@@ -160,15 +138,15 @@ def _authority(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     robot, (C, _), unit = cell.robot, cell.robot.drive, robot_tree(cell).unit
     moving, faults = robot.free[0] @ C, []
     for j in np.flatnonzero(C.any(0)):  # the others follow
-        name, push = robot.joints[j], _PUSH * unit[j]
+        name, push = robot.joints[j], 0.1 * unit[j]  # rad
         ways = [_moved(home, C[:, j], way) for way in (push, -push)]
         moved = max(ways, key=lambda way: way[j])  # an end of the range or a finger may be in the way
         strays = np.delete(np.abs(moved - moving[:, j]), j)
-        if moved[j] < _FOLLOWS * moving[j, j]:
+        if moved[j] < 0.8 * moving[j, j]:
             lags = f"joint {name} follows its servo by {100 * moved[j] / moving[j, j]:.0f} %"
             mend = "raise its stiffness or torque, or look for a second servo that holds it"
             faults.append(Finding("error", lags, mend))
-        elif strays.max() > _STRAYS:
+        elif strays.max() > 0.3:
             other = np.delete(robot.joints, j)[strays.argmax()]
             mend = "one servo a joint, of the joint's name"
             faults.append(Finding("error", f"servo {name} moves joint {other}", mend))
@@ -179,7 +157,7 @@ def _moved(home: mujoco.MjData, column: Array, push: float) -> Array:
     """Return how far joints (n,) go when set-points move by `push` along a column (n,), in shares of it."""
     data = _at(home.model, home.qpos)
     data.ctrl[:] += push * column
-    mujoco.mj_step(home.model, data, _STEPS)
+    mujoco.mj_step(home.model, data, 400)
     return (data.qpos - home.qpos) / push
 
 
@@ -233,7 +211,7 @@ def _meeting(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Each finger of a grasp gets its pad before the first one's, in some posture."""
     first, *others = cell.robot.hand.grasp
     for finger, gap in zip(others, closed_posture(cell)[1], strict=True):
-        if gap < _FACING:
+        if gap < 0.06:  # m between pads that a grasp can be made with
             yield Finding("info", f"the pads of {first} and {finger} can face each other")
         else:
             mend = "other fingers in `grasp`, wider ranges, or x of the tips' frames out of the pads"
@@ -246,16 +224,14 @@ def closed_posture(cell: Cell) -> tuple[Array, Array]:
     Returns:
         (n,) rad, the arm at home; (g - 1,) m from the first tip to the others', inf where pads never face each other.
     """
-    robot, hand = cell.robot, cell.robot.hand_columns
-    drawn = np.tile(robot.home, (_DRAWN, 1))
-    drawn[:, hand] = np.random.default_rng(0).uniform(
-        robot.lower[hand], robot.upper[hand], drawn[:, hand].shape
-    )
+    robot, hand, rng = cell.robot, cell.robot.hand_columns, np.random.default_rng(0)
+    drawn = np.tile(robot.home, (800, 1))
+    drawn[:, hand] = rng.uniform(robot.lower[hand], robot.upper[hand], drawn[:, hand].shape)
     for finger in robot.hand.fingers:
         if finger not in robot.grasping and finger.aside:
             drawn[:, robot.columns[finger.name]] = finger.aside
     drawn = drawn @ robot.drive[0].T + robot.drive[1]
-    tips, pads = np.empty((2, len(robot.grasping), _DRAWN, 3))
+    tips, pads = np.empty((2, len(robot.grasping), len(drawn), 3))
     for k, data in enumerate(swept(compiled_robot(cell), drawn)):
         for f, finger in enumerate(robot.grasping):
             tips[f, k] = data.site(finger.tip).xpos
@@ -286,7 +262,7 @@ def _strength(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
         lever = np.abs(_pad(home, finger) @ J)[robot.arm_dof :]
         force = (robot.torque[robot.hand_columns] / np.maximum(lever, 1e-9)).min()
         mend = "torque of its joints, Nm: heavy objects will be beyond it"
-        yield _told(force >= _PINCH, f"{finger.name} can press with {force:.1f} N", mend, "warning")
+        yield _told(force >= 5.0, f"{finger.name} can press with {force:.1f} N", mend, "warning")
     yield from _bearing(cell, home.model)
 
 
@@ -296,7 +272,7 @@ def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     postures = [cell.robot.home, *_palms_down(cell)]
     share = np.max([np.abs(_at(model, q).qfrc_bias[arm]) for q in postures], axis=0) / cell.robot.torque[arm]
     name = f"{cell.robot.joints[int(share.argmax())]} needs {100 * share.max():.0f} % of its torque to bear its weight"
-    yield _told(share.max() <= _BORNE, name, "state the maker's torque, or the true masses in the MJCF")
+    yield _told(share.max() <= 0.9, name, "state the maker's torque, or the true masses in the MJCF")
 
 
 def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
@@ -304,7 +280,7 @@ def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     found, total = len(_palms_down(cell)), len(_PALMS)
     mend = "change the arm's `home` or `starts`, or the mount: palms look along its flange"
     what = f"{found} of {total} palm poses over the table are reached"
-    yield _told(found >= _REACHED * total, what, mend)
+    yield _told(found >= 0.5 * total, what, mend)
 
 
 @lru_cache(maxsize=1)

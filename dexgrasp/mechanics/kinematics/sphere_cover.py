@@ -10,12 +10,6 @@ from scipy.spatial import ConvexHull
 from dexgrasp_env.arrays import Array, Mask, grid, middle
 from dexgrasp_env.robot.hulls import mesh_of
 
-_COLLISION_GROUP = 3
-_LARGEST_CELL = 0.03  # m: half the cell that one sphere covers
-_MOST_CELLS = 20_000  # of a box: of one that is thin as a sheet they are as large as that takes
-_SPACING = 0.0015  # m between points of a box's edges
-_TIP_CELL, _LINK_CELL = 0.0045, 0.006  # m: cells of meshes, which are no smaller
-
 
 class Spheres(NamedTuple):
     """Spheres of one body, in its frame: centres (n, 3) m, radii (n,) m, and whether each covers a grasping tip."""
@@ -41,12 +35,13 @@ def body_spheres(model: mujoco.MjModel, body: int, touching: tuple[str, ...]) ->
     """Cover the collision geoms (primitives and convex meshes) of a body; what `touching` names may touch."""
     found = [Spheres(np.zeros((0, 3)), np.zeros(0), np.zeros(0, bool))]
     for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
-        if model.geom_group[geom] != _COLLISION_GROUP:
+        if model.geom_group[geom] != 3:  # only seen
             continue
         is_tip, R = model.geom(geom).name in touching, rotation_matrix(model.geom_quat[geom])
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
             corners = mesh_of(model, geom)[0].astype(float) @ R.T + model.geom_pos[geom]
-            cell = _TIP_CELL if is_tip else max(_LINK_CELL, 0.35 * float(np.ptp(corners, axis=0).min()))
+            # m: cells are no smaller
+            cell = 0.0045 if is_tip else max(0.006, 0.35 * float(np.ptp(corners, axis=0).min()))
             placed, radius = hull_cells(corners, cell)
         else:
             local, equal = _cover(model, geom)
@@ -84,8 +79,9 @@ def _cells(half: Array) -> tuple[Array, float]:
 
     A finger link (9.8 mm half thickness) is then exceeded by 3 mm at most, the palm by 7 mm.
     """
-    cell = min(0.5 * half.min(), _LARGEST_CELL)
-    while (counts := np.maximum(1.0, np.ceil(half / (1.05 * cell)))).prod() > _MOST_CELLS:
+    cell = min(0.5 * half.min(), 0.03)  # m: half the cell that one sphere covers
+    # of a box: of one that is thin as a sheet they are as large as that takes
+    while (counts := np.maximum(1.0, np.ceil(half / (1.05 * cell)))).prod() > 20_000:
         cell *= 2.0
     step = 2.0 * half / counts
     middles = map(np.linspace, 0.5 * step - half, half - 0.5 * step, counts.astype(int))
@@ -123,7 +119,8 @@ def box_edges(centre: Array, half: Array) -> Array:
     """Return points (n, 3) m along the twelve edges of an axis-aligned box, at most 1.5 mm apart."""
     points = []
     for axis in range(3):
-        along = np.linspace(-half[axis], half[axis], int(np.ceil(2.0 * half[axis] / _SPACING)) + 1)
+        # m between points of a box's edges
+        along = np.linspace(-half[axis], half[axis], int(np.ceil(2.0 * half[axis] / 0.0015)) + 1)
         across = [(-side, side) for side in (half[axis - 2], half[axis - 1])]
         points.append(np.roll(grid(*across, along), axis + 1, axis=1))
     return np.concatenate(points) + centre

@@ -18,10 +18,6 @@ from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
-_DAMPING = 1e-4
-_LARGEST = 0.3  # rad a joint in a step
-_POSTURE = 0.02  # share of the way back to the start in the null space, per step
-
 
 @njit
 def solve_tips(
@@ -52,7 +48,8 @@ def solve_tips(
         contact_jacobian(tree, frames, tips, tips, tree.palm if fingers_only else -1, blocks)
         J, e = blocks.reshape(3 * g, n), gaps.ravel()
         _freeze_blocked(J, e, q, tree)
-        step = damped_step(J, e, _DAMPING, _POSTURE * (start - q), _LARGEST)
+        # share of the way back to the start in the null space, per step
+        step = damped_step(J, e, 1e-4, 0.02 * (start - q), 0.3)  # rad a joint in a step
         q[:] = np.minimum(np.maximum(q + step, tree.lower), tree.upper)
         follow(q, tree)
     return miss

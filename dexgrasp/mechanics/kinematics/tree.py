@@ -20,7 +20,6 @@ from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import SLIDE, Robot
 
-_MOVING = 0.5  # share of a finger's torque that may speed up its rotor; the rest bears its links
 _SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, where inverse kinematics begins
 
 
@@ -211,7 +210,8 @@ def _followed(model: mujoco.MjModel, robot: Robot) -> Array:
     """Return the accelerations (n,) rad/s^2 of the limits, less where a finger's servo is too weak for its rotor."""
     followed, hand = robot.acceleration.copy(), robot.hand_columns
     rotors = np.maximum(model.dof_armature[hand], 1e-6)
-    followed[hand] = np.minimum(followed[hand], _MOVING * robot.torque[hand] / rotors)
+    # share of a finger's torque that may speed up its rotor; the rest bears its links
+    followed[hand] = np.minimum(followed[hand], 0.5 * robot.torque[hand] / rotors)
     return followed
 
 

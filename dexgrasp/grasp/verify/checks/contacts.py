@@ -8,8 +8,6 @@ from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_mo
 from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.robot import SLIDE
 
-_NORMAL = 1e-5  # of unit vectors
-_DEGREES = 0.01  # what two ways to compute an angle may differ by
 _COSINE = 2e-4  # what the optimiser leaves of an angle
 
 
@@ -25,7 +23,8 @@ def contact_checks(case: Case) -> list[Check]:
             for finger, d, good in zip(case.record.fingers, depth, within, strict=True)
         ),
         at_most("contacts as claimed", np.abs(touch.points - case.record.points).max(), LENGTH, "m"),
-        at_most("normals as claimed", np.abs(touch.normals - case.record.normals).max(), _NORMAL),
+        # of unit vectors
+        at_most("normals as claimed", np.abs(touch.normals - case.record.normals).max(), 1e-5),
         *claim(case, "distances_cm", 100.0 * depth, 100.0 * LENGTH, unit="cm"),
         at_least("contact height", touch.points[:, 2].min(), limits.lowest_contact(case.top), "m", LENGTH),
         at_least("tip cosine", (touch.axes * inward).sum(1).min(), limits.tip_cosine, "", _COSINE),
@@ -45,7 +44,8 @@ def request_checks(case: Case) -> list[Check]:
     if asked.approach is not None:
         face = case.cell.T_base_world[:3, :3] @ case.scene.palm(case.record.q)[1][:, 0]
         off = asked.approach.off(face[None])[0]
-        found.append(at_most("palm direction", off, asked.approach.degrees, "degrees", _DEGREES))
+        # what two ways to compute an angle may differ by
+        found.append(at_most("palm direction", off, asked.approach.degrees, "degrees", 0.01))
     if asked.fingers:
         found.append(flag("fingers as requested", set(asked.fingers) == set(case.record.fingers)))
     return found

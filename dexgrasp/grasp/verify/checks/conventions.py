@@ -1,7 +1,5 @@
 """Names, units, orders and thresholds: what a file must state in the words that everybody reads it by."""
 
-import re
-
 import numpy as np
 
 from dexgrasp.grasp.probability import probability_of
@@ -11,19 +9,16 @@ from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import ROUNDING, Check, flag, same
 from dexgrasp_env.robot.table import SeenTable
 
-_AGENT = re.compile(r"[A-Za-z]\w*|[\w.]+:\w+|.+\.zip")
-"""A registered name, `package.module:Class`, or a checkpoint's path."""
 _OF_FRICTION = ("friction", "friction_hold")
 
 
 def convention_checks(case: Case) -> list[Check]:
-    """Check the stated conventions, the thresholds, who planned, and that nothing is stated that is not looked at."""
+    """Check the stated conventions, the thresholds, and that nothing is stated that is not looked at."""
     record = case.record
     return [
         *(flag(name, getattr(record, name) == stated) for name, stated in conventions(case.cell).items()),
         *threshold_checks(case),
         *_exact_thresholds(case.limits, frozen_for(case.robot.hand)),
-        flag("agent", _AGENT.fullmatch(record.agent) is not None),
         _probability(case),
         *_table_checks(record.table),
     ]

@@ -19,15 +19,14 @@ CONE = 1e-6  # of the friction used
 TORQUE = 1e-5  # of the limit
 LOAD, CAPACITY = 1e-3, 2e-3  # relative
 _RATIO = 1e-3  # percent
-_NOT_SHOWN = -1e3  # stands for a margin that was not found
 
 
 def closure_checks(case: Case) -> list[Check]:
     """Check wrench closure in the exact cones of the planned friction, and its claims."""
     points, normals, mu = case.touch.points, case.touch.normals, case.limits.friction
-    residual = conic_residual(points, normals, mu).upper
+    residual = conic_residual(points, normals, mu)
     found = conic_margin(points, normals, mu, case.robot.hand.torsion)
-    margin = _NOT_SHOWN if found is None else found
+    margin = -1e3 if found is None else found  # stands for a margin that was not found
     forces = pyramid_forces(points, normals, mu)  # of Eq. 4 as it is in the paper
     wrench = wrench_map(points, points.mean(0)) @ forces.ravel()
     arms = np.cross(points - case.record.centre, forces)

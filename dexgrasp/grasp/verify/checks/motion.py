@@ -10,16 +10,8 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-TIPS_MEET = 3e-4  # m: how well the inverse kinematics meets the contacts
 TIPS_BESIDE = 0.004  # m that tips may be beside them, where fingers have too few joints
-TIPS_OPEN = 0.045  # m that the open tips may be from their contacts
 SETPOINT = 1e-6  # rad: what two ways to compute a set-point may differ by
-BEND = 2.5e-3  # rad that a set-point may stand out of its neighbours' plane
-STRAY = 0.01  # m that the palm may stray on the way up
-JERK = 4e-3  # rad that a set-point of the lift may lie from its neighbours' cubic
-RISE = 5e-4  # m that the lift may miss its height by
-DEEPER = 0.002  # m: hulls of a cloud may touch, and are not the objects
-_SAME_BEND, _SAME_STRAY = 1e-8, 2e-6  # rad, m
 _DENSE = 0.01  # rad of any joint between two states checked for collisions
 
 
@@ -32,8 +24,10 @@ def setpoint_checks(case: Case) -> list[Check]:
     return [
         same("arm still", moved[:, : case.robot.arm_dof].max(), ROUNDING, "rad"),
         same("idle fingers still", moved[:, case.idle].max(initial=0.0), ROUNDING, "rad"),
-        at_most("grasp: tips from the surface", _farthest(_mendable(case, closed - met)), TIPS_MEET, "m"),
-        at_most("pregrasp: tips from their contacts", _farthest(opened - met), TIPS_OPEN, "m"),
+        # m: how well the inverse kinematics meets the contacts
+        at_most("grasp: tips from the surface", _farthest(_mendable(case, closed - met)), 3e-4, "m"),
+        # m that the open tips may be from their contacts
+        at_most("pregrasp: tips from their contacts", _farthest(opened - met), 0.045, "m"),
         same("squeeze = grasp + J^T f / kp", _press_error(case), SETPOINT, "rad"),
         *_closing_checks(case),
     ]  # fmt: skip
@@ -87,8 +81,9 @@ def approach_checks(case: Case) -> list[Check]:
         same("approach ends at the pregrasp", np.abs(rows[-1] - case.record.pregrasp).max(), ROUNDING),
         at_most("approach: collision", case.scene.first_contact(densify(rows, _DENSE)), 0.0, "m"),
         *_table_checks(case, phase),
-        at_most("approach: bend", found, BEND, "rad"),
-        same("approach: bend", abs(found - phase.measure), _SAME_BEND, "rad"),
+        # rad that a set-point may stand out of its neighbours' plane
+        at_most("approach: bend", found, 2.5e-3, "rad"),
+        same("approach: bend", abs(found - phase.measure), 1e-8, "rad"),
     ]  # fmt: skip
 
 
@@ -106,11 +101,13 @@ def lift_checks(case: Case) -> list[Check]:
         *_phase_checks(phase, case.robot),
         same("lift starts at the squeeze", np.abs(rows[0] - case.record.squeeze).max(), ROUNDING),
         same("lift: fingers still", np.abs(rows[:, fingers] - rows[0, fingers]).max(), ROUNDING, "rad"),
-        same("lift: height", abs(rise[-1] - script.lift_height), RISE, "m"),
+        # m that the lift may miss its height by
+        same("lift: height", abs(rise[-1] - script.lift_height), 5e-4, "m"),
         at_least("lift: rises", np.diff(rise).min(), 0.0, "m", 1e-5),
-        at_most("lift: stray", strayed, STRAY, "m"),
-        same("lift: stray", abs(strayed - phase.measure), _SAME_STRAY, "m"),
-        at_most("lift: jerk", jerkiness(rows), JERK, "rad"),
+        at_most("lift: stray", strayed, 0.01, "m"),  # m that the palm may stray on the way up
+        same("lift: stray", abs(strayed - phase.measure), 2e-6, "m"),
+        # rad that a set-point of the lift may lie from its neighbours' cubic
+        at_most("lift: jerk", jerkiness(rows), 4e-3, "rad"),
         at_most("lift: collision", case.scene.first_contact(densify(rows, _DENSE), with_object=False), 0.0, "m"),
         *_table_checks(case, phase),
         *_carried_checks(case, rows),
@@ -130,7 +127,8 @@ def _carried_checks(case: Case, rows: Array) -> list[Check]:
     if not case.scene.around:
         return []
     lying, nearest = case.scene.carried(rows)
-    return [at_least("lift: object from its neighbours", nearest, min(lying, 0.0) - DEEPER, "m")]
+    # m: hulls of a cloud may touch, and are not the objects
+    return [at_least("lift: object from its neighbours", nearest, min(lying, 0.0) - 0.002, "m")]
 
 
 def _phase_checks(phase: Phase, robot: Robot) -> list[Check]:
