@@ -43,9 +43,8 @@ class Tuned:
         R = hanging_palm(axis, 0.2)  # rad, thumb up: the thumb is the longer
         # m from the cloud's mean, along the short axis of the object, from thumb to fingers, and across it.
         p = points.mean(axis=0) + 0.010 * axis - 0.028 * R[:, 1]
-        p[2] = max(
-            points[:, 2].max() + 0.045, 0.137
-        )  # m above its top, and above the table for the fingertips
+        # m above its top, and above the table, which the fingertips must clear
+        p[2] = max(points[:, 2].max() + 0.045, 0.137)
         return R, p
 
 

@@ -87,7 +87,7 @@ def test_no_hand_bears_the_object_at_triples_that_are_left_out():
     assert len(kept) < 0.5 * len(triples)
 
 
-@pytest.mark.parametrize("kind", ["local", pytest.param("ray", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["processes", pytest.param("ray", marks=pytest.mark.slow)])
 def test_two_workers_make_the_same_files(kind, made, tmp_path):
     if kind == "ray":
         ray = pytest.importorskip("ray")

@@ -153,6 +153,11 @@ def test_tasks_are_trained_on_as_they_are_registered_or_as_told(name, more, aske
     assert 0 < row["steps"] <= 75  # as many seconds as others have, in fewer actions
 
 
+def test_settings_that_an_environment_refuses_are_refused(tmp_path):
+    with refused("hold=4 changes nothing here"):
+        RlTraining(settings_of("ppo", env_id="DexGrasp/LiftOnce-v0", hold=4), tmp_path).run()
+
+
 def test_the_draws_of_a_task_stay_unless_others_are_asked_for():
     kept, other = (
         RlSettings(("drawn-0",), env_id="DexGrasp/LiftVaried-v0", randomise=drawn).env_arguments

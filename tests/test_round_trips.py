@@ -106,7 +106,7 @@ def policy_name(space, learner):
     return f"{kind}{'Lstm' if learner == 'recurrentppo' else ''}Policy"
 
 
-def trained(case, path, steps=256, make=DummyVecEnv):
+def trained(case, path, steps=64, make=DummyVecEnv):
     """Save a policy as its training script does; return what the script itself scores it with."""
     learner, make_env, settings, how = case
     kind, options = LEARNERS[learner]

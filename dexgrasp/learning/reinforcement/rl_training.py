@@ -48,6 +48,7 @@ class RlTraining(Training):
         """
         super().__init__(settings, settings.rounds, out, options)
         self._resets = DemoResets(settings.resets) if settings.resets else None
+        self._envs: Any = None
 
     def build(self) -> None:
         """Make environments and learner."""
@@ -77,8 +78,9 @@ class RlTraining(Training):
             )  # fmt: skip
 
     def close(self) -> None:
-        """Close the environments."""
-        self._envs.close()
+        """Close the environments, where there are any."""
+        if self._envs:
+            self._envs.close()
 
     def parts(self) -> Parts:
         """Return networks, optimisers and single tensors of the learner, and its replay buffer."""
