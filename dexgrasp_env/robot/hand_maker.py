@@ -9,22 +9,15 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Fields, middle
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.robot.couplings import couplings, led_by, narrow, share
+from dexgrasp_env.robot.description import bearers
 from dexgrasp_env.robot.gripper import Jaws, find_jaws, like_reach
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.rebuilt import FLANGE, about, placed
 
-_BEHIND = 0.0133  # m between flange and the palm's back: a plate
-_SPREAD = 0.4  # rad that an idle finger is turned away from the others
-_NARROW = 0.008  # m: fingers whose tips have less of a radius touch with all of their last links
 _CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
-_ALONG = 0.8  # cosine between axes that bend a finger alike
 WRIST = 3
 """Joints before the palm: more are an arm's."""
-_PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
-_FARTHEST = 0.45  # m from the palm's body to the end of a finger: beyond are legs and arms
-_LIKE = 0.5  # by which a thumb faces otherwise than the next finger does, or another could be it
-_EVEN = 0.2  # share of a last joint's range by which its middle may be off 0, and its pad be on either side
 
 
 class Told(NamedTuple):
@@ -147,13 +140,14 @@ class HandMaker(Part):
         ends = [self.model.body(chain[-1]).name for chain in self.chains]
         first, second = np.sort(unlike)[:2]
         if self.told.thumb:
-            named = [self.hangs_on_chain(self.model.body(self.told.thumb).id, chain) for chain in self.chains]
+            body = self.model.body(self.told.thumb).id
+            named = [any(self.hangs_on(body, own) for own in chain) for chain in self.chains]
             if not any(named):
                 raise InputError(
                     f"--thumb {self.told.thumb} is no body of a finger: fingers end in {', '.join(ends)}"
                 )
             thumb = named.index(True)
-        elif second - first < _LIKE:
+        elif second - first < 0.5:
             self.notes.append(
                 f"hand thumb: the finger that ends in {ends[thumb]!r} is a guess: --thumb BODY names another"
             )
@@ -175,34 +169,18 @@ class HandMaker(Part):
         at = self.pose(self.palm)[:3, 3]
         ends = [b for chain in self.chains for b in chain[-1:] if self.has_shape(b)]
         reach = max((float(np.linalg.norm(self.points(b) - at, axis=1).max()) for b in ends), default=0.0)
-        if reach > _FARTHEST:
+        if reach > 0.45:
             raise InputError(
                 f"{self.path}: what branches from {self._name(self.palm)} reaches {reach:.2f} m: no hand does"
             )
 
-    def _is_palm(self, body: int) -> bool:
-        """Tell whether a body bears the fingers: the one that the user names, or the first that branches."""
-        palm = self.told.palm
-        return self.model.body(body).name == palm if palm else len(self.below(body)) != 1
-
     def _find_palm(self) -> int:
-        body = 0
-        if self.told.palm:
-            body, above = self.model.body(self.told.palm).id, list[str]()
-            up = body
-            while up:
-                above += self.names([up])[1] if self.model.body_jntnum[up] else []
-                up = self.model.body_parentid[up]
-            self.held = above[::-1]
-        while not self._is_palm(body):
-            below = self.below(body)
-            (body,) = below
-            if self.model.body_jntnum[body]:
-                self.held += self.names([body])[1]
+        """Return the body that bears the fingers: the one that the user names, or the first that branches."""
+        body = self.model.body(self.told.palm).id if self.told.palm else self.branching()
+        above = [b for b in bearers(self.model, body)[::-1] if self.model.body_jntnum[b]]
+        self.held = self.names(above)[1]
         if len(self.held) > WRIST:
-            self.notes.append(
-                f"the arm in the file ends at {self.model.body(body).name!r}, which bears the hand"
-            )
+            self.notes.append(f"the arm in the file ends at {self._name(body)}, which bears the hand")
             self.held = []
         if self.held:
             self.notes.append(
@@ -243,15 +221,11 @@ class HandMaker(Part):
             chain for k, chain in enumerate(chains) if k not in linkages and chain
         ]
 
-    def hangs_on_chain(self, body: int, chain: list[int]) -> bool:
-        """Tell whether a body is one of a chain, or hangs on one."""
-        return any(self.hangs_on(body, of) for of in chain)
-
     def _first_flexing(self, chain: list[int]) -> int:
         """Return the first joint of a finger that turns about the axis of its last one."""
         joints = self.model.body_jntadr[chain]
         along = np.abs(self.data.xaxis[joints] @ self.data.xaxis[joints[-1]])
-        return int(joints[np.argmax(along > _ALONG)])
+        return int(joints[np.argmax(along > 0.8)])
 
     def _tip(self, chain: list[int]) -> tuple[Array, float]:
         """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
@@ -262,7 +236,7 @@ class HandMaker(Part):
         name = self.model.body(chain[-1]).name
         if name in self.told.flip:
             flexing = -flexing
-        elif abs(high + low) < _EVEN * (high - low):
+        elif abs(high + low) < 0.2 * (high - low):  # it bends as far to either side
             self.notes.append(
                 f"hand pads: which side of {name!r} is the pad is a guess: --flip {name} turns it"
             )
@@ -319,7 +293,8 @@ class HandMaker(Part):
         return stated({
             **self.head(), "palm": self.model.body(self.palm).name,
             "frame": frame_entry(self.pose(self.palm), self.frame), "tip_radius": self.radius,
-            "tip_length": float(np.round(max(lengths), 4)) if self.radius < _NARROW and not self.jaws else (),
+            # Fingers with narrow tips touch with all of their last links.
+            "tip_length": float(np.round(max(lengths), 4)) if self.radius < 0.008 and not self.jaws else (),
             "torsion": self.jaws.torsion if self.jaws else (),
             **self._driven(joints), "held": self.held,
             "fingers": fingers, "grasp": names[-2:] if self.jaws else ["thumb", *(names[k] for k in near)],
@@ -335,7 +310,7 @@ class HandMaker(Part):
         moves = np.cross(self.data.xaxis[joints], self.tip(k)[:3, 3] - self.data.xanchor[joints]) @ away
         moves /= np.linalg.norm(away)
         straight, spreads = np.clip(0.0, low, high), int(np.argmax(np.abs(moves)))
-        straight[spreads] += np.sign(moves[spreads]) * _SPREAD
+        straight[spreads] += np.sign(moves[spreads]) * 0.4  # rad
         return np.clip(straight, low, high).round(6).tolist()
 
     def _driven(self, joints: list[str]) -> Fields:
@@ -380,5 +355,7 @@ class HandMaker(Part):
         ]
         back = min(points[:, 0].min() for points in solids)
         _, y, z = middle(solids[0])
-        position = [-z, y, FLANGE + _BEHIND - back]
-        return {"position": np.round(position, 6).tolist(), "quat_wxyz": list(_PALM_DOWN)}
+        behind = 0.0133  # m: a plate
+        # x of the palm along the flange, its z along the last link's x.
+        quat = [0.0, 0.5**0.5, 0.0, 0.5**0.5]
+        return {"position": np.round([-z, y, FLANGE + behind - back], 6).tolist(), "quat_wxyz": quat}

@@ -12,9 +12,9 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import matrix_to_quat, quat_multiply
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.coupled import Tendon
+from dexgrasp_env.robot.description import bearers
 from dexgrasp_env.robot.rebuilt import described
-from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot
+from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot, Tendon
 
 _NAMES = ("name", "material", "meshname", "target", "bodyname1", "bodyname2")  # by which parts of models go
 FARTHEST, HEAVIEST, STIFFEST = 10.0, 1e3, 1e5
@@ -220,14 +220,5 @@ def _colliding(model: mujoco.MjModel, body: int) -> list[int]:
 
 def joints_between(model: mujoco.MjModel, a: int, b: int) -> Index:
     """Return the joints that move two bodies against each other."""
-    between = _chain(model, a) ^ _chain(model, b)
+    between = {*bearers(model, a)} ^ {*bearers(model, b)}
     return np.flatnonzero([body in between for body in model.jnt_bodyid])
-
-
-def _chain(model: mujoco.MjModel, body: int) -> set[int]:
-    """Return the body and all that bear it."""
-    chain = set()
-    while body:
-        chain.add(body)
-        body = model.body_parentid[body]
-    return chain

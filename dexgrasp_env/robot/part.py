@@ -8,18 +8,11 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.coupled import Coupling
 from dexgrasp_env.robot.couplings import DRIVES_JOINT, wrapped_joints
 from dexgrasp_env.robot.description import TURN_OR_SLIDE, Description
-from dexgrasp_env.robot.robot import SLIDE
+from dexgrasp_env.robot.robot import SLIDE, Coupling
 
-_UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model without a name
-_TORQUE = {"hand": 0.7, "gripper": 4.0}  # Nm
-_LOAD = 20.0  # N, of a hand and what it holds
 _STRONGEST = 8.0  # Nm: a joint of a finger has less
-_LARGEST_LAG = 0.2  # rad that a set-point which presses in full may be ahead
-_STIFFNESS = {"hand": 10.0, "arm": 2000.0}  # Nm/rad
-_AHEAD = 0.1  # rad that a jaw's set-point is ahead when it presses in full
 _RATES = {
     "hand": {"velocity": 7.0, "acceleration": 60.0, "jerk": 3000.0},
     "gripper": {"velocity": 1.0, "acceleration": 20.0, "jerk": 1000.0},
@@ -61,7 +54,7 @@ class Part(Description):
         """Return name and path as files state them."""
         name = self.model.names.split(b"\0")[0].decode()
         return {
-            "name": name if name not in ("", _UNNAMED) else self.path.stem,
+            "name": name if name not in ("", "MuJoCo Model") else self.path.stem,
             "mjcf": str(self.path.resolve()),
         }
 
@@ -78,6 +71,13 @@ class Part(Description):
         """Return the bodies that hang on a body and have or lead to joints."""
         children = np.flatnonzero(self.model.body_parentid == body).tolist()
         return [b for b in children if b and (self.model.body_jntnum[b] or self.below(b))]
+
+    def branching(self) -> int:
+        """Return the first body from the world on from which several chains go out, or the last one."""
+        body = 0
+        while len(below := self.below(body)) == 1:
+            (body,) = below
+        return body
 
     def has_shape(self, body: int) -> bool:
         """Tell whether anything of a body, or of what it bears without a joint, collides."""
@@ -128,7 +128,7 @@ class Part(Description):
     def shapes(self, body: int) -> list[Array]:
         """Return the points (n, 3) m of each shape that `points` returns together."""
         found = [
-            self.corners(g) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
+            self.shape_points(g)
             for g in np.flatnonzero(self.solid).tolist()
             if self.hangs_on(self.model.geom_bodyid[g], body)
         ]
@@ -152,7 +152,7 @@ class Part(Description):
         numbers = [self.model.joint(name).id for name in joints]
         units, servos = self.units(numbers), self._servos()
         stated = [self._torque(j, servos.get(j)) for j in numbers]
-        missing = _TORQUE[kind] if kind in _TORQUE else self._bearing()
+        missing = self._bearing() if kind == "arm" else {"hand": 0.7, "gripper": 4.0}[kind]
         passive = kind == "gripper" and any(stated)
         if None in stated and not passive:
             self.notes.append(f"{kind} torque: none in {self.path.name}, {missing} Nm assumed")
@@ -189,14 +189,15 @@ class Part(Description):
         """Return stiffnesses Nm/rad or N/m of joints: those stated, where they are of use here."""
         servos = self._servos()
         gains = [self._stiffness(*servos[j]) if j in servos else 0.0 for j in numbers]
-        if kind == "gripper":
-            return [float(max(np.divide(torque, self.units(numbers)))) / _AHEAD] * len(numbers)
+        if kind == "gripper":  # set-points that press in full are 0.1 rad ahead
+            return [float(max(np.divide(torque, self.units(numbers)))) / 0.1] * len(numbers)
         if min(gains) > 0 and kind == "arm":
             return gains
-        if min(gains) > 0 and max(np.divide(torque, gains)) <= _LARGEST_LAG and len(set(gains)) == 1:
+        if min(gains) > 0 and max(np.divide(torque, gains)) <= 0.2 and len(set(gains)) == 1:
             return gains
-        self.notes.append(f"{kind} stiffness: {_STIFFNESS[kind]} Nm/rad assumed")
-        return [_STIFFNESS[kind]] * len(numbers)
+        assumed = 2000.0 if kind == "arm" else 10.0
+        self.notes.append(f"{kind} stiffness: {assumed} Nm/rad assumed")
+        return [assumed] * len(numbers)
 
     def tendons(self) -> dict[int, dict[int, float]]:
         """Return, of each actuator that pulls a tendon, joints and coefficients from the palm out.
@@ -221,7 +222,7 @@ class Part(Description):
         return found
 
     def _bearing(self) -> float:
-        """The torque Nm with which any joint bears twice what hangs on it and a load at the end, in any posture."""
+        """The torque Nm with which any joint bears twice what hangs on it and 20 N at the end, in any posture."""
         m, data, most = self.model, mujoco.MjData(self.model), 0.0
         end, J = m.nbody - 1, np.zeros((3, m.nv))
         low, high = self.ranges().T
@@ -229,7 +230,7 @@ class Part(Description):
             data.qpos[:] = q
             mujoco.mj_forward(m, data)
             mujoco.mj_jacBody(m, data, J, None, end)
-            most = max(most, np.abs(data.qfrc_bias - data.qfrc_gravcomp + _LOAD * J[2]).max())
+            most = max(most, np.abs(data.qfrc_bias - data.qfrc_gravcomp + 20.0 * J[2]).max())
         return float(np.ceil(2.0 * most))
 
     def _servos(self) -> dict[int, tuple[int, float]]:

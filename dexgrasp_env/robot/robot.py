@@ -14,7 +14,6 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
-from dexgrasp_env.robot.coupled import Coupling, Tendon
 from dexgrasp_env.robot.description_text import description_text
 from dexgrasp_env.valid import Names, Natural, Positive, Positives, Rule, Word, list_of, number, read, several
 
@@ -149,6 +148,28 @@ class Mount:
 
 def _mounts(value: Any) -> tuple[Mount, ...]:
     return tuple(read(Mount, {"name": name, **mount}, f"mount {name}") for name, mount in value.items())
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A joint that stands where another one does: at `ratio` times its place, and `offset` (rad or m) farther."""
+
+    joint: Word
+    follows: Word
+    ratio: Annotated[float, number()] = 1.0
+    offset: Annotated[float, number()] = 0.0
+
+
+@dataclass(frozen=True)
+class Tendon:
+    """Tendon of one servo: joints of a finger, from the palm out, by the sum of their places times `coefs`.
+
+    Nothing else holds them. In free motion all turn at once; on an object all but the last stand on their lower stops,
+    which bear what the tendon cannot. The last has coefficient 1.
+    """
+
+    joints: Names
+    coefs: Positives
 
 
 FINGERS = list_of(Finger, 2)
