@@ -15,11 +15,10 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.valid import Rule, number
 
-_FAR = 0.02  # m from where it is expected at the base, from where the table counts as turned about the object
 _AMID = np.array([0.53, 0.0])  # m, the middle of the workspace: where objects stand
-_OFF, LEANING = 0.005, np.radians(1.0)  # m and rad from the expected table, from where it is said
+LEANING = np.radians(1.0)
+"""From where it is said that a table leans."""
 _FEWEST, _MOST = 3, 1000  # points
-_UNIT = 1e-6
 
 
 def _seen(value: Any) -> Array:
@@ -44,7 +43,7 @@ class SeenTable:
     points: Annotated[Array, Rule(f"{_FEWEST} to {_MOST} points (x, y, z)", _seen)]
 
     def __post_init__(self) -> None:
-        if abs(np.linalg.norm(self.normal) - 1.0) > _UNIT or self.normal[2] < 0.5:
+        if abs(np.linalg.norm(self.normal) - 1.0) > 1e-6 or self.normal[2] < 0.5:
             raise InputError("the normal of a table is a unit vector that points up")
 
     @classmethod
@@ -73,7 +72,7 @@ class SeenTable:
         The world is turned about where the plane is below the base; if that is not where it is `expected`, m, about
         where it is in the middle of the workspace: objects keep their x and y.
         """
-        about = np.zeros(2) if abs(self.height(np.zeros(2)) - expected) < _FAR else _AMID
+        about = np.zeros(2) if abs(self.height(np.zeros(2)) - expected) < 0.02 else _AMID
         foot = np.array([*about, self.height(about)])
         x, y, z = self.normal
         K = np.array([[0.0, 0.0, -x], [0.0, 0.0, -y], [x, y, 0.0]])
@@ -82,7 +81,7 @@ class SeenTable:
 
     def differs(self, expected: float) -> str:
         """Return in words where it is in place of where it is expected, m; empty where that is so."""
-        if abs(self._seen_at - expected) < _OFF and self.lean < LEANING:
+        if abs(self._seen_at - expected) < 0.005 and self.lean < LEANING:
             return ""
         levelled = ", levelled about the object" if self.lean >= LEANING else ""
         return f"the table is seen at {self}; the cell has {expected:.3f} m: planned as it is seen{levelled}"
