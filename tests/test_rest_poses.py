@@ -12,7 +12,6 @@ from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.objects.rest_poses import (
     MOST_POSES,
-    clusters,
     drop_model,
     find_rest_poses,
     rest_poses,
@@ -72,12 +71,6 @@ def test_a_hemisphere_rests_on_its_flat_and_on_its_dome():
     assert flat.up[2] == pytest.approx(1, abs=1e-6)
     assert flat.height == pytest.approx(3 / 8 * radius, abs=1e-3)
     assert dome.probability > flat.probability
-
-
-def test_directions_merge_through_those_between():
-    turn = np.deg2rad([0, 10, 20, 30, 90])
-    groups = clusters(np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=-1), np.deg2rad(16))
-    assert sorted(len(group) for group in groups) == [1, 4]
 
 
 def test_bodies_of_revolution_are_known_as_such():
