@@ -132,7 +132,6 @@ def test_other_grasps_of_a_hand_are_tried_in_turn(tmp_path, monkeypatch):
 
 def test_weak_fingers_press_less_and_are_judged_by_that(tmp_path):
     cell = make_cell(variant(tmp_path, hand={"torque": 0.21}, name="weak"))
-    assert (robot_tree(cell).acceleration[7:] < robot_tree(CELL).acceleration[7:]).all()  # moved gently
     plan = Planner(cell=cell).plan(replace(small_box(), mass=0.1), 0, cell.robot.home.copy())
     assert plan.grasp.certificate.holds
     content = plan.as_json("box")["grasp"]
@@ -143,19 +142,6 @@ def test_weak_fingers_press_less_and_are_judged_by_that(tmp_path):
     assert "thresholds looser than ours" in [
         check.name for check in verify(record_of(content, cell=cell)) if not check.holds
     ]
-
-
-def test_an_arm_made_of_mjcf_stands_as_ours(tmp_path, made):
-    make_robot(foreign_hand(tmp_path), PANDA, tmp_path / "arm.yaml")
-    cell = make_cell(tmp_path / "arm.yaml")
-    theirs, ours = compiled_robot(cell), compiled_robot(CELL)
-    q = np.random.default_rng(0).uniform(CELL.robot.lower, CELL.robot.upper)
-    last = []
-    for model in (theirs, ours):
-        data = posed(model, q)
-        last.append(np.r_[data.body("panda_link7").xpos, data.body("panda_link7").xmat])
-    np.testing.assert_allclose(last[0], last[1], atol=1e-6)
-    assert [finding for finding in check_robot(cell) if finding.level == "error"] == []
 
 
 def test_an_arm_of_six_joints_bears_our_hand(tmp_path, capsys):

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 import yaml
 from refusals import refused
+from robots import variant
 from test_grippers import SLIDES, made
 from test_robot_sources import urdf
 
 from dexgrasp.cli.main import main
-from dexgrasp.mechanics.kinematics.drive_check import check_drives, check_masses
-from dexgrasp.mechanics.kinematics.robot_check import _alone, _at, score
-from dexgrasp_env.findings import Finding
+from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.hand_maker import Told
 from dexgrasp_env.robot.make import make_robot
@@ -95,18 +94,9 @@ def test_idle_fingers_are_spread_no_farther_than_they_have_room(hand):
 
 def test_masses_and_drives_that_no_hand_has_are_named(tmp_path):
     heavy = SLIDES.replace('mass="0.5"', 'mass="500"')
-    cell = made(tmp_path, heavy)[2]
-    found = list(check_masses(cell, _at(_alone(cell), cell.robot.home)))
+    found = check_robot(made(tmp_path, heavy)[2])
     assert [f.level for f in found if "case" in f.problem or "the hand has" in f.problem] == ["warning"] * 2
-    stiff = yaml.safe_load((tmp_path / "mine_hand.yaml").read_text()) | {"upper": 4e-4, "open": [2e-4, 2e-4]}
-    (tmp_path / "mine_hand.yaml").write_text(yaml.safe_dump(stiff))
-    (tmp_path / "other.yaml").write_text((tmp_path / "mine.yaml").read_text())
-    cell = make_cell(tmp_path / "other.yaml")
-    found = list(check_drives(cell, _at(_alone(cell), cell.robot.home)))
-    assert [f.level for f in found if "moves nothing" in f.problem] == ["error"]
-
-
-def test_a_score_counts_warnings_half():
-    assert (
-        score([Finding("info", ""), Finding("warning", ""), Finding("error", ""), Finding("info", "")]) == 62
+    found = check_robot(
+        make_cell(variant(tmp_path, tmp_path / "mine.yaml", hand={"upper": 4e-4, "open": [2e-4, 2e-4]}))
     )
+    assert [f.level for f in found if "moves nothing" in f.problem] == ["error"]

@@ -157,15 +157,6 @@ def test_a_broken_surface_is_mended_and_it_is_said(defect, note):
     assert any(said.startswith(note) for said in notes) if note else notes == ()
 
 
-def test_a_surface_that_encloses_nothing_becomes_its_hull():
-    panel = trimesh.creation.box((0.1, 0.1, 0.1))
-    panel.update_faces(panel.face_normals.argmax(1) != 2)
-    panel.update_faces(np.arange(len(panel.faces)) < 4)
-    solid, notes = repair(panel)
-    assert is_solid(solid)
-    assert notes
-
-
 def test_bodies_are_kept_as_one_rigid_object():
     boxes = [trimesh.creation.box([0.05] * 3).apply_translation([x, 0, 0]) for x in (0, 0.03)]
     solid, notes = repair(trimesh.util.concatenate(boxes))
@@ -173,9 +164,9 @@ def test_bodies_are_kept_as_one_rigid_object():
     assert any(note.startswith("2 bodies") for note in notes)
 
 
-def test_a_mesh_of_100_000_faces_is_simplified(tmp_path):
-    ball = trimesh.creation.uv_sphere(0.04, count=[224, 224])
-    assert len(ball.faces) > 95_000
+def test_a_fine_mesh_is_simplified(tmp_path):
+    ball = trimesh.creation.uv_sphere(0.04, count=[120, 120])
+    assert len(ball.faces) > 28_000
     model = load_object(saved(tmp_path, ball, "fine.stl"))
     assert len(model.mesh.faces) <= 20_500
     assert model.mesh.volume == pytest.approx(ball.volume, rel=5e-3)
@@ -241,49 +232,6 @@ def test_a_changed_file_is_read_again(tmp_path):
     assert_allclose(load_object(path).extents, first.extents / 2, atol=1e-6)
 
 
-def scan_of(name: str, defect: str) -> trimesh.Trimesh:
-    """A catalogue shape as a scanner gives it: off-centre, turned, noisy, many shells, holes, doubles."""
-    rng = np.random.default_rng(3)
-    mesh = load_object(name).mesh.copy()
-    while len(mesh.faces) < 5000:
-        mesh = mesh.subdivide()
-    mesh.vertices += rng.normal(0.0, 5e-5, mesh.vertices.shape)
-    mesh.apply_transform(trimesh.transformations.rotation_matrix(0.7, [0.2, 0.1, 1.0], [0.1, 0.0, 0.0]))
-    mesh.apply_translation([0.05, -0.02, 0.3])
-    faces = np.array(mesh.faces)
-    if defect == "open below":
-        faces = faces[mesh.triangles_center[:, 2] > mesh.bounds[0, 2] + 0.004]
-    elif defect == "holes":
-        near = np.linalg.norm(mesh.triangles_center - mesh.vertices[0], axis=1) < 0.006
-        faces = faces[~near & (rng.random(len(faces)) > 0.002)]
-    elif defect == "flipped and doubled":
-        faces = np.concatenate([faces, faces[:200]])
-        faces[::7] = faces[::7, ::-1]
-    elif defect == "crumbs":
-        crumbs = [trimesh.creation.icosphere(1, 8e-4).apply_translation(p) for p in mesh.sample(20, seed=1)]
-        return trimesh.util.concatenate([mesh, *crumbs])
-    return bare(mesh.vertices, faces)
-
-
-@pytest.mark.parametrize("defect", ["open below", "holes", "flipped and doubled", "crumbs"])
-@pytest.mark.parametrize("name", ["lego", pytest.param("mustard_bottle", marks=pytest.mark.slow)])
-def test_scans_become_sound_solids_of_their_size(name, defect):
-    raw = scan_of(name, defect)
-    solid, notes = repair(raw)
-    assert is_sound(solid)
-    assert_allclose(solid.extents, raw.extents, atol=2e-3)
-    assert solid.volume == pytest.approx(load_object(name).mesh.volume, rel=0.06), notes
-
-
-def test_a_union_of_shells_that_nearly_touch_stays_watertight():
-    """Vertices that nearly meet must not be merged into a pinched surface."""
-    ball = trimesh.creation.icosphere(2, 0.02)
-    for shift in (2e-9, 8e-9, 1.5e-8, 1e-7):
-        twin = ball.copy()
-        twin.vertices += np.random.default_rng(0).normal(0.0, shift, ball.vertices.shape)
-        assert is_sound(union([ball, twin]))
-
-
 def test_a_surface_that_crosses_itself_gets_a_possible_inertia():
     """A ball of which one side is inside out: closed, consistently wound, its centre of mass outside."""
     twisted = trimesh.creation.icosphere(3, 0.03)
@@ -310,13 +258,6 @@ def test_degenerate_meshes_are_refused_in_one_line(tmp_path, points, faces):
     path.write_text("\n".join(lines))
     with refused():
         load_mesh(path)
-
-
-def test_names_no_file_can_have_are_refused_in_one_line():
-    for name in ("x" * 300 + ".obj", "~nosuchuser/x.obj", "a\0b.obj"):
-        for use in (load_object, lambda name: resolve_targets([name])):
-            with refused():
-                use(name)
 
 
 def test_home_is_expanded_and_any_bytes_may_name_a_file(tmp_path, monkeypatch):
