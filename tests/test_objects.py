@@ -13,8 +13,8 @@ from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel, centred_model, reduced_hull
 from dexgrasp_env.objects.parts import KINDS, MAX_VERTICES, ContactPart, hull_part
+from dexgrasp_env.objects.repair import is_sound
 from dexgrasp_env.objects.shapes import prism, to_manifold, union
-from dexgrasp_env.objects.surface import is_sound
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.robot.hulls import mesh_of
 

@@ -95,7 +95,8 @@ def test_idle_fingers_are_spread_no_farther_than_they_have_room(hand):
 def test_masses_and_drives_that_no_hand_has_are_named(tmp_path):
     heavy = SLIDES.replace('mass="0.5"', 'mass="500"')
     found = check_robot(made(tmp_path, heavy)[2])
-    assert [f.level for f in found if "case" in f.problem or "the hand has" in f.problem] == ["warning"] * 2
+    warnings = [f.problem for f in found if f.level == "warning"]
+    assert sum("case" in problem or "the hand has" in problem for problem in warnings) == 2
     found = check_robot(
         make_cell(variant(tmp_path, tmp_path / "mine.yaml", hand={"upper": 4e-4, "open": [2e-4, 2e-4]}))
     )

@@ -13,9 +13,8 @@ from scipy.spatial import ConvexHull
 from dexgrasp_env.objects import decompose
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
-from dexgrasp_env.objects.repair import repair
+from dexgrasp_env.objects.repair import is_solid, is_sound, repair
 from dexgrasp_env.objects.shapes import union
-from dexgrasp_env.objects.surface import is_solid, is_sound
 from dexgrasp_env.objects.user_mesh import describe_mesh, load_mesh
 
 pytestmark = pytest.mark.usefixtures("own_cache")

@@ -1,5 +1,6 @@
 """Postures that a robot file needs and an MJCF has not: a hand's open one, an arm's home; found by search."""
 
+import copy
 from itertools import combinations
 from typing import Any
 
@@ -83,35 +84,28 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
 
 
 def free_asides(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> dict[str, list[float]]:
-    """Return the postures (k,) rad of idle fingers, by their names, spread so far that they do not touch each other.
+    """Return the postures (k,) rad of idle fingers, by their names, spread so far that they touch nothing.
 
     Args:
         hand: whose fingers state `aside`, straight but for a spread.
         model: of the hand alone, frames as here.
         open_at: (h,) rad, of the others.
     """
+    wide = copy.copy(model)
+    wide.geom_margin[:] = 0.0015  # m: what is nearer than both add up to counts as touching
     idle = [finger for finger in hand.fingers if finger.aside]
-    columns = {f.name: [hand.joints.names.index(name) for name in f.joints] for f in idle}
-    low, high = hand.joints.ranges
-    of_idle, number = {body for f in idle for body in f.bodies}, {n: model.body(n).id for n in hand.bodies}
-    near = [
-        (number[a], number[b])
-        for a, b in combinations(hand.bodies, 2)
-        if {a, b} & of_idle
-        and not {(a, b), (b, a)} & {*hand.excluded}
-        and model.body_parentid[number[b]] != number[a]
-    ]
-    found = dict[str, list[float]]()
+    of_idle = {model.body(name).id for finger in idle for name in finger.bodies}
+    (low, high), q = hand.joints.ranges, np.array(open_at)
     for share in (1.0, 0.5, 0.25, 0.0):
-        q = np.array(open_at)
+        found = dict[str, list[float]]()
         for finger in idle:
-            straight = np.clip(0.0, low, high)[columns[finger.name]]
-            aside = straight + share * (np.array(finger.aside) - straight)
-            q[columns[finger.name]] = aside
-            found[finger.name] = aside.round(6).tolist()
-        data = posed(model, np.clip(hand.free[0] @ q + hand.free[1], low, high))
-        apart = 0.003  # m
-        if all(bodies_apart(data, a, b, apart) >= apart for a, b in near):
+            columns = [hand.joints.names.index(name) for name in finger.joints]
+            straight = np.clip(0.0, low, high)[columns]
+            q[columns] = straight + share * (np.array(finger.aside) - straight)
+            found[finger.name] = q[columns].round(6).tolist()
+        data = posed(wide, np.clip(hand.free[0] @ q + hand.free[1], low, high))
+        mujoco.mj_collision(wide, data)
+        if not any(of_idle & {*wide.geom_bodyid[contact.geom].tolist()} for contact in data.contact):
             break
     return found
 
