@@ -53,6 +53,7 @@ def test_a_tetrahedron_rests_on_its_four_faces_equally():
     assert [pose.height for pose in poses] == pytest.approx([0.1 / np.sqrt(24)] * 4, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_hemisphere_rests_on_its_flat_and_on_its_dome():
     """Solid: its centre of mass is 3/8 r from the flat, below the centre of its dome: both are stable.
 

@@ -225,6 +225,7 @@ def test_policies_move_one_robot_and_weights_are_of_one_hand(made):
         assert re.search("the policy moves the robot panda-.*-allegro-.*, not panda-", agent.report.failure)
 
 
+@pytest.mark.slow
 def test_the_check_draws_the_hand(made, tmp_path, capsys):
     assert run_command(["robot", "check", str(made), "--picture", str(tmp_path / "hand.png"), "--json"]) == 0
     assert not any(

@@ -110,7 +110,7 @@ def _mesh_of_off(text: str) -> trimesh.Trimesh:
     return _mesh_of(places, [[int(word) for word in corners[: int(count)]] for count, *corners in rows])
 
 
-def _mesh_of(vertices: Array, polygons: Sequence[Sequence[int]]) -> trimesh.Trimesh:
+def _mesh_of(vertices: Array, polygons: Sequence[Any]) -> trimesh.Trimesh:
     """Return the triangles of vertices (N, 3) and polygons of three corners or more."""
     pieces = [piece for own in split_concave(vertices, polygons) for piece in own]
     return trimesh.Trimesh(vertices, trimesh.geometry.triangulate_quads(pieces).reshape(-1, 3), process=False)

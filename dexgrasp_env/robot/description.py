@@ -1,5 +1,6 @@
 """Description of a part of a robot as MuJoCo compiled it: bodies, shapes and where they are, joints at 0."""
 
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -8,12 +9,12 @@ import mujoco
 import numpy as np
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.hulls import mesh_of
 from dexgrasp_env.robot.source import read_source
 
 _GEOM = mujoco.mjtGeom
-TURN_OR_SLIDE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 class Description:
@@ -29,10 +30,14 @@ class Description:
         """Compile it.
 
         Raises:
-            InputError: in one line, where MuJoCo cannot read it.
+            InputError: in one line, where MuJoCo cannot read it, or joints neither turn nor slide.
         """
         self.path, self.source = path, read_source(path)
         self.model = self.source.model
+        if not np.isin(self.model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)).all():
+            raise InputError(
+                f"{path} has joints that neither turn nor slide: valid is a hand or an arm that does not float"
+            )
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = 0.0
         mujoco.mj_kinematics(self.model, self.data)
@@ -40,6 +45,14 @@ class Description:
     def pose(self, body: int | str) -> Array:
         """Return the pose (4, 4) of a body."""
         return pose_of(self.data.body(body))
+
+    def joint_ids(self, names: Iterable[str]) -> list[int]:
+        """Return the numbers of joints."""
+        return [self.model.joint(name).id for name in names]
+
+    def joint_names(self, joints: Iterable[int]) -> list[str]:
+        """Return the names of joints."""
+        return [self.model.joint(j).name for j in joints]
 
     @cached_property
     def solid(self) -> Array:

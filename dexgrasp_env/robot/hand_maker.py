@@ -58,7 +58,7 @@ class HandMaker(Part):
         self.told = told or Told()
         self._check_told()
         self.palm = self._find_palm()
-        self.chains = self._find_fingers({self.model.joint(name).id for name in still})
+        self.chains = self._find_fingers(set(self.joint_ids(still)))
         self.held += still
         self._check_size()
         self.jaws: Jaws | None = None
@@ -102,7 +102,7 @@ class HandMaker(Part):
     def _ends(self, ends: list[int], chains: list[list[int]]) -> tuple[Array, Array]:
         """Return the places (n,) of all joints with two bodies farthest apart, and nearest to each other."""
         joints = [name for chain in chains for name in self.names(chain)[1]]
-        low, high = self.ranges([self.model.joint(name).id for name in joints]).T.tolist()
+        low, high = self.ranges(self.joint_ids(joints)).T.tolist()
         limits = {"lower": low, "upper": high}
         narrow(joints, limits, self.couplings)
         found, followers = list[Array](), {own.joint for own in self.couplings}
@@ -126,9 +126,10 @@ class HandMaker(Part):
     def _following(self, at: dict[str, float]) -> Array:
         """Return the places (n,) of all joints, where leading ones are told theirs."""
         q = np.clip(0.0, *self.ranges().T)
-        q[[self.model.joint(name).id for name in at]] = list(at.values())
+        q[self.joint_ids(at)] = list(at.values())
         for own in self.couplings:
-            q[self.model.joint(own.joint).id] = own.offset + own.ratio * q[self.model.joint(own.follows).id]
+            follower, leader = self.joint_ids((own.joint, own.follows))
+            q[follower] = own.offset + own.ratio * q[leader]
         return q
 
     def _find_thumb(self) -> None:
@@ -202,11 +203,11 @@ class HandMaker(Part):
                 left = more + left
             else:
                 found.append(chain)
-        name = self.model.joint
         for _ in self.couplings:
-            held |= {name(own.joint).id for own in self.couplings if name(own.follows).id in held}
+            pairs = [self.joint_ids((own.joint, own.follows)) for own in self.couplings]
+            held |= {follower for follower, leader in pairs if leader in held}
         if held:
-            joints = sorted(name(j).name for j in held)
+            joints = sorted(self.joint_names(held))
             self.notes.append(
                 f"hand held: {', '.join(joints)}, which several fingers share, stand still at 0"
             )
@@ -214,7 +215,7 @@ class HandMaker(Part):
             self.couplings = [own for own in self.couplings if own.joint not in joints]
         followers = {own.joint for own in self.couplings}
         chains = [[b for b in chain if self.model.body_jntadr[b] not in held | still] for chain in found]
-        own = [{name(self.model.body_jntadr[b]).name for b in chain} for chain in chains]
+        own = [set(self.names(chain)[1]) for chain in chains]
         linkages = [k for k, joints in enumerate(own) if joints and joints <= followers]
         self.linkages = len(linkages)  # chains that only follow: rods of a finger
         return [chains[k] for k in linkages] + [
@@ -318,7 +319,7 @@ class HandMaker(Part):
         limits = self.limits(joints, "gripper" if self.jaws else "hand")
         tendons = [
             {
-                "joints": [self.model.joint(j).name for j in own],
+                "joints": self.joint_names(own),
                 "coefs": [coef / own[max(own)] for coef in own.values()],
             }
             for own in self.tendons().values()

@@ -32,7 +32,7 @@ _FEWEST = 4  # joints of an arm: fewer bring no palm over a table
 def _gripper_entry(maker: HandMaker, entry: Fields) -> Fields:
     """Return what a gripper's file says: open nearly as far as it opens, rods collide with no part of it."""
     names = [name for finger in entry["fingers"] for name in finger["joints"]]
-    open_at = [maker.opened[maker.model.joint(name).id] for name in names]
+    open_at = maker.opened[maker.joint_ids(names)]
     bodies = [entry["palm"], *(body for finger in entry["fingers"] for body in finger["bodies"])]
     rods = {body for finger in entry["fingers"][:-2] for body in finger["bodies"]}
     rigid_pairs = [pair for pair in combinations(bodies, 2) if rods & {*pair}]

@@ -9,7 +9,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.couplings import DRIVES_JOINT, wrapped_joints
-from dexgrasp_env.robot.description import TURN_OR_SLIDE, Description
+from dexgrasp_env.robot.description import Description
 from dexgrasp_env.robot.robot import SLIDE, Coupling
 
 _STRONGEST = 8.0  # Nm: a joint of a finger has less
@@ -27,17 +27,13 @@ class Part(Description):
         """Compile it.
 
         Raises:
-            InputError: for what MuJoCo cannot read, has no joints, or others than hinges.
+            InputError: for what MuJoCo cannot read, has no joints, or others than hinges and slides.
         """
         super().__init__(path)
         self.notes = list(self.source.notes)
         self.couplings = list[Coupling]()
         if self.model.njnt == 0:
             raise InputError(f"{path} has no joints: it is no hand and no arm")
-        if not np.isin(self.model.jnt_type, TURN_OR_SLIDE).all():
-            raise InputError(
-                f"{path} has joints that neither turn nor slide: valid is a hand or an arm that does not float"
-            )
         self.place(np.clip(0.0, *self.ranges().T))
         heavy = np.flatnonzero(self.model.body_mass > 0).tolist()
         if off := [self._name(b) for b in heavy if self.is_off(self.data.xipos[b], self.box_of([b]))]:
@@ -111,7 +107,7 @@ class Part(Description):
 
     def names(self, bodies: list[int]) -> tuple[list[str], list[str]]:
         """Return names of bodies and of their joints."""
-        joints = [self.model.joint(self.model.body_jntadr[b]).name for b in bodies]
+        joints = self.joint_names(self.model.body_jntadr[bodies])
         own = [self.model.body(b).name for b in bodies]
         if "" in joints + own:
             raise InputError(f"{self.path}: a body or a joint has no name: give each one")
@@ -149,7 +145,7 @@ class Part(Description):
             joints: names.
             kind: hand, gripper or arm. Of a gripper's joints without servos the torque is 0.
         """
-        numbers = [self.model.joint(name).id for name in joints]
+        numbers = self.joint_ids(joints)
         units, servos = self.units(numbers), self._servos()
         stated = [self._torque(j, servos.get(j)) for j in numbers]
         missing = self._bearing() if kind == "arm" else {"hand": 0.7, "gripper": 4.0}[kind]
@@ -256,8 +252,7 @@ class Part(Description):
     def _is_one_drive(self, joints: list[int]) -> bool:
         """Tell whether joints are coupled to each other, so that what pulls them is the servo of all."""
         leaders = {own.joint: own.follows for own in self.couplings}
-        names = [self.model.joint(j).name for j in joints]
-        return len({leaders.get(name, name) for name in names}) == 1
+        return len({leaders.get(name, name) for name in self.joint_names(joints)}) == 1
 
     def _stiffness(self, actuator: int, lever: float) -> float:
         """The stiffness Nm/rad that an actuator gives its joint: 0 of a motor, which holds no place."""

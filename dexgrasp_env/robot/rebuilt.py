@@ -16,7 +16,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.couplings import has_loops, stated_lines, wrapped_joints
-from dexgrasp_env.robot.description import TURN_OR_SLIDE, Description, bearers, pose_of
+from dexgrasp_env.robot.description import Description, bearers, pose_of
 from dexgrasp_env.robot.hulls import colour_of, cut, hull_of, mesh_of
 from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
 
@@ -68,21 +68,12 @@ class _Rebuilt(Description):
 
     def _check(self) -> None:
         """Refuse a file that is not of the part, or has joints that the part does not name."""
-        own = {self.model.joint(j).name for j in range(self.model.njnt)}
-        for what, given, known in (
-            ("joint", self.part.joints.names, own),
-            ("body", self.part.bodies, {self.model.body(b).name for b in range(self.model.nbody)}),
-        ):
-            for name in given:
-                if name not in known:
-                    raise InputError(f"{self.path} has no {what} {name!r}")
+        m = self.model
+        own, bodies = set(self.joint_names(range(m.njnt))), {m.body(b).name for b in range(m.nbody)}
+        if missing := sorted({*self.part.joints.names} - own) + sorted({*self.part.bodies} - bodies):
+            raise InputError(f"{self.path} has no joint or body {missing[0]!r}")
         if more := sorted(own - set(self.part.joints.names + self.held) - self._beyond):
             raise InputError(f"joint {more[0]!r} of {self.path} is not named: every joint has to be")
-        m = self.model
-        if not np.isin(m.jnt_type, TURN_OR_SLIDE).all():
-            raise InputError(
-                f"{self.path} has joints that neither turn nor slide: they are not supported yet"
-            )
         pulled = m.actuator_trnid[m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0]
         tied = self.hand and (self.hand.tendons or self.hand.couplings)
         if any(wrapped_joints(m, t)[0] for t in pulled) and not tied:
@@ -91,7 +82,7 @@ class _Rebuilt(Description):
         if has_loops(m) and self.hand and not stated:
             raise InputError(f"{self.path} closes loops of bodies: state their joints under couplings")
         for follower, (leader, *_) in stated_lines(m).items():
-            name, other = m.joint(follower).name, m.joint(leader).name
+            name, other = self.joint_names((follower, leader))
             if not {name, other} & stated and name in self.part.joints.names:
                 raise InputError(f"{self.path} couples joint {name!r} to another: state it under couplings")
 
@@ -101,11 +92,11 @@ class _Rebuilt(Description):
         m = self.model
         if self.hand:
             above = bearers(m, m.body(self.part.palm).id)[1:]  # type: ignore[union-attr]
-            found = {m.joint(j).name for j in range(m.njnt) if m.jnt_bodyid[j] in above}
+            joints = [j for j in range(m.njnt) if m.jnt_bodyid[j] in above]
         else:
             last = m.body(self.part.bodies[-1]).id
-            found = {m.joint(j).name for j in range(m.njnt) if last in bearers(m, m.jnt_bodyid[j])[1:]}
-        return found - set(self.part.joints.names + self.held)
+            joints = [j for j in range(m.njnt) if last in bearers(m, m.jnt_bodyid[j])[1:]]
+        return set(self.joint_names(joints)) - set(self.part.joints.names + self.held)
 
     def _owner(self, body: int) -> str:
         """The named body that a body is, or hangs on without a joint; empty for what the part does not begin with."""
@@ -113,10 +104,10 @@ class _Rebuilt(Description):
             name = self.model.body(above).name
             if name in self.part.bodies:
                 return str(name)
-            joints = map(self.model.joint, np.flatnonzero(self.model.jnt_bodyid == above))
-            if any(joint.name in self._beyond for joint in joints):
+            joints = set(self.joint_names(np.flatnonzero(self.model.jnt_bodyid == above)))
+            if joints & self._beyond:
                 return ""
-            if any(joint.name not in self.held for joint in joints):
+            if joints - {*self.held}:
                 raise InputError(f"body {name!r} of {self.path} is not named")
         return "" if self.hand and self._beyond else self.part.bodies[0]
 
