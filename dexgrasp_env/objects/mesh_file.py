@@ -19,10 +19,8 @@ from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import check_file, plain_text
 from dexgrasp_env.poses import frame_of_z
 
-_POLYGON = re.compile(r"^f(?:[ \t]+[^\s\\]+){3}[ \t]+\S", re.MULTILINE)
 _STL_HEAD, _STL_FACE = 84, 50  # bytes
 _NEEDED = {"dae": ("collada",), "3mf": ("lxml",)}  # by the mesh library to read a kind
-_LEVEL = 1e-9  # of the square of twice a polygon's area: turns of less are straight on
 
 
 class DamagedMeshError(ValueError):
@@ -140,7 +138,8 @@ def _is_concave(corners: Array) -> Mask:
     turns = np.cross(edges, np.roll(edges, -1, axis=1))
     normals = _normals(corners)
     across = np.einsum("mni,mi->mn", turns, normals)
-    return (across < -_LEVEL * (normals**2).sum(-1, keepdims=True)).any(axis=1)
+    # Turns of less than a share of the square of twice the polygon's area are straight on.
+    return (across < -1e-9 * (normals**2).sum(-1, keepdims=True)).any(axis=1)
 
 
 def _normals(corners: Array) -> Array:
@@ -160,7 +159,7 @@ def _ears(corners: Array) -> Any:
 
 def _with_triangles(text: str) -> str:
     """Return an OBJ text with its concave polygons cut into triangles."""
-    if not _POLYGON.search(text):
+    if not re.search(r"^f(?:[ \t]+[^\s\\]+){3}[ \t]+\S", text, re.MULTILINE):
         return text
     lines = text.replace("\\\r\n", " ").replace("\\\n", " ").splitlines()
     vertices, rows, polygons = list[list[str]](), list[int](), list[list[int]]()

@@ -55,11 +55,8 @@ def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float |
     if mass is None:
         given = DENSITY * mesh.volume
         mass = float(np.clip(given, *MASS_RANGE))
-        said = f"mass {mass:.3f} kg assumed from {DENSITY:.0f} kg/m3"
-        if mass != given:
-            said = f"mass {mass:.3f} kg assumed: {DENSITY:.0f} kg/m3 gives {given:.2g} kg, "
-            said += f"outside {MASS_RANGE[0]} to {MASS_RANGE[1]} kg"
-        notes += (f"{said} (set it with --mesh-mass)",)
+        said = f"mass {mass:.3f} kg assumed: {DENSITY:.0f} kg/m3 gives {given:.2g} kg, taken within"
+        notes += (f"{said} {MASS_RANGE[0]} to {MASS_RANGE[1]} kg (set it with --mesh-mass)",)
     return centred_model(
         printable_stem(path), mesh, parts, mass, notes=notes, file_centre=np.array(mesh.center_mass)
     )

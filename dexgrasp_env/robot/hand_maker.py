@@ -105,19 +105,14 @@ class HandMaker(Part):
         low, high = self.ranges(self.joint_ids(joints)).T.tolist()
         limits = {"lower": low, "upper": high}
         narrow(joints, limits, self.couplings)
-        found, followers = list[Array](), {own.joint for own in self.couplings}
-        middle_at = {
-            n: 0.5 * (a + b) for n, a, b in zip(joints, low, high, strict=True) if n not in followers
-        }
-        apart = {
-            name: [self._gap(ends, middle_at | {name: side[k]}) for side in (low, high)]
-            for k, name in enumerate(joints)
-            if name in middle_at
-        }
-        for widest in (True, False):
-            at = {n: (low, high)[(b > a) == widest][joints.index(n)] for n, (a, b) in apart.items()}
-            found.append(self._following(at))
-        return found[0], found[1]
+        followers = {own.joint for own in self.couplings}
+        leading = {n: (a, b) for n, a, b in zip(joints, low, high, strict=True) if n not in followers}
+        middle_at = {name: 0.5 * (a + b) for name, (a, b) in leading.items()}
+        opened, closed = dict[str, float](), dict[str, float]()
+        for name, (a, b) in leading.items():
+            wider = self._gap(ends, middle_at | {name: b}) > self._gap(ends, middle_at | {name: a})
+            opened[name], closed[name] = (b, a) if wider else (a, b)
+        return self._following(opened), self._following(closed)
 
     def _gap(self, ends: list[int], at: dict[str, float]) -> float:
         self.place(self._following(at))

@@ -166,11 +166,10 @@ def make_robot(
         if path is not None and path.suffix in (".yaml", ".yml"):
             robot[kind] = str(find_beside(Path(), str(path)).resolve())
         elif path is not None:
-            content, said = (
-                hand_entry(path, told or (recipe.told if recipe else None))
-                if kind == "hand"
-                else arm_entry(path)
-            )
+            if kind == "arm":
+                content, said = arm_entry(path)
+            else:
+                content, said = hand_entry(path, told or (recipe and recipe.told))
             if recipe is not None and kind == "hand":
                 content = recipe.changed(content)
                 said.append(

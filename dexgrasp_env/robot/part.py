@@ -1,5 +1,6 @@
 """A description in MJCF as `make` looks at it: chains of bodies, shapes, and what it states of its joints."""
 
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -92,9 +93,7 @@ class Part(Description):
                 raise InputError(f"body {self._name(body)} has {count} joints: valid is one")
             found += [body] if count else []
             following = self.below(body)
-            if not following:
-                return found
-            if len(following) > 1 and branches and found:
+            if not following or (len(following) > 1 and branches and found):
                 return found
             if len(following) > 1:
                 raise InputError(
@@ -146,8 +145,8 @@ class Part(Description):
             kind: hand, gripper or arm. Of a gripper's joints without servos the torque is 0.
         """
         numbers = self.joint_ids(joints)
-        units, servos = self.units(numbers), self._servos()
-        stated = [self._torque(j, servos.get(j)) for j in numbers]
+        units = self.units(numbers)
+        stated = [self._torque(j, self.servos.get(j)) for j in numbers]
         missing = self._bearing() if kind == "arm" else {"hand": 0.7, "gripper": 4.0}[kind]
         passive = kind == "gripper" and any(stated)
         if None in stated and not passive:
@@ -183,8 +182,7 @@ class Part(Description):
 
     def _gains(self, numbers: list[int], torque: list[float], kind: str) -> list[float]:
         """Return stiffnesses Nm/rad or N/m of joints: those stated, where they are of use here."""
-        servos = self._servos()
-        gains = [self._stiffness(*servos[j]) if j in servos else 0.0 for j in numbers]
+        gains = [self._stiffness(*self.servos[j]) if j in self.servos else 0.0 for j in numbers]
         if kind == "gripper":  # set-points that press in full are 0.1 rad ahead
             return [float(max(np.divide(torque, self.units(numbers)))) / 0.1] * len(numbers)
         if min(gains) > 0 and kind == "arm":
@@ -229,8 +227,9 @@ class Part(Description):
             most = max(most, np.abs(data.qfrc_bias - data.qfrc_gravcomp + 20.0 * J[2]).max())
         return float(np.ceil(2.0 * most))
 
-    def _servos(self) -> dict[int, tuple[int, float]]:
-        """Return, of each joint, the actuator that drives it and its lever: N or Nm of the joint for one of its own.
+    @cached_property
+    def servos(self) -> dict[int, tuple[int, float]]:
+        """Of each joint, the actuator that drives it and its lever: N or Nm of the joint for one of its own.
 
         Of several at one joint it is the stiffest: the others damp, or push besides.
         """
@@ -239,14 +238,14 @@ class Part(Description):
             joint, lever = int(m.actuator_trnid[a, 0]), abs(float(m.actuator_gear[a, 0]))
             if joint not in found or self._stiffness(a, lever) > self._stiffness(*found[joint]):
                 found[joint] = a, lever
-        for a, coefs in self.tendons().items():
-            lever = abs(float(m.actuator_gear[a, 0])) * max(coefs.values())
-            found |= dict.fromkeys(coefs, (a, lever))
+        tendons = self.tendons()
         for a in np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON).tolist():
-            joints, shares = wrapped_joints(m, m.actuator_trnid[a, 0])
-            if self._is_one_drive(joints):
-                gear = abs(float(m.actuator_gear[a, 0]))
-                found |= {joint: (a, gear * abs(coef)) for joint, coef in zip(joints, shares, strict=True)}
+            joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
+            gear = abs(float(m.actuator_gear[a, 0]))
+            if a in tendons:
+                found |= dict.fromkeys(joints, (a, gear * max(coefs)))
+            elif self._is_one_drive(joints):
+                found |= {joint: (a, gear * abs(coef)) for joint, coef in zip(joints, coefs, strict=True)}
         return found
 
     def _is_one_drive(self, joints: list[int]) -> bool:
@@ -264,12 +263,10 @@ class Part(Description):
         found = [_both_ways(m.jnt_actfrcrange[joint])] if m.jnt_actfrclimited[joint] else []
         if servo is not None:
             actuator, lever = servo
+            free = m.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
             if m.actuator_forcelimited[actuator]:
                 found.append(lever * _both_ways(m.actuator_forcerange[actuator]))
-            elif (
-                m.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-                and m.actuator_ctrllimited[actuator]
-            ):
+            elif free and m.actuator_ctrllimited[actuator]:
                 most = abs(float(m.actuator_gainprm[actuator, 0])) * _both_ways(
                     m.actuator_ctrlrange[actuator]
                 )

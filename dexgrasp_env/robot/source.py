@@ -5,7 +5,7 @@ changes is read by MuJoCo from its file.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -37,13 +37,12 @@ def read_source(path: Path) -> Source:
     Raises:
         InputError: in one line, for what MuJoCo cannot read after all mends.
     """
-    if not path.is_file():
-        raise InputError(f"MuJoCo cannot read {path}: it is no file")
     root = _tree(path)
     _check_size(root, path)
-    steps: tuple[Callable[[Element, Path], list[str]], ...]
-    steps = (_as_urdf,) if root.tag == "robot" else (_drop_floors, _drop_free_joints, _name_bodies)
-    notes = [note for step in steps for note in step(root, path)]
+    if root.tag == "robot":
+        notes = _as_urdf(root, path)
+    else:
+        notes = [*_drop_floors(root), *_drop_free_joints(root), *_name_bodies(root)]
     changed = bool(notes) or root.tag == "robot"
     velocity = {
         str(joint.get("name")): float(rate)
@@ -144,7 +143,7 @@ def _find_mesh(name: str, path: Path) -> Path | None:
     return None
 
 
-def _drop_floors(root: Element, path: Path) -> list[str]:
+def _drop_floors(root: Element) -> list[str]:
     """Take planes out: a floor is no part of a robot."""
     found = [
         (body, geom) for body in root.iter() for geom in body.findall("geom") if geom.get("type") == "plane"
@@ -154,7 +153,7 @@ def _drop_floors(root: Element, path: Path) -> list[str]:
     return [f"{len(found)} floors are left out"] if found else []
 
 
-def _drop_free_joints(root: Element, path: Path) -> list[str]:
+def _drop_free_joints(root: Element) -> list[str]:
     """Fix what floats, on a free joint or on six of its own."""
     found = [
         (body, joint)
@@ -172,7 +171,7 @@ def _drop_free_joints(root: Element, path: Path) -> list[str]:
     return list(dict.fromkeys(f"body {body.get('name', '')!r} floats: it is fixed" for body, _ in found))
 
 
-def _name_bodies(root: Element, path: Path) -> list[str]:
+def _name_bodies(root: Element) -> list[str]:
     """Name bodies that bear others and have no name."""
     found = [body for body in root.iter("body") if not body.get("name") and body.find("body") is not None]
     for k, body in enumerate(found):
