@@ -17,7 +17,7 @@ from dexgrasp_env.objects.rest_poses import (
     rest_poses,
     symmetry_axis,
 )
-from dexgrasp_env.objects.shapes import Shape, box, cylinder, tetrahedron
+from dexgrasp_env.objects.shapes import Shape, box, cylinder
 from dexgrasp_env.poses import quat_to_matrix
 
 pytestmark = pytest.mark.usefixtures("own_cache")
@@ -45,12 +45,6 @@ def test_a_cylinder_rests_on_its_two_ends_and_on_its_side():
     assert abs(side.up[2]) < 1e-3
     assert [end.height for end in ends] == pytest.approx([0.04, 0.04])
     assert abs(ends[0].probability - ends[1].probability) < 0.05
-
-
-def test_a_tetrahedron_rests_on_its_four_faces_equally():
-    poses = find_rest_poses(model_of(tetrahedron(0.1)))
-    assert [pose.probability for pose in poses] == pytest.approx([0.25] * 4, abs=0.05)
-    assert [pose.height for pose in poses] == pytest.approx([0.1 / np.sqrt(24)] * 4, abs=1e-6)
 
 
 @pytest.mark.slow

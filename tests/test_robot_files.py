@@ -15,12 +15,9 @@ from robots import CELL, GRASP_FINGERS, variant
 from dexgrasp.agent import public_info
 from dexgrasp.cli.commands import run_command
 from dexgrasp.evaluation.scoring.hand import find_hand
-from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
-from dexgrasp.mechanics.kinematics.clearance import SELF, clearance_rows, empty_rows
-from dexgrasp.mechanics.kinematics.forward import body_frames
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, reach_palm
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp.mechanics.kinematics.sphere_cover import hull_cells
@@ -77,22 +74,12 @@ def test_a_hand_made_of_mjcf_is_where_ours_is(made):
         assert np.abs(away[:, 3:]).max() < 1e-5
 
 
-def test_postures_of_what_is_made_are_those_it_can_take_and_open_in(made):
-    cell = make_cell(made)
-    atlas, tree = hand_atlas(cell), robot_tree(cell)
-    assert len(atlas.joints) > 20_000
-    (idle,) = [finger for finger in cell.robot.hand.fingers if finger.aside]
-    assert sorted(np.abs(idle.aside)) == pytest.approx([0.0, 0.0, 0.0, 0.4], abs=0.2)
-    rows = empty_rows(160, tree)
-    for k in range(0, len(atlas.joints), 200):
-        q = np.concatenate([tree.home[: tree.arm], atlas.joints[k]])
-        n = clearance_rows(tree, body_frames(q, tree), (NOTHING, NOTHING), 0.0, True, rows)
-        assert not [label for label in rows.labels[:n] if label[0] == SELF and min(label[1:]) > tree.palm]
-
-
 def test_what_is_made_passes_its_check_grasps_and_is_scored(made, tmp_path, capsys):
     cell = make_cell(made)
     assert [finding for finding in check_robot(cell) if finding.level == "error"] == []
+    assert len(hand_atlas(cell).joints) > 20_000
+    (idle,) = [finger for finger in cell.robot.hand.fingers if finger.aside]
+    assert sorted(np.abs(idle.aside)) == pytest.approx([0.0, 0.0, 0.0, 0.4], abs=0.2)
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", robot=str(made))
     observation, _ = env.reset(seed=0)
     assert env.observation_space.contains(observation)

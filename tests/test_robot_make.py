@@ -1,7 +1,6 @@
 """What a user tells `robot make`, what it draws, recipes of known hands, and the faults of drives and masses."""
 
 import json
-import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
@@ -9,7 +8,7 @@ import yaml
 from refusals import refused
 from robots import variant
 from test_grippers import SLIDES, made
-from test_robot_sources import urdf
+from test_robot_sources import FINGERS, urdf
 
 from dexgrasp.cli.main import main
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
@@ -69,17 +68,12 @@ def test_recipes_replace_what_a_file_states(hand):
 
 
 def test_idle_fingers_are_spread_no_farther_than_they_have_room(hand):
-    root = ElementTree.fromstring(urdf())
-    for name, y in (("fourth", -0.095), ("fifth", -0.118)):  # beside `mid`, the last with no room to spread
-        for part in ElementTree.fromstring(urdf().replace("mid_", f"{name}_")):
-            if part.get("name", "").startswith(name):
-                root.append(part)
-                if part.get("name") == f"{name}_spread":
-                    part.find("origin").set("xyz", f"0 {y} 0")
-                if part.get("name") == "fifth_spread":
-                    part.find("limit").set("lower", "-0.01")
-                    part.find("limit").set("upper", "0.01")
-    hand.write_text(ElementTree.tostring(root, encoding="unicode"))
+    straight = ("0 0 0", (0, 1.6))
+    more = {
+        "fourth": ("0 -0.095 0", *straight, 0.5),
+        "fifth": ("0 -0.118 0", *straight, 0.01),
+    }  # no room to spread
+    hand.write_text(urdf(fingers=FINGERS | more))
     file_of(hand)
     cell = make_cell(hand.with_name("claw.yaml"))
     idle = [finger for finger in cell.robot.hand.fingers if finger.aside]

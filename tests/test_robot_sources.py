@@ -11,10 +11,10 @@ from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.make import make_robot
 from dexgrasp_env.robot.source import read_source
 
-FINGERS = {  # name: origin, roll pitch yaw, range of the flexing joint
-    "fore": ("0 0.03 0", "0 0 0", (0, 1.6)),
-    "mid": ("0 -0.03 0", "0 0 0", (0, 1.6)),
-    "thumb": ("0.01 0 -0.08", "-1.5707963 0 -1.5707963", (-0.8, 1.2)),
+FINGERS = {  # name: origin, roll pitch yaw, range of the flexing joint, and how far the first one spreads
+    "fore": ("0 0.03 0", "0 0 0", (0, 1.6), 0.5),
+    "mid": ("0 -0.03 0", "0 0 0", (0, 1.6), 0.5),
+    "thumb": ("0.01 0 -0.08", "-1.5707963 0 -1.5707963", (-0.8, 1.2), 0.5),
 }
 LINK = (
     '<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{ixx}" iyy="1e-5" izz="1e-5" ixy="0" ixz="0"'
@@ -27,8 +27,8 @@ JOINT = (
 )
 
 
-def urdf(tag="collision", shape=None, ixx="1e-5", mimic=False, prefix=()):
-    """Return a hand of three fingers of three joints as URDF text."""
+def urdf(tag="collision", shape=None, ixx="1e-5", mimic=False, prefix=(), fingers=FINGERS):
+    """Return a hand of fingers of three joints as URDF text."""
 
     def link(name, length, mass=0.03):
         rod = f'<cylinder radius="0.01" length="{length}"/>'
@@ -36,11 +36,11 @@ def urdf(tag="collision", shape=None, ixx="1e-5", mimic=False, prefix=()):
 
     parts = [*prefix, LINK.format(name="plate", mass=0.4, ixx="1e-3", tag=tag, z=-0.05,
                                   shape='<box size="0.024 0.09 0.1"/>').replace("1e-5", "1e-3")]  # fmt: skip
-    for name, (xyz, rpy, (low, high)) in FINGERS.items():
+    for name, (xyz, rpy, (low, high), spread) in fingers.items():
         parts += [link(f"{name}_base", 0.02), link(f"{name}_near", 0.055), link(f"{name}_far", 0.045)]
         follow = f'<mimic joint="{name}_flex" multiplier="0.8" offset="0.1"/>' if mimic else ""
         rows = (
-            ("spread", "plate", "base", xyz, rpy, "1 0 0", -0.5, 0.5, ""),
+            ("spread", "plate", "base", xyz, rpy, "1 0 0", -spread, spread, ""),
             ("flex", f"{name}_base", "near", "0 0 0.02", "0 0 0", "0 1 0", low, high, ""),
             ("curl", f"{name}_near", "far", "0 0 0.055", "0 0 0", "0 1 0", 0, 1.6, follow),
         )

@@ -113,8 +113,8 @@ def rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
     return poses
 
 
-def find_rest_poses(model: ObjectModel, drops: int = 240) -> tuple[RestPose, ...]:
-    """Drop the object from `drops` even orientations and gather where it ends; always the same for the same
+def find_rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
+    """Drop the object from 240 even orientations and gather where it ends; always the same for the same
     object.
 
     Drops are merged when the vertical in the object frame differs by at most 16 degrees, directly or through
@@ -128,8 +128,7 @@ def find_rest_poses(model: ObjectModel, drops: int = 240) -> tuple[RestPose, ...
     from trimesh.convex import convex_hull
 
     mj_model = drop_model(model)
-    ways = fibonacci_directions(drops)
-    settled = [end for up in ways if (end := _drop_one(mj_model, model, up, 0.005))]
+    settled = [end for up in fibonacci_directions(240) if (end := _drop_one(mj_model, model, up, 0.005))]
     ups, calm = np.reshape([up for up, _ in settled], (-1, 3)), np.array([speed for _, speed in settled])
     surfaces = [part.surface().vertices for part in model.parts]
     normals = np.array(convex_hull(np.concatenate(surfaces)).face_normals)  # (n, 3), outward
@@ -167,11 +166,11 @@ def symmetry_axis(model: ObjectModel) -> Array | None:
     return axis if reach < 0.012 * model.extents.max() else None
 
 
-def clusters(directions: Array, angle: float = MERGE_ANGLE) -> list[np.ndarray]:
-    """Group unit vectors (n, 3) that are within `angle` radians of each other, directly or through others."""
+def clusters(directions: Array) -> list[np.ndarray]:
+    """Group unit vectors (n, 3) that are within 16 degrees of each other, directly or through others."""
     from scipy.sparse.csgraph import connected_components
 
-    near = directions @ directions.T >= np.cos(angle)
+    near = directions @ directions.T >= np.cos(MERGE_ANGLE)
     count, label = connected_components(near, directed=False)
     return [np.flatnonzero(label == index) for index in range(count)]
 
