@@ -100,7 +100,7 @@ class _Piece:
         """Return the connected pieces on both sides of the plane normal . x = offset."""
         sides = self.solid.split_by_plane(normal, float(offset))
         pieces = (_Piece(piece) for side in sides for piece in side.decompose())
-        return [piece for piece in pieces if piece.volume > 1e-9 * self.volume]
+        return [piece for piece in pieces if piece.volume > 1e-9 * self.volume]  # no rest of rounding
 
     @cached_property
     def corners(self) -> Array:
@@ -131,7 +131,7 @@ def _best_cut(piece: _Piece, normals: Array) -> Sequence[_Piece]:
     (normal, offset), pieces = best_cut(
         piece, [_plane(piece, n, share) for n in normals for share in (1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)]
     )
-    if piece.hull_volume - held(pieces) < 0.1 * piece.excess:
+    if piece.hull_volume - held(pieces) < 0.1 * piece.excess:  # no cut helps at once
         lengths = [rounded(float(np.ptp(piece.corners @ normal)), 1e-5) for normal in normals]
         return best_cut(piece, [_plane(piece, normals[np.argmax(lengths)], 0.5)])[1]
     reach = float(np.ptp(piece.corners @ normal))

@@ -128,7 +128,7 @@ def _shells(mesh: trimesh.Trimesh) -> tuple[list[trimesh.Trimesh], int]:
     pieces = mesh.split(only_watertight=False, repair=False)
     if len(pieces) < 2:
         return [mesh], 0
-    kept = [piece for piece in pieces if piece.area >= 0.01 * mesh.area]
+    kept = [piece for piece in pieces if piece.area >= 0.01 * mesh.area]  # the others are crumbs
     if sum(piece.area for piece in kept) < 0.9 * mesh.area:
         return [mesh], 0
     return kept, len(pieces) - len(kept)

@@ -73,7 +73,7 @@ def _drop_one(
     for _ in range(int(6.0 / (_TIMESTEP * 25))):  # s
         mujoco.mj_step(mj_model, data, 25)
         speed = float(np.linalg.norm(data.qvel[:3]) + radius * np.linalg.norm(data.qvel[3:]))
-        still = still + 1 if speed < 2e-3 and data.ncon > 0 else 0
+        still = still + 1 if speed < 2e-3 and data.ncon > 0 else 0  # m/s
         if still == 4:
             vertical = data.xmat[1].reshape(3, 3)[2]
             return vertical / np.linalg.norm(vertical), speed

@@ -167,7 +167,7 @@ def _reduce_loops(model: mujoco.MjModel, path: Path, lines: Lines) -> tuple[list
                 raise InputError(f"{path}: loops move joint {name!r} with several drives: valid is one")
             ratio, offset = np.polyfit(u, q[:, j], 1)
             off = np.abs(ratio * u + offset - q[:, j]).max()
-            if off > 0.15 * unit[j]:
+            if off > 0.15 * unit[j]:  # rad
                 raise InputError(f"{path} couples joint {name!r} by a curve: it is {off:.2g} off a line")
             lines[j], worst = (drive, float(ratio), float(offset)), max(worst, off)
     still = [model.joint(j).name for j in free if j not in lines]

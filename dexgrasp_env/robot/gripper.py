@@ -61,7 +61,7 @@ def find_jaws(part: Part, palm: int, ends: list[int], opened: Array, closed: Arr
     tips = [_tip_frame(centre, way, x, radius) for (centre, _), way in zip(pads, (-y, y), strict=True)]
     origin = middle(np.array([T[:3, 3] for T in tips]))
     front = part.points(palm) @ x if part.has_shape(palm) else part.data.xpos[[palm]] @ x
-    origin += (min(front.max(), origin @ x - 0.025) - origin @ x) * x
+    origin += (min(front.max(), origin @ x - 0.025) - origin @ x) * x  # pads are 25 mm before it at least
     stroke = abs((at_open[0] - at_open[1]) @ y) - abs((own[0].mean(0) - own[1].mean(0)) @ y)
     stroke += float((pads[0][0] - pads[1][0]) @ y)
     # Torsional over sliding friction of a flat patch is 2/3 of its radius: taken with a reserve.
@@ -88,6 +88,7 @@ def _pad(part: Part, body: int, way: Array, x: Array) -> tuple[Array, float]:
     R = np.stack([way, np.cross(x, way), x], axis=1)
     shapes = [points @ R for points in part.shapes(body)]
     end = max(points[:, 2].max() for points in shapes)
+    # The pad is sought in the last 35 mm, or the last half of a shorter jaw.
     end_of = min(0.035, 0.5 * (end - min(points[:, 2].min() for points in shapes)))
     near = np.concatenate(
         [
@@ -96,7 +97,7 @@ def _pad(part: Part, body: int, way: Array, x: Array) -> tuple[Array, float]:
             if points[:, 2].max() > end - end_of
         ]
     )
-    face = near[near[:, 0] > near[:, 0].max() - 0.001]
+    face = near[near[:, 0] > near[:, 0].max() - 0.001]  # m of depth
     low, high = face.min(0), face.max(0)
     size = 0.5 * min(high[1] - low[1], high[2] - low[2], np.ptp(near[:, 0]))
     centre = 0.5 * (low + high)

@@ -143,7 +143,7 @@ class HandMaker(Part):
                     f"--thumb {self.told.thumb} is no body of a finger: fingers end in {', '.join(ends)}"
                 )
             thumb = named.index(True)
-        elif second - first < 0.5:
+        elif second - first < 0.5:  # another finger faces nearly as little as the others do
             self.notes.append(
                 f"hand thumb: the finger that ends in {ends[thumb]!r} is a guess: --thumb BODY names another"
             )
@@ -165,7 +165,7 @@ class HandMaker(Part):
         at = self.pose(self.palm)[:3, 3]
         ends = [b for chain in self.chains for b in chain[-1:] if self.has_shape(b)]
         reach = max((float(np.linalg.norm(self.points(b) - at, axis=1).max()) for b in ends), default=0.0)
-        if reach > 0.45:
+        if reach > 0.45:  # m
             raise InputError(
                 f"{self.path}: what branches from {self._name(self.palm)} reaches {reach:.2f} m: no hand does"
             )

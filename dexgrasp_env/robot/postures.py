@@ -25,7 +25,7 @@ def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
     """
     low, high = hand.joints.ranges
     drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (20_000, len(low)))
-    drawn = 0.5 * (low + high) + 0.5 * 0.85 * (high - low) * drawn
+    drawn = 0.5 * (low + high) + 0.5 * 0.85 * (high - low) * drawn  # the middle 85 % of each range
     _together(hand, drawn)
     best, free = _widest(hand, model, drawn)
     if not free:  # idle fingers that bend with the others may be in their way
@@ -66,6 +66,7 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
         for a, b in combinations(hand.bodies, 2)
         if model.body_parentid[number[b]] != number[a]
     }
+    # Links with two joints between them are counted where they touch: in half of the postures is too often.
     joined = {pair: 0 for pair in near if len(joints_between(model, *(number[name] for name in pair))) <= 2}
     count = 300
     drawn = np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (count, model.nq))
@@ -76,7 +77,7 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
                 joined[a, b] += apart < _TOUCHING
             if (a, b) in near:
                 near[a, b] = min(apart, near[a, b])
-                if not -0.004 < apart < _ALWAYS:
+                if not -0.004 < apart < _ALWAYS:  # m: deeper in each other they are no neighbours
                     del near[a, b]
     found = {pair for pair, least in near.items() if least < _TOUCHING}
     found |= {pair for pair, often in joined.items() if often > 0.5 * count}
@@ -140,6 +141,7 @@ def _merit(hand: Hand, data: mujoco.MjData) -> float:
     span = float(np.linalg.norm(between))
     pads = frames[:, :, 0] @ (between / max(span, 1e-6))
     facing = pads[0] - pads[1:].mean()
+    # Opposing tips 9 cm apart are best; 3 cm of a miss count as one.
     return float(
         facing
         + frames[:, 0, 2].min()
@@ -160,7 +162,7 @@ def home_posture(arm: Arm, model: mujoco.MjModel) -> tuple[list[float], bool]:
     """
     data = mujoco.MjData(model)
     low, high = arm.joints.ranges
-    low, high = np.maximum(low, -np.pi) + 0.05, np.minimum(high, np.pi) - 0.05
+    low, high = np.maximum(low, -np.pi) + 0.05, np.minimum(high, np.pi) - 0.05  # rad from the limits
     best, found = -np.inf, 0.5 * (low + high)
     for start in np.random.default_rng(0).uniform(low, high, (300, len(low))):
         q = _flange_down(arm, data, start, (low, high))
@@ -173,7 +175,7 @@ def _flange_down(arm: Arm, data: mujoco.MjData, q: Array, limits: Any) -> Array 
     """Return where damped least squares lead from `q`, None where that is not the goal."""
     model = data.model
     body, J = model.body(arm.bodies[-1]).id, np.zeros((6, model.nv))
-    goal = np.array([0.4, 0.0, 0.55]) + np.array([0.0, 0.0, FLANGE])
+    goal = np.array([0.4, 0.0, 0.55]) + np.array([0.0, 0.0, FLANGE])  # m: the flange over the table
     for _ in range(60):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)

@@ -72,7 +72,7 @@ def _tree(path: Path, seen: tuple[Path, ...] = (), read: list[int] | None = None
         if not path.is_file():
             raise OSError
         read[0] += path.stat().st_size
-        text = path.read_bytes() if read[0] <= 32 << 20 else b""
+        text = path.read_bytes() if read[0] <= 32 << 20 else b""  # 32 MiB
         if not text or b"<!ENTITY" in text.replace(b"\0", b""):  # in UTF-16 as well
             raise InputError(f"MuJoCo cannot read {path}: it is empty or too large, or defines entities")
         root = ElementTree.fromstring(text)
@@ -162,7 +162,7 @@ def _drop_free_joints(root: Element) -> list[str]:
         if joint.tag == "freejoint" or (joint.tag == "joint" and joint.get("type") == "free")
     ]
     for body in root.findall("worldbody/body"):
-        if len(own := body.findall("joint")) >= 6:
+        if len(own := body.findall("joint")) >= 6:  # one a direction
             found += [(body, joint) for joint in own]
     for body, joint in found:
         body.remove(joint)
@@ -207,7 +207,7 @@ def _begins_in_world(model: mujoco.MjModel) -> bool:
 def _compile(root: Element, path: Path, changed: bool, notes: list[str]) -> mujoco.MjModel:
     """Compile a tree, mending what MuJoCo asks for."""
     message = ""
-    for _ in range(20):
+    for _ in range(20):  # one change after the other
         try:
             return with_decimal_points(_compiled, root, path, changed)
         except (ValueError, OSError, MemoryError) as error:
