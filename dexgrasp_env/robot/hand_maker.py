@@ -312,7 +312,7 @@ class HandMaker(Part):
     def _driven(self, joints: list[str]) -> Fields:
         """Return limits, gains and tendons as the file says them."""
         limits = self.limits(joints, "gripper" if self.jaws else "hand")
-        tendons = [
+        tendons: list[Fields] = [
             {
                 "joints": self.joint_names(own),
                 "coefs": [coef / own[max(own)] for coef in own.values()],

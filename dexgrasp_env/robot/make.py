@@ -169,7 +169,7 @@ def make_robot(
             if kind == "arm":
                 content, said = arm_entry(path)
             else:
-                content, said = hand_entry(path, told or (recipe and recipe.told))
+                content, said = hand_entry(path, told or (recipe.told if recipe else None))
             if recipe is not None and kind == "hand":
                 content = recipe.changed(content)
                 said.append(
