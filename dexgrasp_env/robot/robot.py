@@ -274,12 +274,9 @@ class Hand:
 
 def _joined(name: str) -> "cached_property[Array]":
     """A read-only array (n,) of the arm's numbers and the hand's."""
-
-    def values(self: "Robot") -> Array:
-        """Return the arm's values, then the hand's."""
-        return _fixed(*getattr(self.arm.joints, name), *getattr(self.hand.joints, name))
-
-    return cached_property(values)
+    return cached_property(
+        lambda own: _fixed(*getattr(own.arm.joints, name), *getattr(own.hand.joints, name))
+    )
 
 
 @dataclass(frozen=True)
