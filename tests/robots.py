@@ -1,8 +1,12 @@
 """The simulated cell and its robot, as tests name them."""
 
+from pathlib import Path
 from typing import Any
 
+import yaml
+
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.assets import asset_path
 from dexgrasp_env.robot.cell import default_cell
 
 CELL = default_cell()
@@ -20,3 +24,18 @@ MOUNTS = CELL.mounts
 def denormalise(action: Array, robot: Any) -> Array:
     """`joint_position` actions (..., n) as joint positions (..., n) rad."""
     return robot.lower + 0.5 * (action + 1.0) * (robot.upper - robot.lower)
+
+
+def variant(folder: Path, of: str | Path = "panda_allegro", **changes: Any) -> Path:
+    """Write a robot into a folder, entries of its file changed, or of its `hand` or `arm`, and return its path."""
+    base = asset_path("robot", f"{of}.yaml") if isinstance(of, str) else of
+    robot = yaml.safe_load(base.read_text())
+    for key, change in changes.items():
+        if isinstance(change, dict):
+            part = yaml.safe_load((base.parent / robot[key]).read_text()) | change
+            robot[key] = f"{key}.yaml"
+            (folder / robot[key]).write_text(yaml.safe_dump(part))
+        else:
+            robot[key] = change
+    (folder / "robot.yaml").write_text(yaml.safe_dump(robot))
+    return folder / "robot.yaml"

@@ -58,24 +58,16 @@ def test_the_default_cell_says_what_the_robots_files_say(file, joints):
                 assert np.array_equal(a, b), (name, part)
 
 
-def test_the_default_is_the_simulated_cell():
-    assert default_cell().stamp == SIMULATED
-    assert read_cell(asset_path("robot", "cell.yaml")) == default_cell()
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"name": "simulated", "hand": {"torque": 0.5}}, "a `name` of its own"),
         ({"arms": {}}, "unknown key 'arms'"),
-        ({"arm": {"velocity": [1.0] * 6}}, "valid are 7 finite numbers"),
         ({"arm": {"velocity": [1.0, 1.0, 1.0, 3.0, 1.0, 1.0, 1.0]}}, "velocity of joint 4 is 3.0.*most 2.175"),
-        ({"arm": {"lower": [-3.0, -1.7, -2.8, -3.0, -2.8, 0.0, -2.8]}}, "lower of joint 1 is -3.0.*least -2.8973"),
         ({"arm": {"upper": [2.8, 1.7, 2.8, -2.9, 2.8, 3.7, 2.8]}}, "joint 4 ranges .*hold home"),
         ({"hand": {"stiffness": [8.0] * 15 + [9.0]}}, "one number"),
         ({"mounts": {"sideways": {}}}, "unknown setting of mounts 'sideways'"),
         ({"mounts": {"palm_normal": {"name": "other"}}}, "but for its name"),
-        ({"mounts": {"palm_normal": {"quat_wxyz": [1.0, 1.0, 0.0, 0.0]}}}, "unit quaternion"),
         ({"mounts": {"palm_normal": {"position": [47.5, 0.0, 150.0]}}}, "within 0.5 m"),
         ({"table_height": 0.2}, "table_height is 0.2: valid is a finite number >= -0.15 and <= 0.15"),
         ({"cameras": []}, "1 to 8 cameras"),
@@ -83,7 +75,6 @@ def test_the_default_is_the_simulated_cell():
         ({"cameras": [{"name": "top", "position": [0, 0, 1]}]}, "look_at of top"),
         ({"cameras": [{"name": "top", "T_base_camera": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]},
          "orthonormal"),
-        ({"image": {"fx": -3.0}}, "focal lengths"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_said_in_one_line(change, words, tmp_path):
@@ -94,7 +85,7 @@ def test_a_mistake_is_said_in_one_line(change, words, tmp_path):
     assert str(path) in str(error.value)
 
 
-@pytest.mark.parametrize("text", ["", "[1, 2", "just words", "schema: 1\nname: [1]"])
+@pytest.mark.parametrize("text", ["", "[1, 2", "schema: 1\nname: [1]"])
 def test_a_file_that_is_no_cell_ends_a_command_in_two(text, tmp_path, capsys):
     path = tmp_path / "cell.yaml"
     path.write_text(text)
@@ -180,16 +171,13 @@ def test_the_page_of_the_docs_shows_a_cell_that_can_be_read(tmp_path):
     assert read_cell(path).name == "our lab"
 
 
-def slowed(cell):
-    arm = cell.robot.arm
-    arm = replace(arm, joints=replace(arm.joints, velocity=(0.1,) * 7))
-    return replace(cell, robot=replace(cell.robot, arm=arm))
-
-
 def test_the_default_cell_has_a_hash_too():
-    assert default_cell().version.startswith(SIMULATED + "-")
-    slower = slowed(default_cell())
-    assert slower.version != default_cell().version
+    cell = default_cell()
+    assert read_cell(asset_path("robot", "cell.yaml")) == cell
+    assert (cell.stamp, cell.version[: len(SIMULATED) + 1]) == (SIMULATED, f"{SIMULATED}-")
+    joints = replace(cell.robot.arm.joints, velocity=(0.1,) * 7)
+    slower = replace(cell, robot=replace(cell.robot, arm=replace(cell.robot.arm, joints=joints)))
+    assert slower.version != cell.version
     saved = DemoSettings.of(["pear"]).as_json()
     assert DemoSettings.of_json(saved) == DemoSettings.of(["pear"])
     with refused("give theirs with --robot"):

@@ -1,23 +1,18 @@
 """All four fingers of the Allegro in one grasp: its file names them, and nothing else changes."""
 
-import yaml
+from robots import variant
 
 from dexgrasp.grasp.planned_record import Origin, planned_record
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.planner import Planner, small_box
-from dexgrasp_env.assets import asset_path
 from dexgrasp_env.robot.cell import make_cell
 
 FINGERS = ["thumb", "index", "middle", "ring"]
 
 
 def test_four_fingers_take_hold_and_the_judge_agrees(tmp_path):
-    hand = yaml.safe_load(asset_path("robot", "allegro.yaml").read_text())
-    robot = yaml.safe_load(asset_path("robot", "panda_allegro.yaml").read_text())
-    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(hand | {"grasp": FINGERS}))
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot | {"hand": "hand.yaml"}))
-    cell = make_cell(str(tmp_path / "robot.yaml"))
+    cell = make_cell(variant(tmp_path, hand={"grasp": FINGERS}))
     planner = Planner(cell=cell, source=make_source("auto", cell.robot))
     result = planner.plan(small_box(), 0, cell.robot.home.copy())
     assert result.success, result.reason

@@ -3,9 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
-import yaml
 from numpy.testing import assert_allclose
 from refusals import refused
+from robots import variant
 
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
@@ -17,7 +17,6 @@ from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.mechanics.kinematics.forward import fingertips, hand_contact_jacobian
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp_env.assets import asset_path
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.robot_file import read_robot
@@ -28,12 +27,9 @@ CELL = make_cell("panda_gripper")
 TREE = robot_tree(CELL)
 
 
-def test_nothing_is_wrong_with_the_gripper():
-    assert [finding for finding in check_robot(CELL) if finding.level != "info"] == []
-
-
 def test_jacobians_are_those_of_what_drives():
     """Both jaws move with the first slide, which has the torque and the stiffness of both."""
+    assert [finding for finding in check_robot(CELL) if finding.level != "info"] == []
     q, normals = CELL.robot.home.copy(), np.array([[0.6, 0.8, 0.0], [0.0, -1.0, 0.0]])
     tips = fingertips(q, TREE)
     ours = hand_contact_jacobian(q, tips, normals, TREE)
@@ -87,16 +83,10 @@ def test_it_lifts_what_is_pushed_and_the_judge_agrees(tmp_path):
     [
         ({"couplings": [{"joint": "up", "follows": "left_slide"}]}, "unknown joint of a coupling 'up'"),
         ({"couplings": [{"joint": "left_slide", "follows": "left_slide"}]}, "that follows none itself"),
-        ({"couplings": [{"joint": "right_slide"}]}, "follows"),
         ({"torsion": 0.0}, "a grasp of 2 fingers: valid are 3 to 5"),
         ({"grasp": ["left"]}, "a grasp of 1 fingers"),
-        ({"torsion": -1}, "torsion"),
     ],
 )
 def test_what_no_gripper_is_ends_in_a_line(change, words, tmp_path):
-    hand = yaml.safe_load(asset_path("robot", "gripper.yaml").read_text()) | change
-    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(hand))
-    robot = yaml.safe_load(asset_path("robot", "panda_gripper.yaml").read_text()) | {"hand": "hand.yaml"}
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot))
     with refused(words):
-        read_robot(tmp_path / "robot.yaml")
+        read_robot(variant(tmp_path, "panda_gripper", hand=change))

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 import yaml
 from numpy.testing import assert_allclose
-from refusals import refused
 
 import dexgrasp_env  # noqa: F401  (registers the ids)
 from dexgrasp.agents.hardcoded import HardcodedAgent
@@ -93,11 +92,6 @@ def test_loops_are_reduced_to_their_drive(tmp_path):
     assert any("loops are reduced" in note for note in notes)
     assert robot_tree(cell).torque.max() == pytest.approx(4.0, rel=0.01)
     assert abs(gap(cell, cell.robot.home)[2]) < 1e-3
-
-
-def test_a_loop_that_nothing_drives_is_refused(tmp_path):
-    with refused("no actuator drives"):
-        made(tmp_path, LOOPS[: LOOPS.index("<actuator>")] + "</mujoco>")
 
 
 def test_our_gripper_is_found_as_its_file_states_it(tmp_path):

@@ -3,7 +3,6 @@
 import http.server
 import io
 import json
-import shlex
 import tarfile
 import threading
 from functools import partial
@@ -20,7 +19,6 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.commands import run_script
 from dexgrasp.cli.main import main
 from dexgrasp.evaluation.protocol import trial_seeds
-from dexgrasp.evaluation.report.origin import commands
 from dexgrasp.evaluation.settings import EvaluationSettings, object_labels
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 
@@ -65,18 +63,13 @@ def test_members_have_their_own_unit_mass_friction_and_pose(folder):
     ("objects", "message"),
     [
         ([], "must hold"),
-        ([3], "object 1: it is no mapping: valid is one with name, mesh"),
         ([BRICK, BRICK], "object 2: name 'brick' is taken"),
         ([BRICK | {"name": "pear"}], "name 'pear' is taken"),
         ([BRICK | {"name": "a/b"}], "name is 'a/b'"),
         ([BRICK, BALL | {"mesh": "no.ply"}], "object 2: mesh file"),
-        ([BRICK | {"mesh": 7}], "mesh is 7"),
         ([BRICK | {"mass": 1e-300}], "mass is 1e-300: valid is a finite number >= 0.0001 and <= 100"),
-        ([BRICK | {"mass": True}], "mass is True"),
-        ([BRICK | {"scale": 0}], "scale is 0"),
         ([BRICK | {"friction": 3}], "friction is 3"),
         ([BRICK | {"upright": [1, 1, 0, 0]}], "unit quaternion"),
-        ([BRICK | {"upright": "up"}], "unit quaternion"),
         ([BRICK | {"wieght": 1}], "unknown key 'wieght'"),
     ],
 )
@@ -129,16 +122,6 @@ def test_environments_take_the_friction_of_the_member_unless_they_name_one(folde
         assert set(model.pair_friction[:, 0]) == {expected}
         assert model.body("object").mass == pytest.approx(0.2)
         env.close()
-
-
-def test_a_whole_set_is_named_by_its_file_in_commands(folder):
-    path = written(folder, BRICK, BALL)
-    targets = resolve_targets([path])
-    run = {"agents": ["random"], "objects": targets, "trials": 1, "seed": 0, "protocol": "lift"}
-    (folder / "run.json").write_text(json.dumps(run))
-    assert f"--objects {path} --trials" in commands(folder)[0]
-    (folder / "run.json").write_text(json.dumps(run | {"objects": targets[:1]}))
-    assert f"--objects {shlex.quote(targets[0])} --trials" in commands(folder)[0]
 
 
 def test_members_stand_upright_as_the_set_says(folder):

@@ -1,21 +1,22 @@
 """The catalogue: sizes, masses, surfaces, contact parts, names."""
 
-import manifold3d
 import mujoco
 import numpy as np
 import pytest
-import scipy.spatial
 from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 
 from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS, catalogue_object
-from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
+from dexgrasp_env.objects.load import load_object, resolve_targets
 from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel, centred_model, reduced_hull
 from dexgrasp_env.objects.parts import KINDS, MAX_VERTICES, ContactPart, hull_part
-from dexgrasp_env.objects.shapes import prism, to_manifold
+from dexgrasp_env.objects.repair import is_sound
+from dexgrasp_env.objects.shapes import prism, to_manifold, union
+from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.robot.hulls import mesh_of
 
 EVERY = sorted(CATALOGUE)
 
@@ -29,25 +30,15 @@ def compiled(model: ObjectModel) -> mujoco.MjModel:
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_surface_is_a_clean_solid_about_its_centre_of_mass(name):
-    mesh = load_object(name).mesh
-    assert mesh.is_watertight
-    assert mesh.is_winding_consistent
-    assert mesh.volume > 0
+def test_surface_is_a_clean_solid_that_contact_parts_fill(name):
+    model = load_object(name)
+    mesh = model.mesh
+    assert is_sound(mesh)
     assert 1000 <= len(mesh.faces) <= 7000
     assert mesh.area_faces.min() > 0
     assert_allclose(mesh.center_mass, 0, atol=1e-7)
-
-
-@pytest.mark.parametrize("name", EVERY)
-def test_contact_parts_fill_the_surface(name):
-    model = load_object(name)
     assert all(len(part.vertices) <= MAX_VERTICES for part in model.parts)
-    parts = [to_manifold(part.surface()) for part in model.parts]
-    contact, surface = (
-        manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add),
-        to_manifold(model.mesh),
-    )
+    contact, surface = to_manifold(union([part.surface() for part in model.parts])), to_manifold(mesh)
     assert (contact ^ surface).volume() / (contact + surface).volume() > 0.95
 
 
@@ -66,53 +57,38 @@ def test_compiles_with_the_mass_and_inertia_mujoco_finds_in_the_mesh(name):
     assert_allclose(np.sort(mj_model.body_inertia[1]), np.sort(own.body_inertia[1]), rtol=2e-3)
 
 
-def test_geoms_have_the_agreed_names_and_groups():
-    mj_model = compiled(load_object("pill_bottle"))
-    assert [mj_model.geom(i).name for i in range(3)] == ["object_visual", "object_0", "object_1"]
-    assert list(mj_model.geom_group) == [2, 3, 3]
-    assert mj_model.geom_contype[0] == mj_model.geom_conaffinity[0] == 0
-    assert list(mj_model.geom_condim[1:]) == [3, 3]
-
-
-@pytest.mark.parametrize("name", ["mustard_bottle", "sandwich_side", "massage_ball"])
+@pytest.mark.parametrize("name", ["mustard_bottle", "massage_ball"])
 def test_contact_geoms_lie_where_the_parts_are(name):
+    """Names and groups are the agreed ones; what is seen does not collide."""
     model = load_object(name)
     mj_model = compiled(model)
     data = mujoco.MjData(mj_model)
     mujoco.mj_forward(mj_model, data)
+    assert list(mj_model.geom_group) == [2] + [3] * len(model.parts)
+    assert mj_model.geom("object_visual").contype[0] == mj_model.geom("object_visual").conaffinity[0] == 0
     for i, part in enumerate(model.parts):
         geom = mj_model.geom(f"object_{i}").id
-        if part.kind == "mesh":
-            mesh = mj_model.geom_dataid[geom]
-            start, count = mj_model.mesh_vertadr[mesh], mj_model.mesh_vertnum[mesh]
-            local = mj_model.mesh_vert[start : start + count]
-            world = local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-            assert_allclose(world.max(0), (part.vertices + part.position).max(0), atol=1e-6)
-        else:
+        assert mj_model.geom_condim[geom] == 3
+        if part.kind != "mesh":
             assert_allclose(data.geom_xpos[geom], part.position, atol=1e-9)
+            continue
+        world = mesh_of(mj_model, geom)[0] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        assert_allclose(world.max(0), (part.vertices + part.position).max(0), atol=1e-6)
 
 
 def test_sets_are_those_of_the_tables():
     assert {name: len(names) for name, names in OBJECT_SETS.items()} == {
         "ycb6": 6, "seen": 3, "familiar": 4, "novel": 13, "all20": 20,
     }  # fmt: skip
-    assert resolve_targets(["seen", "sugar_box", "pear"]) == [
-        "sugar_box",
-        "tomato_soup_can",
-        "mustard_bottle",
-        "pear",
-    ]
+    assert resolve_targets(["seen", "sugar_box", "pear"]) == [*OBJECT_SETS["seen"], "pear"]
     assert set(resolve_targets(list(OBJECT_SETS))) == set(CATALOGUE)
 
 
 def test_presented_poses_of_the_sandwich():
-    from dexgrasp_env.poses import quat_to_matrix
-
     for name, height in (("sandwich_upright", 0.12), ("sandwich_side", 0.07)):
         model = load_object(name)
         tall = np.ptp((model.mesh.vertices @ quat_to_matrix(model.fixed_pose).T)[:, 2])
         assert tall == pytest.approx(height, abs=1e-9)
-    assert load_object("pear").fixed_pose is None
 
 
 def test_hash_follows_the_content_and_nothing_else():
@@ -138,7 +114,6 @@ def test_scaling_keeps_the_density():
     [
         ("sugarbox", {}, "did you mean sugar_box"),
         ("nothing like it", {}, "objects: cracker_box"),
-        ("sugar_box", {"scale": 0.0}, "scale is 0.0"),
         ("sugar_box", {"scale": float("nan")}, "scale is nan"),
         ("sugar_box", {"mass": -1.0}, "mass is -1.0"),
         ("missing.obj", {}, "does not exist"),
@@ -153,12 +128,9 @@ def test_bad_lists_of_targets_are_refused():
     for targets in ([], ["all21"], ["seen", "missing.stl"]):
         with refused():
             resolve_targets(targets)
-    assert object_name("some/where/mug.obj") == "mug"
 
 
 def test_bad_shapes_are_refused():
-    with refused("unknown contact part"):
-        ContactPart("torus")
     with refused("not convex"):
         prism([(0, 0), (1, 0), (0.1, 0.1), (0, 1)], 0.1)
     pear = load_object("pear")
@@ -170,16 +142,13 @@ def test_bad_shapes_are_refused():
         centred_model("x", open_mesh, pear.parts, 0.1)
 
 
-@pytest.mark.parametrize("name", ["soda", "massage_ball", "lego", "sandwich_side"])
+@pytest.mark.parametrize("name", ["massage_ball", "sandwich_side"])
 def test_an_object_read_from_the_cache_is_the_one_that_was_made(name):
     made = CATALOGUE[name].build()
     for read in (catalogue_object.__wrapped__(name), catalogue_object.__wrapped__(name)):
         assert (read.content_hash, read.notes, read.rgba) == (made.content_hash, made.notes, made.rgba)
         assert_array_equal(read.inertia, made.inertia)
         assert_array_equal(read.solid.corners, made.solid.corners)
-        assert_array_equal(read.mesh.triangles, made.mesh.triangles)
-        assert read.mesh.is_watertight
-        assert [part.kind for part in read.parts] == [part.kind for part in made.parts]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -218,31 +187,3 @@ def test_a_sliver_has_a_reduced_hull():
     hull = reduced_hull(np.concatenate([rim, [[0.0, 0.0, -3e-5]]]), 40)
     assert 0.0 < len(hull.vertices) <= 40
     assert hull.extents == pytest.approx([0.016, 0.016, 3e-5], rel=0.02)
-
-
-def test_a_sliver_flat_to_rounding_has_a_reduced_hull(monkeypatch):
-    class Exact(scipy.spatial.ConvexHull):
-        def __init__(self, points, incremental=False, qhull_options=None):
-            if incremental and qhull_options is None:
-                raise scipy.spatial.QhullError("QH6154 initial simplex is flat")
-            super().__init__(points, incremental, qhull_options)
-
-    monkeypatch.setattr(scipy.spatial, "ConvexHull", Exact)
-    ball = 0.05 * fibonacci_directions(300) * [1.0, 1.0, 1e-4]
-    hull = reduced_hull(ball, 60)
-    assert 20 < len(hull.vertices) <= 60
-    assert hull.extents == pytest.approx([0.1, 0.1, 1e-5], rel=0.05)
-
-
-def test_a_reduced_hull_survives_what_qhull_cannot_add(monkeypatch):
-    """As it cannot to a part of a scanned can: adding a point to its flat, round faces ends in a wide merge."""
-
-    class Brittle(scipy.spatial.ConvexHull):
-        def add_points(self, points, restart=False):
-            raise scipy.spatial.QhullError("QH6347 qhull precision error (qh_mergefacet): wide merge")
-
-    ball = 0.05 * fibonacci_directions(300)
-    added = reduced_hull(ball, 60)
-    monkeypatch.setattr(scipy.spatial, "ConvexHull", Brittle)
-    anew = reduced_hull(ball, 60)
-    assert_array_equal(anew.vertices, added.vertices)

@@ -85,25 +85,3 @@ def test_no_grasp_lies_on_a_cups_mouth():
     grasp = Planner().plan(target).grasp
     assert grasp is not None
     assert target.was_seen(grasp.contacts).all()
-    whole = trimesh.creation.cylinder(0.039, 0.09)
-    whole.apply_translation([0.5, 0.0, 0.045])
-    solid = target_of(Scene(ObjectCloud(*cloud(whole)), TABLE))
-    assert solid.seen is None
-    assert solid.was_seen(np.array([mouth])).all()
-
-
-def test_a_side_that_was_guessed_is_one_hull():
-    points, normals = cloud(*hammer())
-    seen = normals[:, 0] < -0.5
-    target = target_of(Scene(ObjectCloud(points[seen], normals[seen]), TABLE))
-    assert target.spread is not None
-    assert len(target.parts) == 1
-
-
-def test_points_without_volume_have_no_parts_but_their_hull():
-    hull = trimesh.creation.box((0.1, 0.1, 0.1)).vertices
-    flat = np.column_stack([np.random.default_rng(0).uniform(0, 0.1, (50, 2)), np.full(50, 0.05)])
-    for points in (flat, flat[:3]):
-        (part,), airy = parts_within(hull, points, None)
-        assert part is hull
-        assert not airy

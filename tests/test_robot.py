@@ -18,7 +18,6 @@ from robots import (
     TIPS,
     TORQUE,
     UPPER,
-    VELOCITY,
 )
 
 from dexgrasp_env.assets import asset_path
@@ -58,17 +57,12 @@ def placed(model, q):
     return data
 
 
-def touching(model, data):
-    """Unordered pairs of bodies in contact."""
-    bodies = (sorted(model.body(model.geom_bodyid[g]).name for g in c.geom) for c in data.contact)
-    return {tuple(pair) for pair in bodies}
-
-
 def pairs_at(model, data, q):
+    """Unordered pairs of bodies in contact."""
     data.qpos[:] = q
     mujoco.mj_kinematics(model, data)
     mujoco.mj_collision(model, data)
-    return touching(model, data)
+    return {tuple(sorted(model.body(model.geom_bodyid[g]).name for g in c.geom)) for c in data.contact}
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -116,28 +110,8 @@ def test_tips_lie_where_the_figures_say(hand):
     assert_allclose(mm["middle"], (0, 0, 136.2), atol=0.1)
     assert_allclose(mm["ring"], (0, -55.3, 133.4), atol=0.1)
     assert_allclose(mm["thumb"], (26, 161, -86), atol=1.0)
-    data.qpos[12] = 1.396
-    mujoco.mj_forward(hand, data)
+    data = placed(hand, np.r_[HAND_ZERO[:12], 1.396, HAND_ZERO[13:]])
     assert_allclose(1e3 * data.site("thumb_tip").xpos, (132, 38, -75), atol=1.0)
-
-
-def test_tip_capsules_end_at_the_tip_sites(model):
-    data = placed(model, HOME)
-    for finger in FINGERS:
-        geom = model.geom(f"{finger}_tip")
-        axis = data.geom(f"{finger}_tip").xmat.reshape(3, 3)[:, 2] * geom.size[1]
-        ends = data.geom(f"{finger}_tip").xpos + np.array([axis, -axis])
-        offsets = np.linalg.norm(ends - data.site(f"{finger}_tip").xpos, axis=1)
-        assert offsets.min() < 1e-9
-
-
-def test_fingers_bend_towards_the_palms_face(hand):
-    for i in range(12):
-        if i % 4:
-            q = HAND_ZERO.copy()
-            q[i] = 0.5
-            tip = placed(hand, q).site(f"{FINGERS[i // 4]}_tip").xpos
-            assert tip[0] > 0.01
 
 
 def test_limits_agree_with_the_model(model):
@@ -148,8 +122,6 @@ def test_limits_agree_with_the_model(model):
     assert_array_equal(model.jnt_actfrcrange, both)
     assert (HOME > LOWER).all()
     assert (HOME < UPPER).all()
-    assert VELOCITY.shape == (23,)
-    assert not HOME.flags.writeable
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -221,18 +193,6 @@ def test_torques_saturate_at_the_limits(model, sign):
     assert (peak[:7] == TORQUE[:7]).any()
 
 
-def test_servo_tracks_a_set_point(model):
-    data = placed(model, HOME)
-    offset = np.concatenate([np.full(7, 0.1), np.full(16, -0.05)])
-    goal = np.clip(HOME + offset, LOWER, UPPER)
-    for k in range(1000):
-        data.ctrl[:] = HOME + min(k / 300, 1.0) * (goal - HOME)
-        mujoco.mj_step(model, data)
-    assert_allclose(data.qpos, goal, atol=2e-3)
-    assert np.abs(data.qvel).max() < 1e-2
-    assert not any(w.number for w in data.warning)
-
-
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_gravity_is_compensated_through_the_actuators(mount):
     model = robot_spec(CELL.mounted(mount)).compile()
@@ -244,9 +204,3 @@ def test_gravity_is_compensated_through_the_actuators(mount):
     assert_allclose(data.qfrc_actuator, data.qfrc_bias, atol=0.05)
     assert np.abs(data.qfrc_actuator).max() > 10.0
     assert model.jnt_actgravcomp.all()
-
-
-@pytest.mark.parametrize("name", ["panda", "allegro"])
-def test_the_files_compile_on_their_own(name):
-    model = mujoco.MjModel.from_xml_path(str(asset_path("robot", f"{name}.xml")))
-    assert model.nu == {"panda": 7, "allegro": 16}[name]

@@ -5,6 +5,7 @@ import re
 import pytest
 import yaml
 from foreign_parts import ALLEGRO, foreign_hand
+from robots import variant
 
 from dexgrasp.cli.commands import run_command
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
@@ -23,14 +24,8 @@ def made(tmp_path_factory):
 _PHANTOM = '<position name="phantom" joint="index_1" kp="10"/></actuator>'
 
 
+SLOW = pytest.mark.slow
 _BACKWARDS = [0.5**0.5, 0.0, 0.5**0.5, 0.0]
-
-
-def check_of(folder, parts):
-    """Write a robot of some parts into a folder; return the command that checks it."""
-    robot = {"schema": 1, "kind": "robot", "name": "mine", "arm": "panda.yaml", "hand": "allegro.yaml"}
-    (folder / "robot.yaml").write_text(yaml.safe_dump(robot | {"mount": "palm_normal"} | parts))
-    return ["robot", "check", str(folder / "robot.yaml")]
 
 
 def _shifted(hand: dict, finger: int, frame: dict) -> dict:
@@ -45,24 +40,20 @@ def _shifted(hand: dict, finger: int, frame: dict) -> dict:
         (lambda h: {"open": h["lower"]}, "in front of the palm", "bend `open` further"),
         (lambda h: {"open": [-0.4, 1.5, 0.8, 0.8, 0.4, 1.5, 0.8, 0.8, -0.4, 1.5, 0.8, 0.8, *h["open"][12:]]},
          "touch with the hand open", "change `open`"),
-        (lambda h: {"stiffness": 0.01}, "follows its servo by", "raise its stiffness"),
+        pytest.param(lambda h: {"stiffness": 0.01}, "follows its servo by", "raise its stiffness", marks=SLOW),
         (lambda h: _shifted(h, 0, {"position": [0.0, 0.0, 0.1]}), "mm from its centre", "shift the tip's frame"),
         (lambda h: _shifted(h, 3, {"quat_wxyz": [0.0, 0.0, 0.0, 1.0]}), "looks away|face each other", "tip.s frame"),
-        (lambda h: {"torque": 0.05}, "can press with", "torque of its joints"),
-        (lambda h: {"upper": [*h["upper"][:12], *(q + 0.01 for q in h["lower"][12:])],
-                    "open": [*h["open"][:12], *h["lower"][12:]]}, "face each other", "wider ranges"),
-        (lambda h: {"mounts": {"palm_normal": {"position": [0.0, 0.0, 0.3], "quat_wxyz": _BACKWARDS}}},
-         "palm poses over the table are reached", "`home` or `starts`"),
+        pytest.param(lambda h: {"torque": 0.05}, "can press with", "torque of its joints", marks=SLOW),
+        pytest.param(lambda h: {"upper": [*h["upper"][:12], *(q + 0.01 for q in h["lower"][12:])],
+                    "open": [*h["open"][:12], *h["lower"][12:]]}, "face each other", "wider ranges", marks=SLOW),
+        pytest.param(lambda h: {"mounts": {"palm_normal": {"position": [0.0, 0.0, 0.3], "quat_wxyz": _BACKWARDS}}},
+         "palm poses over the table are reached", "`home` or `starts`", marks=SLOW),
     ],
 )  # fmt: skip
 def test_the_check_finds_a_fault_and_says_its_mend(change, problem, mend, made, tmp_path):
     hand = yaml.safe_load(made.with_name("theirs_hand.yaml").read_text())
-    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(hand | change(hand)))
-    robot = yaml.safe_load(made.read_text()) | {"hand": "hand.yaml"}
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot))
-    found = [
-        finding for finding in check_robot(make_cell(tmp_path / "robot.yaml")) if finding.level != "info"
-    ]
+    cell = make_cell(variant(tmp_path, made, hand=change(hand)))
+    found = [finding for finding in check_robot(cell) if finding.level != "info"]
     assert any(re.search(problem, f.problem) and re.search(mend, f.remedy) for f in found), found
 
 
@@ -72,24 +63,21 @@ def test_the_check_finds_a_fault_and_says_its_mend(change, problem, mend, made, 
         (lambda text: text.replace("</actuator>", _PHANTOM), "actuators are"),
         (lambda text: re.sub(r'<[a-z]+ [^>]*name="index_0" [^>]*joint="index_0"[^>]*/>', "", text), "no actuator"),
         (lambda text: text.replace('joint="thumb_3"', 'joint="0"'), "actuator 'thumb_3' moves no joint"),
-        (lambda text: text.replace('joint="thumb_3"', ""), "actuator 'thumb_3' moves no joint"),
         (lambda text: text.replace("</contact>", '<exclude body1="thumb_distal" body2="index_distal"/></contact>'),
          "get .* mm into each other"),
         (lambda text: text.replace('body name="index_', 'body name="x_'), "has no body 'index_base'"),
-        (lambda text: re.sub(r' mass="[^"]*"', ' mass="1e18"', text, count=1), r"a mass of .*e\+18 .* at most 1000"),
+        (lambda text: re.sub(r' mass="[^"]*"', ' mass="1e18"', text, count=1), "a mass of .* valid is 0 to 1000"),
         (lambda text: re.sub(r'<joint ', '<joint armature="-1" ', re.sub(r' armature="[^"]*"', "", text), count=1),
-         "an inertia of -1 .* at least 0"),
+         "an inertia of -1 .* valid is 0"),
         (lambda text: text.replace('geom name="palm"', 'geom name="x"'), "no geom 'palm'"),
-        (lambda text: text.replace('geom name="thumb_medial"', 'geom name="x"'), "no geom 'thumb_medial'"),
-        (lambda text: re.sub(r'(name="index_medial" pos=")\S+', r"\1nan", text), "a length of inf .* at most 10"),
+        (lambda text: re.sub(r'(name="index_medial" pos=")\S+', r"\1nan", text), "a length of inf .* to 10"),
     ],
 )  # fmt: skip
 def test_the_check_finds_a_fault_of_a_description(change, problem, tmp_path, capsys):
     text = ALLEGRO.read_text().replace('meshdir="', f'meshdir="{ALLEGRO.parent}/')
     assert change(text) != text
     (tmp_path / "hand.xml").write_text(change(text))
-    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(HAND | {"mjcf": "hand.xml"}))
-    run_command(check_of(tmp_path, {"hand": "hand.yaml"}))
+    run_command(["robot", "check", str(variant(tmp_path, hand={"mjcf": "hand.xml"}))])
     said = capsys.readouterr()
     assert re.search(problem, said.out + said.err)
     assert "Traceback" not in said.err
@@ -104,18 +92,14 @@ FRAME = {"position": [0.0, 0.0, 0.0]}
     [
         ({"schema": 2}, "schema: 1"),
         ({"mjcf": "nowhere.xml"}, "nowhere.xml does not exist"),
-        ({"palm": ""}, "valid is a word"),
         ({"palm": "a\nb"}, "valid is a word"),
         ({"fingers": HAND["fingers"][:1]}, "fingers is .*: valid is a list of 2"),
         ({"open": [0.0] * 15}, "valid are 16"),
         ({"open": [9.0] * 16}, "valid ranges hold home"),
         ({"grasp": ["thumb", "pinky"]}, "finger of a grasp 'pinky'"),
         ({"grasps": [["thumb", "pinky", "ring"]]}, "finger of a grasp 'pinky'"),
-        ({"grasps": [["thumb", "ring"]]}, "a grasp of 2 fingers"),
         ({"grasps": ["thumb"]}, "grasps .* names, each once"),
-        ({"torque": [0.7] * 3}, "valid are 16"),
         ({"tip_radius": -1.0}, "> 0"),
-        ({"frame": {"position": [0.0, 0.0]}}, "list of 3"),
         ({"frame": {**FRAME, "quat_wxyz": [1.0, 1.0, 0.0, 0.0]}}, "unit quaternion"),
         ({"frame": FRAME}, "a finger has no frame"),
         ({"palm": "hand"}, "name palm: no body"),
@@ -124,43 +108,32 @@ FRAME = {"position": [0.0, 0.0, 0.0]}
     ],
 )  # fmt: skip
 def test_a_broken_robot_file_is_said_in_one_line(change, words, tmp_path, capsys):
-    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(HAND | change))
-    assert run_command(check_of(tmp_path, {"hand": "hand.yaml"})) == 2
+    assert run_command(["robot", "check", str(variant(tmp_path, hand=change))]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(words, line), line
 
 
 _ARM = yaml.safe_load(asset_path("robot", "panda.yaml").read_text())
+_ASIDE = {"position": [0.0, 0.0, 0.1], "quat_wxyz": [0.5**0.5, 0.5**0.5, 0.0, 0.0]}
 
 
 @pytest.mark.parametrize(
-    ("arm", "robot", "words"),
+    ("changes", "words"),
     [
-        ({"bodies": _ARM["bodies"][:-1]}, {}, "bodies are 7: valid are a base and one for each of 7 joints"),
-        ({"joints": []}, {}, "joints"),
-        ({"joints": ["j"] * 7}, {}, "names, each once"),
-        ({"starts": [[0.0, 1.0]]}, {}, "starts has 2 numbers: valid are 7"),
-        ({"plinth": -1}, {}, "plinth"),
-        ({"shaken": [0, 9]}, {}, "two numbers of joints"),
-        ({"reach": 0}, {}, "reach"),
-        ({"home": [0.0] * 7}, {}, "valid ranges hold home"),
-        (
-            {"frame": {"position": [0.0, 0.0, 0.1], "quat_wxyz": [0.5**0.5, 0.5**0.5, 0.0, 0.0]}},
-            {},
-            "axis of the last joint",
-        ),
-        ({"mjcf": "."}, {}, "does not exist: name a file"),
-        ({"velocity": "fast"}, {}, "velocity"),
-        ({}, {"mount": "sideways"}, "unknown mount 'sideways'"),
-        ({}, {"hand": "gone.yaml"}, "gone.yaml does not exist"),
-        ({}, {"arm": ["arm.yaml"]}, "arm"),
-        ({}, {"legs": 2}, "legs"),
-        ({}, {"arm": None}, "arm"),
+        ({"arm": {"bodies": _ARM["bodies"][:-1]}}, "bodies are 7: valid are a base and one for each of 7 joints"),
+        ({"arm": {"joints": ["j"] * 7}}, "names, each once"),
+        ({"arm": {"shaken": [0, 9]}}, "two numbers of joints"),
+        ({"arm": {"frame": _ASIDE}}, "axis of the last joint"),
+        ({"arm": {"mjcf": "."}}, "does not exist: name a file"),
+        ({"arm": {"velocity": "fast"}}, "velocity"),
+        ({"mount": "sideways"}, "unknown mount 'sideways'"),
+        ({"hand": "gone.yaml"}, "gone.yaml does not exist"),
+        ({"arm": ["arm.yaml"]}, "arm"),
+        ({"legs": 2}, "legs"),
     ],
 )  # fmt: skip
-def test_a_broken_arm_or_robot_is_said_in_one_line(arm, robot, words, tmp_path, capsys):
-    (tmp_path / "arm.yaml").write_text(yaml.safe_dump(_ARM | arm))
-    assert run_command(check_of(tmp_path, {"arm": "arm.yaml"} | robot)) == 2
+def test_a_broken_arm_or_robot_is_said_in_one_line(changes, words, tmp_path, capsys):
+    assert run_command(["robot", "check", str(variant(tmp_path, **changes))]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(words, line), line
 
@@ -178,12 +151,8 @@ def _hand(inside: str, after: str = "") -> str:
     ("text", "words"),
     [
         ("<mujoco><worldbody>", "MuJoCo cannot read"),
-        ('<mujoco><include file="gone.xml"/></mujoco>', "MuJoCo cannot read"),
         ('<mujoco><asset><mesh name="m" file="gone.stl"/></asset></mujoco>', "MuJoCo cannot read"),
-        ('<mujoco><asset><mesh name="m" file="/gone/gone.stl"/></asset></mujoco>', "MuJoCo cannot read"),
-        ('<mujoco><include file="hand.xml"/></mujoco>', "MuJoCo cannot read"),
         ("<mujoco/>", "no joints"),
-        ("<mujoco>" + "<!-- much -->" * 800_000, "MuJoCo cannot read"),
         ("\0" * 100, "MuJoCo cannot read"),
         (
             _hand(_THREE, '<equality><connect body1="f0" body2="f2" anchor="0 0 0.05"/></equality>'),

@@ -1,19 +1,17 @@
 """What a user tells `robot make`, what it draws, recipes of known hands, and the faults of drives and masses."""
 
 import json
-import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
 import yaml
 from refusals import refused
+from robots import variant
 from test_grippers import SLIDES, made
-from test_robot_sources import urdf
+from test_robot_sources import FINGERS, urdf
 
 from dexgrasp.cli.main import main
-from dexgrasp.mechanics.kinematics.drive_check import check_drives, check_masses
-from dexgrasp.mechanics.kinematics.robot_check import _alone, _at, score
-from dexgrasp_env.findings import Finding
+from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.hand_maker import Told
 from dexgrasp_env.robot.make import make_robot
@@ -70,17 +68,12 @@ def test_recipes_replace_what_a_file_states(hand):
 
 
 def test_idle_fingers_are_spread_no_farther_than_they_have_room(hand):
-    root = ElementTree.fromstring(urdf())
-    for name, y in (("fourth", -0.095), ("fifth", -0.118)):  # beside `mid`, the last with no room to spread
-        for part in ElementTree.fromstring(urdf().replace("mid_", f"{name}_")):
-            if part.get("name", "").startswith(name):
-                root.append(part)
-                if part.get("name") == f"{name}_spread":
-                    part.find("origin").set("xyz", f"0 {y} 0")
-                if part.get("name") == "fifth_spread":
-                    part.find("limit").set("lower", "-0.01")
-                    part.find("limit").set("upper", "0.01")
-    hand.write_text(ElementTree.tostring(root, encoding="unicode"))
+    straight = ("0 0 0", (0, 1.6))
+    more = {
+        "fourth": ("0 -0.095 0", *straight, 0.5),
+        "fifth": ("0 -0.118 0", *straight, 0.01),
+    }  # no room to spread
+    hand.write_text(urdf(fingers=FINGERS | more))
     file_of(hand)
     cell = make_cell(hand.with_name("claw.yaml"))
     idle = [finger for finger in cell.robot.hand.fingers if finger.aside]
@@ -95,18 +88,10 @@ def test_idle_fingers_are_spread_no_farther_than_they_have_room(hand):
 
 def test_masses_and_drives_that_no_hand_has_are_named(tmp_path):
     heavy = SLIDES.replace('mass="0.5"', 'mass="500"')
-    cell = made(tmp_path, heavy)[2]
-    found = list(check_masses(cell, _at(_alone(cell), cell.robot.home)))
-    assert [f.level for f in found if "case" in f.problem or "the hand has" in f.problem] == ["warning"] * 2
-    stiff = yaml.safe_load((tmp_path / "mine_hand.yaml").read_text()) | {"upper": 4e-4, "open": [2e-4, 2e-4]}
-    (tmp_path / "mine_hand.yaml").write_text(yaml.safe_dump(stiff))
-    (tmp_path / "other.yaml").write_text((tmp_path / "mine.yaml").read_text())
-    cell = make_cell(tmp_path / "other.yaml")
-    found = list(check_drives(cell, _at(_alone(cell), cell.robot.home)))
-    assert [f.level for f in found if "moves nothing" in f.problem] == ["error"]
-
-
-def test_a_score_counts_warnings_half():
-    assert (
-        score([Finding("info", ""), Finding("warning", ""), Finding("error", ""), Finding("info", "")]) == 62
+    found = check_robot(made(tmp_path, heavy)[2])
+    warnings = [f.problem for f in found if f.level == "warning"]
+    assert sum("case" in problem or "the hand has" in problem for problem in warnings) == 2
+    found = check_robot(
+        make_cell(variant(tmp_path, tmp_path / "mine.yaml", hand={"upper": 4e-4, "open": [2e-4, 2e-4]}))
     )
+    assert [f.level for f in found if "moves nothing" in f.problem] == ["error"]

@@ -8,8 +8,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from dexgrasp.evaluation.evaluate import evaluate
-from dexgrasp.evaluation.scoring.hand import Candidate, HandStage, find_hand
-from dexgrasp.evaluation.scoring.scene import FloatingScene, Physics
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.grasp.file import read_grasp
@@ -18,7 +16,6 @@ from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.mechanics.kinematics.forward import follow, hand_contact_jacobian, stop_torques
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.make import make_robot
 from dexgrasp_env.robot.model import compiled_robot
@@ -107,25 +104,6 @@ def test_a_tendon_turns_its_joints_from_their_stops_together(made):
         expected = robot.freed(told)
         assert expected[tied] @ (0.8, 1.0) == pytest.approx(np.dot(places, (0.8, 1.0)))
         assert_allclose(data.qpos[tied], expected[tied], atol=0.02)
-
-
-def test_a_floating_hand_has_its_tendons_and_couplings(made):
-    """Scoring tells a tendon's servo the sum of its joints' set-points, as the whole robot does."""
-    robot, hand = make_cell(made).robot, find_hand(str(made))
-    told = np.array(robot.hand.open)
-    tied = [robot.hand.joints.names.index(f"left_{name}") for name in ("bend", "curl")]
-    told[tied] = 0.7, 0.2
-    far = np.eye(4)
-    far[2, 3] = 1.0
-    stage = HandStage(far, np.array(robot.hand.open))
-    scene = FloatingScene(Candidate("", hand, load_object("pear"), np.eye(4), *[stage] * 3), Physics(), 0.1)
-    scene.reset(stage)
-    scene.aim(far, told)
-    scene.run(3.0)
-    free = robot.freed(np.concatenate([robot.arm.home, told]))[robot.hand_columns]
-    assert_allclose(scene.data.qpos[7 : 7 + len(told)], free, atol=0.02)
-    gripper = make_cell("panda_gripper").robot.hand
-    assert find_hand(gripper).model.neq == len(gripper.couplings)
 
 
 def test_on_an_object_the_stop_bears_what_the_tendon_cannot(made):

@@ -10,20 +10,14 @@ import yaml
 from processes import python
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp.data.dataset.dataset import read_arrays
-from dexgrasp.data.dataset.generate import Job, make
-from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
-from dexgrasp.mechanics.kinematics.forward import fingertips
-from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.planning.scene_setup import look_at
 from dexgrasp.registry import make_agent
 from dexgrasp_env.assets import asset_path
-from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import make_cell
 
 RING = slice(8, 12)
@@ -97,19 +91,3 @@ def test_a_hand_of_three_fingers_sizes_its_environment(tmp_path):
         observation, _ = env.reset(seed=0)
         assert env.observation_space.contains(observation)
         assert observation["fingertip_positions"].shape == (9,)
-    envs = gym.make_vec("DexGrasp/Lift-v2", num_envs=2, objects="pear", robot=cell)
-    first, _ = envs.reset(seed=0)
-    single = gym.make("DexGrasp/Lift-v2", objects="pear", robot=cell).reset(seed=1)[0]
-    assert all(np.array_equal(first[key][1], value) for key, value in single.items())
-
-
-def test_a_dataset_is_of_the_cell_that_it_is_made_for(tmp_path):
-    cell = without_ring_finger(tmp_path)
-    settings = DatasetSettings.of(["gelatin_box"], grasps_per_pose=1, seed=5, robot=str(cell))
-    make(Job("gelatin_box", 0, 0), settings, tmp_path / "set", "key")
-    shard = read_arrays(next((tmp_path / "set").rglob("*.npz")))
-    assert shard["q"].shape == (1, 19)
-    tips = fingertips(shard["q"][0].astype(float), robot_tree(make_cell(str(cell))))
-    x, y, yaw = shard["placement"][0].astype(float)
-    contacts = shard["contacts"][0] @ about_z(yaw).T + [x, y, 0.0]
-    assert np.linalg.norm(tips - contacts, axis=1).max() < 0.015

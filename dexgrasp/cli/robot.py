@@ -17,11 +17,6 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.findings import Finding
 
-_SHOWN = ("soda", "sugar_box", "pear", "mustard_bottle", "lego")  # objects that are tried
-_FEW = 200  # postures: with fewer, plans are rare
-_GRASPS = 3  # of them, that are drawn
-_SEARCH = "see why: dexgrasp plan OBJECT --robot FILE"
-
 
 class ListRobots(Command):
     """List the robots of ours, by the names that --robot takes, and the recipes for public ones."""
@@ -166,7 +161,9 @@ class CheckRobot(Command):
         wrong = any(finding.level == "error" for finding in findings)
         if self.picture is not None and not wrong:
             findings += [
-                Finding("warning", f"no grasp of {name} was found", _SEARCH)
+                Finding(
+                    "warning", f"no grasp of {name} was found", "see why: dexgrasp plan OBJECT --robot FILE"
+                )
                 for name in _draw(cell, self.picture)
             ]
         lines = [*map(finding_line, findings), f"score {score(findings)} of 100"]
@@ -184,7 +181,7 @@ def _presses(cell: Any) -> Finding:
             "other fingers in `grasp`, wider ranges, or `excluded` for links that overlap as they are built"
         )
         return Finding("error", str(none), mend)
-    if count < _FEW:
+    if count < 200:  # plans are rare then
         return Finding(
             "warning", f"only {count} postures in which the hand can press", "wider ranges, or `excluded`"
         )
@@ -198,13 +195,13 @@ def _draw(cell: Any, path: Path) -> list[str]:
     from dexgrasp.mechanics.kinematics.robot_check import closed_posture
 
     grasps, missed = Fields(), list[str]()
-    for name in _SHOWN:
+    for name in ("soda", "sugar_box", "pear", "mustard_bottle", "lego"):
         plan = plan_target(name, "bilevel", Scene(robot=cell))[1]
         if plan.grasp is None:
             missed.append(name)
         else:
             grasps[name] = plan.grasp, plan.target
-        if len(grasps) == _GRASPS:
+        if len(grasps) == 3:
             break
     hand_picture(path, cell, {"open": cell.robot.home, "closed": closed_posture(cell)[0]}, grasps)
     return missed

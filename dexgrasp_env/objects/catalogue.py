@@ -61,9 +61,12 @@ class ObjectSpec:
 
     def build(self) -> ObjectModel:
         """Make the object; `catalogue_object` reads what was made before."""
-        builder = getattr(shapes, self.builder, None) or getattr(bottles, self.builder)
-        shape = builder(**self.params)
+        shape = _builder(self.builder)(**self.params)
         return centred_model(self.name, shape.mesh, shape.parts, self.mass, **self.look)
+
+
+def _builder(name: str) -> Callable[..., shapes.Shape]:
+    return getattr(shapes, name, None) or getattr(bottles, name)
 
 
 _CONTENT = yaml.load(
@@ -114,11 +117,7 @@ def _arrays(built: ObjectModel) -> Arrays:
 
 
 MOST = 100_000
-"""How many there are."""
-_NAME = re.compile(r"(varied|drawn)-(\d{1,6})(?:\.\.(\d{1,6}))?")
-_DENSITY = (150.0, 700.0)  # kg/m^3: from a filled cardboard box to a bottle that is not quite full
-_MASS = (0.04, 0.6)  # kg
-_RGBA = (0.55, 0.6, 0.7, 1.0)
+"""How many there are of a family."""
 
 
 def varied_targets(target: str) -> tuple[str, ...]:
@@ -127,7 +126,7 @@ def varied_targets(target: str) -> tuple[str, ...]:
     Raises:
         InputError: for numbers that there are no objects of.
     """
-    match = _NAME.fullmatch(target)
+    match = re.fullmatch(r"(varied|drawn)-(\d{1,6})(?:\.\.(\d{1,6}))?", target)
     if match is None:
         return ()
     family, first, last = match[1], int(match[2]), int(match[3] or match[2])
@@ -141,70 +140,55 @@ def varied_targets(target: str) -> tuple[str, ...]:
 @lru_cache(maxsize=64)
 def varied_object(target: str) -> ObjectModel:
     """Return the object that `varied-N` or `drawn-N` names: its kind, sizes and mass are drawn by its number."""
-    family, _, number = target.partition("-")
-    word, kinds = _FAMILIES[family]
-    rng = np.random.default_rng([int(number), word])
-    shares = np.array([weight for weight, *_ in kinds])
-    _, builder, drawn = kinds[int(rng.choice(len(kinds), p=shares / shares.sum()))]
-    shape = builder(**drawn(rng))
-    mass = float(np.clip(shape.mesh.volume * rng.uniform(*_DENSITY), *_MASS))
-    return centred_model(
-        target, shape.mesh, shape.parts, mass, rgba=_RGBA, notes=(f"{builder.__name__} of random size",)
-    )
+    name, _, number = target.partition("-")
+    family = _CONTENT["families"][name]
+    rng = np.random.default_rng([int(number), family["word"]])
+    weights = np.array([float(kind["weight"]) for kind in family["kinds"]])
+    kind = family["kinds"][int(rng.choice(len(weights), p=weights / weights.sum()))]
+    shape = _builder(kind["builder"])(**_params(rng, kind["draws"]))
+    density = rng.uniform(
+        150.0, 700.0
+    )  # kg/m^3: from a filled cardboard box to a bottle that is not quite full
+    mass = float(np.clip(shape.mesh.volume * density, 0.04, 0.6))
+    notes = (f"{kind['builder']} of random size",)
+    return centred_model(target, shape.mesh, shape.parts, mass, rgba=(0.55, 0.6, 0.7, 1.0), notes=notes)
 
 
-_Kinds = tuple[tuple[float, Callable[..., shapes.Shape], Callable[[Generator], Fields]], ...]
-_VARIED: _Kinds = (
-    (4.0, shapes.box, lambda rng: {"size": rng.uniform((0.025, 0.045, 0.05), (0.085, 0.16, 0.21))}),
-    (2.0, shapes.rounded_box, lambda rng: {
-        "size": (size := rng.uniform((0.035, 0.05, 0.05), (0.08, 0.13, 0.16))),
-        "corner": 0.3 * size[0] * rng.uniform(0.4, 1.0), "edge": 0.003,
-    }),
-    (3.0, shapes.cylinder, lambda rng: {"diameter": rng.uniform(0.04, 0.085), "height": rng.uniform(0.06, 0.24)}),
-    (1.0, bottles.tapered_can, lambda rng: {
-        "diameter": (d := rng.uniform(0.05, 0.085)), "height": rng.uniform(0.09, 0.18),
-        "foot": 0.76 * d, "rim": 0.82 * d,
-    }),
-    (1.0, bottles.cup, lambda rng: {
-        "top": (top := rng.uniform(0.07, 0.1)), "foot": top * rng.uniform(0.6, 0.85), "height": rng.uniform(0.07, 0.13),
-    }),
-    (1.0, bottles.pill_bottle, lambda rng: {
-        "diameter": (d := rng.uniform(0.04, 0.075)), "height": (height := rng.uniform(0.07, 0.13)),
-        "cap_diameter": d * rng.uniform(0.8, 1.08), "cap_height": 0.2 * height,
-    }),
-    (1.0, bottles.cone_tower, lambda rng: {
-        "diameter": (d := rng.uniform(0.05, 0.08)), "wall": rng.uniform(0.06, 0.11),
-        "roof_diameter": d * rng.uniform(1.0, 1.25), "roof": rng.uniform(0.03, 0.08),
-    }),
-    (1.0, bottles.domed_bottle, lambda rng: {
-        "diameter": rng.uniform(0.042, 0.075), "height": rng.uniform(0.13, 0.24),
-    }),
-    (1.0, bottles.squeeze_bottle, lambda rng: {
-        "diameter": rng.uniform(0.048, 0.08), "height": rng.uniform(0.14, 0.21),
-    }),
-    (2.0, bottles.oval_bottle, lambda rng: {
-        "size": rng.uniform((0.04, 0.06, 0.13), (0.07, 0.1, 0.2)),
-        "top": (((neck := 0.011 * rng.uniform(0.9, 1.6)), 0.82), (1.2 * neck, 0.82), (1.2 * neck, 1.0)),
+def _params(rng: Generator, draws: Fields | str) -> Fields:
+    """Return the arguments of a builder that its entry in the catalogue's families has drawn."""
+    if isinstance(draws, str):
+        return _DRAWS[draws](rng)
+    params = Fields()
+    for name, value in draws.items():
+        params[name] = _drawn(rng, value, params)
+    return params
+
+
+def _drawn(rng: Generator, value: Any, before: Fields) -> Any:
+    if isinstance(value, list):
+        return [_drawn(rng, each, before) for each in value]
+    if not isinstance(value, dict):
+        return value
+    drawn = value["share"] if "share" in value else rng.uniform(value["low"], value["high"])
+    return before[value["of"]] * drawn if "of" in value else drawn
+
+
+def _rounded_box(rng: Generator) -> Fields:
+    size = rng.uniform((0.035, 0.05, 0.05), (0.08, 0.13, 0.16))
+    return {"size": size, "corner": 0.3 * size[0] * rng.uniform(0.4, 1.0), "edge": 0.003}
+
+
+def _oval_bottle(rng: Generator) -> Fields:
+    size, neck = rng.uniform((0.04, 0.06, 0.13), (0.07, 0.1, 0.2)), 0.011 * rng.uniform(0.9, 1.6)
+    return {
+        "size": size, "top": ((neck, 0.82), (1.2 * neck, 0.82), (1.2 * neck, 1.0)),
         "square": rng.uniform(2.2, 3.2), "body": rng.uniform(0.55, 0.68), "shoulder": 0.79,
-    }),
-    (1.0, bottles.pear, lambda rng: {
-        "diameter": (d := rng.uniform(0.055, 0.085)), "height": d * rng.uniform(1.2, 1.6),
-    }),
-    (1.0, bottles.clamshell, lambda rng: {"size": rng.uniform((0.11, 0.055, 0.045), (0.18, 0.085, 0.07))}),
-    (2.0, shapes.prism, lambda rng: {
-        "polygon": ((0.0, 0.0), (rng.uniform(0.08, 0.14), 0.0), (0.0, rng.uniform(0.08, 0.14))),
-        "thickness": rng.uniform(0.05, 0.085),
-    }),
-    (1.0, shapes.tetrahedron, lambda rng: {"edge": rng.uniform(0.08, 0.12)}),
-    (1.0, shapes.spiked_ball, lambda rng: {
-        "diameter": rng.uniform(0.055, 0.085), "spike": rng.uniform(0.004, 0.009), "radius": 0.004,
-    }),
-    (1.0, shapes.brick_tower, lambda rng: {
-        "side": rng.uniform(0.03, 0.045), "bricks": (bricks := int(rng.integers(3, 8))),
-        "height": bricks * rng.uniform(0.018, 0.02) + 0.0046, "stud": 0.0046,
-    }),
-)  # fmt: skip
-"""Weight, builder, and what draws its arguments, in metres, in the order in which they stand."""
+    }  # fmt: skip
+
+
+def _brick_tower(rng: Generator) -> Fields:
+    side, bricks, stud = rng.uniform(0.03, 0.045), int(rng.integers(3, 8)), 0.0046
+    return {"side": side, "bricks": bricks, "height": bricks * rng.uniform(0.018, 0.02) + stud, "stud": stud}
 
 
 def _stone(rng: Generator) -> Fields:
@@ -218,21 +202,11 @@ def _cone(rng: Generator) -> Fields:
     """Draw the profile of a cone without its tip, point up or down."""
     wide, height = rng.uniform(0.025, 0.06), rng.uniform(0.05, 0.12)
     narrow = wide * rng.uniform(0.2, 0.7)
-    return {
-        "profile": [(wide, 0.0), (narrow, height)] if rng.random() < 0.5 else [(narrow, 0.0), (wide, height)]
-    }
+    low, high = (wide, narrow) if rng.random() < 0.5 else (narrow, wide)
+    return {"profile": [(low, 0.0), (high, height)]}
 
 
-_DRAWN: _Kinds = (
-    (1.0, shapes.box, lambda rng: {"size": rng.uniform((0.03,) * 3, (0.12,) * 3)}),
-    (1.0, shapes.cylinder, lambda rng: {"diameter": rng.uniform(0.03, 0.12), "height": rng.uniform(0.03, 0.12)}),
-    (4.0, shapes.polyhedron, _stone),
-    (2.0, shapes.prism, lambda rng: {
-        "polygon": ((0.0, 0.0), (rng.uniform(0.06, 0.12), 0.0), (rng.uniform(0.0, 0.06), rng.uniform(0.06, 0.12))),
-        "thickness": rng.uniform(0.05, 0.12),
-    }),
-    (2.0, shapes.tetrahedron, lambda rng: {"edge": rng.uniform(0.07, 0.12)}),
-    (2.0, shapes.revolve, _cone),
-)  # fmt: skip
-_FAMILIES = {"varied": (20221, _VARIED), "drawn": (20302, _DRAWN)}
-"""Word that the draws begin from, and kinds."""
+_DRAWS = {
+    "rounded_box": _rounded_box, "oval_bottle": _oval_bottle, "brick_tower": _brick_tower, "stone": _stone,
+    "cone": _cone,
+}  # fmt: skip

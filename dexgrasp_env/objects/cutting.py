@@ -11,7 +11,6 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 
-_ALIKE = 1e-6  # relative: measures that differ by less differ by rounding alone
 Plane = tuple[Array, float]
 """Points x with normal . x = offset."""
 
@@ -66,6 +65,6 @@ def cut_up(
     return pieces
 
 
-def rounded(share: float, alike: float = _ALIKE) -> int:
-    """Return a share as a whole number of steps of `alike`."""
+def rounded(share: float, alike: float = 1e-6) -> int:
+    """Return a share as a whole number of steps of `alike`: what differs by less differs by rounding alone."""
     return round(share / alike)

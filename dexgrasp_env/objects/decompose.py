@@ -15,27 +15,17 @@ from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.objects.cutting import Plane, best_cut, cut_up, held, rounded
 from dexgrasp_env.objects.model import reduced_hull
 from dexgrasp_env.objects.parts import MAX_VERTICES, ContactPart
-from dexgrasp_env.objects.repair import closed_gently
+from dexgrasp_env.objects.repair import closed_gently, simplified
 from dexgrasp_env.objects.shapes import to_manifold
-from dexgrasp_env.objects.surface import simplified
 
 if TYPE_CHECKING:
     import manifold3d
 
-CONVEX = 0.96
-"""Share of its convex hull's volume from which a solid counts as convex."""
 MOST_PARTS = 24
-_VERTICES = 64
 _FACES = 1500
 _CUTS = 48
-_PIECES = 160  # enough: merging takes time with the square of their number, and crumbs are no parts
 _EXCESS = 0.02  # of the volume: what the parts' hulls may add before cutting ends
-_LEAST = 0.001  # of the volume: the excess from which a piece is cut
-_FREE = 0.002  # of the volume: what a merge may add even where there are few parts already
-_OFFSETS = (1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)  # of a piece's length: where cuts are tried
-_GAIN = 0.1  # of a piece's excess: below it no cut helps at once, and the piece is halved
 _SECTORS = 12
-_CRUMB = 1e-9  # of a piece: what a plane through its corners leaves on the wrong side
 _VERSION = 6
 _NORMALS = cube_directions()[:12:-1].copy()
 """(13, 3) directions that cuts are tried across: to a cube's faces, edges and corners, one of two that are opposite."""
@@ -49,7 +39,7 @@ def convex_parts(mesh: trimesh.Trimesh) -> tuple[tuple[ContactPart, ...], tuple[
     """
     hull = mesh.convex_hull
     whole = (_part(np.asarray(hull.vertices)),)
-    if mesh.volume > CONVEX * hull.volume:
+    if mesh.volume > 0.96 * hull.volume:
         return whole, ()
     key = content_hash(
         np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64), _VERSION
@@ -91,7 +81,7 @@ def decompose(mesh: trimesh.Trimesh) -> list[Array]:
                 fans, key=lambda pieces: rounded(sum(piece.excess for piece in pieces) / whole.volume)
             )
             tries.append(_cut_up(sectors, normals, whole.volume, bar))
-    return [np.asarray(reduced_hull(_points(solid), _VERTICES).vertices) for solid in min(tries, key=_volume)]
+    return [np.asarray(reduced_hull(_points(solid), 64).vertices) for solid in min(tries, key=_volume)]
 
 
 class _Piece:
@@ -110,7 +100,7 @@ class _Piece:
         """Return the connected pieces on both sides of the plane normal . x = offset."""
         sides = self.solid.split_by_plane(normal, float(offset))
         pieces = (_Piece(piece) for side in sides for piece in side.decompose())
-        return [piece for piece in pieces if piece.volume > _CRUMB * self.volume]
+        return [piece for piece in pieces if piece.volume > 1e-9 * self.volume]  # no rest of rounding
 
     @cached_property
     def corners(self) -> Array:
@@ -124,8 +114,9 @@ def _cut_up(pieces: list[_Piece], normals: Array, volume: float, bar: Any) -> li
     def worth(pieces: list[_Piece]) -> list[float]:
         """Return what cutting each piece would win, 0 for those that are to stay whole."""
         excess = [piece.excess / volume for piece in pieces]
-        enough = len(pieces) > _PIECES or sum(excess) < _EXCESS
-        return [0.0 if enough or share < _LEAST else rounded(share) for share in excess]
+        # Merging takes time with the square of their number, and crumbs are no parts.
+        enough = len(pieces) > 160 or sum(excess) < _EXCESS
+        return [0.0 if enough or share < 0.001 else rounded(share) for share in excess]
 
     def cut(piece: _Piece) -> Sequence[_Piece]:
         """Cut a piece where that wins most."""
@@ -138,9 +129,9 @@ def _cut_up(pieces: list[_Piece], normals: Array, volume: float, bar: Any) -> li
 def _best_cut(piece: _Piece, normals: Array) -> Sequence[_Piece]:
     """Return the piece cut in the best of 65 ways, the offset refined; halved across where no way helps at once."""
     (normal, offset), pieces = best_cut(
-        piece, [_plane(piece, n, share) for n in normals for share in _OFFSETS]
+        piece, [_plane(piece, n, share) for n in normals for share in (1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)]
     )
-    if piece.hull_volume - held(pieces) < _GAIN * piece.excess:
+    if piece.hull_volume - held(pieces) < 0.1 * piece.excess:  # no cut helps at once
         lengths = [rounded(float(np.ptp(piece.corners @ normal)), 1e-5) for normal in normals]
         return best_cut(piece, [_plane(piece, normals[np.argmax(lengths)], 0.5)])[1]
     reach = float(np.ptp(piece.corners @ normal))
@@ -191,7 +182,7 @@ def _merged(pieces: Sequence[_Piece], volume: float) -> list[manifold3d.Manifold
     pairs = {(a, b): join(a, b) for a in hulls for b in range(a)}
     while pairs:
         (a, b), (cost, both) = min(pairs.items(), key=lambda item: rounded(item[1][0] / volume))
-        if len(hulls) <= MOST_PARTS and cost > _FREE * volume:
+        if len(hulls) <= MOST_PARTS and cost > 0.002 * volume:
             break
         new = max(hulls) + 1
         del hulls[a], hulls[b]

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 _SIDES = 40
 _TOLERANCE = 5e-4
 _PART_SIDES = (32, 24, 20, 16)
-_SAMPLES = (0.0, 0.1, 0.5, 0.9, 1.0)
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,9 @@ def _bulge(sections: Sequence[Section]) -> float:
     rings = np.stack([section.ring(24) for section in sections])
     if np.ptp(rings[..., 2]) < 1e-9:
         return 0.0
-    skin = np.concatenate([(1 - s) * rings[:-1] + s * rings[1:] for s in _SAMPLES]).reshape(-1, 3)
+    skin = np.concatenate([(1 - s) * rings[:-1] + s * rings[1:] for s in (0.0, 0.1, 0.5, 0.9, 1.0)]).reshape(
+        -1, 3
+    )
     planes = ConvexHull(rings.reshape(-1, 3), qhull_options="QJ Pp").equations
     depth = -(skin @ planes[:, :3].T + planes[:, 3]).max(axis=1)
     return float(depth.max())

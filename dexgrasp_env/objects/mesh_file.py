@@ -1,7 +1,7 @@
 """Mesh files to triangles: what the mesh library reads amiss is put right before or after it.
 
 It cuts polygons into fans, which is wrong for concave ones, takes a binary STL whose length is not as it says for
-text, and leaves strips of triangles and units alone.
+text, and leaves strips of triangles, rows that are cut off and units alone.
 """
 
 import io
@@ -14,16 +14,13 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.arrays import Array, Fields, Index, Mask
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import check_file, plain_text
-from dexgrasp_env.objects.ply_file import whole_ply
 from dexgrasp_env.poses import frame_of_z
 
-_POLYGON = re.compile(r"^f(?:[ \t]+[^\s\\]+){3}[ \t]+\S", re.MULTILINE)
 _STL_HEAD, _STL_FACE = 84, 50  # bytes
 _NEEDED = {"dae": ("collada",), "3mf": ("lxml",)}  # by the mesh library to read a kind
-_LEVEL = 1e-9  # of the square of twice a polygon's area: turns of less are straight on
 
 
 class DamagedMeshError(ValueError):
@@ -46,14 +43,15 @@ def load_file(data: bytes, kind: str, folder: Path) -> Any:
         for module in _NEEDED.get(kind, ()):
             import_module(module)
     options: Any = {}
+    if kind == "off":
+        return _mesh_of_off(plain_text(data).decode("utf-8", "replace"))
     if kind == "stl":
         data = _whole_stl(data)
-    elif kind in ("obj", "off"):
-        text = plain_text(data).decode("utf-8", "replace")
-        data, kind = _with_triangles(text if kind == "obj" else _obj_of_off(text)).encode(), "obj"
+    elif kind == "obj":
+        data = _with_triangles(plain_text(data).decode("utf-8", "replace")).encode()
         options = {"skip_materials": True}
     elif kind == "ply":
-        data = _whole_ply(plain_text(data))
+        data = plain_text(data)
     elif kind == "gltf":
         options = {"resolver": _Beside(str(folder))}
     loaded: Any = trimesh.load(io.BytesIO(data), file_type=kind, process=False, **options)
@@ -75,21 +73,29 @@ class _Beside(trimesh.resolvers.FilePathResolver):
 
 def _with_faces(loaded: Any) -> Any:
     """Return what a PLY holds with concave polygons cut right, and strips of triangles as faces."""
-    if (strips := _ply_lists(loaded, "tristrips")) is not None:
-        parts = (one for row in strips for one in np.split(np.ravel(row), np.flatnonzero(np.ravel(row) < 0)))
-        kept = [part for part in (one[one >= 0] for one in parts) if len(part) > 2]
-        faces = trimesh.util.triangle_strips_to_faces(kept)
+    elements = loaded.metadata["_ply_raw"]
+    if rows := _corner_lists(elements.get("tristrips", {})):
+        parts = (part[part >= 0] for row in rows for part in np.split(row, np.flatnonzero(row < 0)))
+        faces = trimesh.util.triangle_strips_to_faces([part for part in parts if len(part) > 2])
         proper = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
         return trimesh.Trimesh(loaded.vertices, faces[proper], process=False)
-    polygons = _ply_lists(loaded, "face")
-    if polygons is not None and any(len(row) != 3 for row in polygons):
-        pieces = [piece for own in split_concave(loaded.vertices, polygons) for piece in own]
-        loaded.faces = trimesh.geometry.triangulate_quads(pieces)
-    return loaded
+    faces = elements.get("face", {})
+    polygons = _corner_lists(faces)
+    if polygons and (len(polygons) < faces["length"] or len(polygons[-1]) < 3):
+        raise DamagedMeshError("it ends before its last face")
+    return _mesh_of(loaded.vertices, polygons) if polygons else loaded
 
 
-def _obj_of_off(text: str) -> str:
-    """Return an OFF text as one of OBJ: what follows holds for both."""
+def _corner_lists(element: Fields) -> list[Index]:
+    """Return the lists of vertices that the rows of an element of a PLY file are."""
+    for name in ("vertex_index", "vertex_indices"):
+        if name in element.get("properties", ()):
+            rows = element["data"][name]
+            return [np.ravel(row) for row in (rows["f1"] if rows.dtype.names else rows)]
+    return []
+
+
+def _mesh_of_off(text: str) -> trimesh.Trimesh:
     lines = [words for line in text.splitlines() if (words := line.partition("#")[0].split())]
     if not lines[0][0].endswith("OFF"):
         raise ValueError("no OFF")
@@ -97,10 +103,15 @@ def _obj_of_off(text: str) -> str:
     vertices, faces = map(int, head[:2])
     if len(lines) < vertices + faces:
         raise DamagedMeshError(f"it ends after {len(lines)} of {vertices + faces} lines")
-    rows = [f"v {' '.join(words[:3])}" for words in lines[:vertices]]
-    for count, *corners in lines[vertices : vertices + faces]:
-        rows.append(f"f {' '.join(str(int(corner) + 1) for corner in corners[: int(count)])}")
-    return "\n".join(rows)
+    places = np.array([words[:3] for words in lines[:vertices]], dtype=float)
+    rows = lines[vertices : vertices + faces]
+    return _mesh_of(places, [[int(word) for word in corners[: int(count)]] for count, *corners in rows])
+
+
+def _mesh_of(vertices: Array, polygons: Sequence[Any]) -> trimesh.Trimesh:
+    """Return the triangles of vertices (N, 3) and polygons of three corners or more."""
+    pieces = [piece for own in split_concave(vertices, polygons) for piece in own]
+    return trimesh.Trimesh(vertices, trimesh.geometry.triangulate_quads(pieces).reshape(-1, 3), process=False)
 
 
 def split_concave(vertices: Array, polygons: Sequence[Sequence[int]]) -> list[list[Sequence[int]]]:
@@ -127,7 +138,8 @@ def _is_concave(corners: Array) -> Mask:
     turns = np.cross(edges, np.roll(edges, -1, axis=1))
     normals = _normals(corners)
     across = np.einsum("mni,mi->mn", turns, normals)
-    return (across < -_LEVEL * (normals**2).sum(-1, keepdims=True)).any(axis=1)
+    # Turns of less than a share of the square of twice the polygon's area are straight on.
+    return (across < -1e-9 * (normals**2).sum(-1, keepdims=True)).any(axis=1)
 
 
 def _normals(corners: Array) -> Array:
@@ -136,18 +148,18 @@ def _normals(corners: Array) -> Array:
     return np.cross(local, np.roll(local, -1, axis=-2)).sum(-2)
 
 
-def _ears(corners: Array) -> Index:
+def _ears(corners: Array) -> Any:
     """Return the triangles (n - 2, 3) of a polygon (n, 3)."""
     import manifold3d
 
     normal = _normals(corners)
     flat = (corners - corners[0]) @ frame_of_z(normal / np.linalg.norm(normal))[:, :2]
-    return np.asarray(manifold3d.triangulate([flat]))
+    return manifold3d.triangulate([flat])
 
 
 def _with_triangles(text: str) -> str:
     """Return an OBJ text with its concave polygons cut into triangles."""
-    if not _POLYGON.search(text):
+    if not re.search(r"^f(?:[ \t]+[^\s\\]+){3}[ \t]+\S", text, re.MULTILINE):
         return text
     lines = text.replace("\\\r\n", " ").replace("\\\n", " ").splitlines()
     vertices, rows, polygons = list[list[str]](), list[int](), list[list[int]]()
@@ -163,26 +175,6 @@ def _with_triangles(text: str) -> str:
         if len(pieces) > 1:
             lines[row] = "\n".join(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in pieces)
     return "\n".join(lines)
-
-
-def _ply_lists(loaded: Any, element: str) -> Any:
-    """Return the lists of vertices of an element of a PLY file, as it has them; None where it has none."""
-    data = getattr(loaded, "metadata", {}).get("_ply_raw", {}).get(element, {}).get("data")
-    names = data if isinstance(data, dict) else getattr(getattr(data, "dtype", None), "names", None) or ()
-    name = next((name for name in ("vertex_index", "vertex_indices") if name in names), None)
-    if name is None:
-        return None
-    rows = data[name]
-    return rows["f1"] if rows.dtype.names else rows
-
-
-def _whole_ply(data: bytes) -> bytes:
-    try:
-        return whole_ply(data)
-    except EOFError as error:
-        raise DamagedMeshError(str(error)) from None
-    except (KeyError, IndexError, ValueError):  # a header that is none: the mesh library says what is wrong
-        return data
 
 
 def _whole_stl(data: bytes) -> bytes:

@@ -55,9 +55,6 @@ class Solid:
         return Solid(factor * self.vertices, self.faces, factor * self.corners, factor * self.hull_centre)
 
 
-_HULL_VERTICES = 200
-
-
 @dataclass(frozen=True, eq=False)
 class ObjectModel:
     """A rigid object; its frame has the origin at the centre of mass and the axes as built.
@@ -122,8 +119,8 @@ class ObjectModel:
 
     @cached_property
     def hull(self) -> trimesh.Trimesh:
-        """Convex hull of the mesh with at most about 200 vertices, from inside."""
-        return reduced_hull(self.solid.vertices, _HULL_VERTICES)
+        """Convex hull of the mesh with at most 200 vertices, from inside."""
+        return reduced_hull(self.solid.vertices, 200)
 
     def scaled(self, factor: float) -> ObjectModel:
         """Return a copy `factor` times as large in every direction, of the same density."""
@@ -178,7 +175,6 @@ def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
     A hull with more is replaced by one inside it: the furthest points along a few even directions, then
     again and again the point that stands out most.
     """
-    from scipy.spatial import ConvexHull, QhullError
     from trimesh.convex import convex_hull
 
     hull = convex_hull(points)
@@ -186,31 +182,21 @@ def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
     if len(corners) <= limit:
         return hull
     kept = list(np.unique((corners @ fibonacci_directions(limit // 4).T).argmax(0)))
-    try:
-        inner = ConvexHull(corners[kept], incremental=True)
-    except QhullError:  # of a sliver, whose furthest points lie in a plane: those out of it belong to them
-        normal = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2][2]
-        kept = sorted({*kept, (corners @ normal).argmin(), (corners @ normal).argmax()})
-        inner = _hull_of(corners[kept])
     while len(kept) < limit:
-        planes = np.unique(inner.equations.round(9), axis=0)
+        planes = _planes(corners[kept])
         kept.append((corners @ planes[:, :3].T + planes[:, 3]).max(axis=1).argmax())
-        try:
-            inner.add_points(corners[kept[-1:]])
-        except QhullError:  # of flat faces, built up point by point; not where all are taken at once
-            inner = ConvexHull(corners[kept], incremental=True)
-    inner.close()
     return convex_hull(corners[kept])
 
 
-def _hull_of(points: Array) -> Any:
-    """Hull that points can be added to; of what is flat to rounding, of points that are joggled."""
+def _planes(points: Array) -> Array:
+    """Return the planes (m, 4) of a hull; of what is flat to rounding, those of points that are joggled."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
-        return ConvexHull(points, incremental=True)
+        equations = ConvexHull(points).equations
     except QhullError:
-        return ConvexHull(points, incremental=True, qhull_options="QJ")
+        equations = ConvexHull(points, qhull_options="QJ").equations
+    return np.unique(equations.round(9), axis=0)
 
 
 def _microns(values: Array) -> np.ndarray:

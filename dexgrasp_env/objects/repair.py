@@ -10,15 +10,10 @@ from scipy.spatial import QhullError
 from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.shapes import from_manifold, union
-from dexgrasp_env.objects.surface import is_solid, is_sound, simplified, welded
 
 GRID = 64
 """Cells along the longest side."""
 MOST_FACES = 20_000
-_CRUMB = 0.01
-_MAIN = 0.9
-_ROUNDS = 4
-_HOLLOW = 0.02
 _SIZE = 0.05  # of each side: by how much a repair may change it without a word
 
 
@@ -133,8 +128,8 @@ def _shells(mesh: trimesh.Trimesh) -> tuple[list[trimesh.Trimesh], int]:
     pieces = mesh.split(only_watertight=False, repair=False)
     if len(pieces) < 2:
         return [mesh], 0
-    kept = [piece for piece in pieces if piece.area >= _CRUMB * mesh.area]
-    if sum(piece.area for piece in kept) < _MAIN * mesh.area:
+    kept = [piece for piece in pieces if piece.area >= 0.01 * mesh.area]  # the others are crumbs
+    if sum(piece.area for piece in kept) < 0.9 * mesh.area:
         return [mesh], 0
     return kept, len(pieces) - len(kept)
 
@@ -145,7 +140,7 @@ def closed_gently(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, list[str]] | 
     if is_solid(mesh):
         return mesh, notes
     patched, holes = _patched(mesh)
-    if is_solid(patched) and patched.volume > _HOLLOW * patched.convex_hull.volume:
+    if is_solid(patched) and patched.volume > 0.02 * patched.convex_hull.volume:
         return patched, [*notes, f"filled {holes} hole{'s' * (holes != 1)}"]
     return None
 
@@ -177,7 +172,7 @@ def _wound(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, list[str]]:
 def _patched(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, int]:
     """Cut out faces at edges of over two faces, fill every hole with a fan; also return how many holes."""
     total = 0
-    for _ in range(_ROUNDS):
+    for _ in range(4):
         mesh = _without_bad_edges(mesh)
         loops = _boundary_loops(mesh)
         if not loops:
@@ -231,3 +226,45 @@ def _with_fans(mesh: trimesh.Trimesh, loops: list[list[int]]) -> trimesh.Trimesh
         faces.append(np.stack([np.roll(rim, -1), rim, np.full(len(rim), top)], axis=-1))
         top += 1
     return trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=False)
+
+
+def welded(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Return the bare triangles with equal vertices merged, without empty or double faces."""
+    welded = trimesh.Trimesh(np.array(mesh.vertices), np.array(mesh.faces), process=False)
+    welded.merge_vertices()
+    welded.update_faces(welded.nondegenerate_faces(height=1e-12) & welded.unique_faces())
+    welded.remove_unreferenced_vertices()
+    return welded
+
+
+def simplified(mesh: trimesh.Trimesh, faces: int) -> trimesh.Trimesh:
+    """Return the mesh with about `faces` faces, by quadric error."""
+    import fast_simplification
+
+    points, triangles = fast_simplification.simplify(
+        np.asarray(mesh.vertices, dtype=np.float32),
+        np.asarray(mesh.faces, dtype=np.int32),
+        target_count=faces,
+    )[:2]
+    return welded(trimesh.Trimesh(points, triangles, process=False))
+
+
+def is_solid(mesh: trimesh.Trimesh) -> bool:
+    """Return True for a mesh that is closed, consistently wound, and encloses a volume."""
+    return bool(
+        len(mesh.faces) >= 4 and mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
+    )
+
+
+def is_sound(mesh: trimesh.Trimesh) -> bool:
+    """Return True where a solid's volume, centre of mass and inertia are those of some real body within it.
+
+    A surface that crosses itself may be closed and yet enclose parts twice or inside out.
+    """
+    if not is_solid(mesh):
+        return False
+    hull = mesh.convex_hull
+    centre, low = np.array(mesh.center_mass), 1e-6 * float(mesh.extents.max())
+    outside = ((centre - hull.triangles[:, 0]) * hull.face_normals).sum(axis=1).max()
+    a, b, c = np.linalg.eigvalsh(mesh.moment_inertia)
+    return bool(mesh.volume <= 1.001 * hull.volume and outside < low and a > 0 and a + b >= 0.9999 * c)

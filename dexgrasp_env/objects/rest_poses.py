@@ -26,18 +26,9 @@ if TYPE_CHECKING:
 
 
 _TIMESTEP = 0.002
-_DROP_HEIGHT = 0.005
-_LONGEST = 6.0
-_CHECK_EVERY = 25
-_STILL_CHECKS = 4
-_STILL = 2e-3
-_SPIN_TIME = 0.3
 _FRICTION = [0.7, 0.005, 2e-4]  # sliding, torsional m, rolling m
-DROPS = 240
 MERGE_ANGLE = np.deg2rad(16.0)
 MOST_POSES = 12
-_SNAP_COSINE = np.cos(np.deg2rad(4.0))
-_ROUND = 0.012
 _SCHEMA = 2
 
 
@@ -61,7 +52,7 @@ def drop_model(model: ObjectModel) -> mujoco.MjModel:
     for geom in body.geoms:
         geom.friction = _FRICTION
     mj_model = spec.compile()
-    mj_model.dof_damping[3:6] = np.trace(model.inertia) / 3 / _SPIN_TIME
+    mj_model.dof_damping[3:6] = np.trace(model.inertia) / 3 / 0.3  # a spin ends in 0.3 s
     return mj_model
 
 
@@ -79,11 +70,11 @@ def _drop_one(
     data.qpos[3:7] = matrix_to_quat(frame_of_z(up).T)  # turns `up` to the world's vertical
     radius = 0.5 * float(model.extents.max())
     still = 0
-    for _ in range(int(_LONGEST / (_TIMESTEP * _CHECK_EVERY))):
-        mujoco.mj_step(mj_model, data, _CHECK_EVERY)
+    for _ in range(int(6.0 / (_TIMESTEP * 25))):  # s
+        mujoco.mj_step(mj_model, data, 25)
         speed = float(np.linalg.norm(data.qvel[:3]) + radius * np.linalg.norm(data.qvel[3:]))
-        still = still + 1 if speed < _STILL and data.ncon > 0 else 0
-        if still == _STILL_CHECKS:
+        still = still + 1 if speed < 2e-3 and data.ncon > 0 else 0  # m/s
+        if still == 4:
             vertical = data.xmat[1].reshape(3, 3)[2]
             return vertical / np.linalg.norm(vertical), speed
     return None
@@ -122,8 +113,8 @@ def rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
     return poses
 
 
-def find_rest_poses(model: ObjectModel, drops: int = DROPS) -> tuple[RestPose, ...]:
-    """Drop the object from `drops` even orientations and gather where it ends; always the same for the same
+def find_rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
+    """Drop the object from 240 even orientations and gather where it ends; always the same for the same
     object.
 
     Drops are merged when the vertical in the object frame differs by at most 16 degrees, directly or through
@@ -137,8 +128,7 @@ def find_rest_poses(model: ObjectModel, drops: int = DROPS) -> tuple[RestPose, .
     from trimesh.convex import convex_hull
 
     mj_model = drop_model(model)
-    ways = fibonacci_directions(drops)
-    settled = [end for up in ways if (end := _drop_one(mj_model, model, up, _DROP_HEIGHT))]
+    settled = [end for up in fibonacci_directions(240) if (end := _drop_one(mj_model, model, up, 0.005))]
     ups, calm = np.reshape([up for up, _ in settled], (-1, 3)), np.array([speed for _, speed in settled])
     surfaces = [part.surface().vertices for part in model.parts]
     normals = np.array(convex_hull(np.concatenate(surfaces)).face_normals)  # (n, 3), outward
@@ -173,14 +163,14 @@ def symmetry_axis(model: ObjectModel) -> Array | None:
     ring = np.cos(turn) * side + np.sin(turn) * np.cross(axis, side)
     around = (np.cos(tilt) * ring + np.sin(tilt) * axis for tilt in np.linspace(-1.2, 1.2, 7))
     reach = max(np.ptp((ways @ np.asarray(model.hull.vertices).T).max(-1)) for ways in around)
-    return axis if reach < _ROUND * model.extents.max() else None
+    return axis if reach < 0.012 * model.extents.max() else None
 
 
-def clusters(directions: Array, angle: float = MERGE_ANGLE) -> list[np.ndarray]:
-    """Group unit vectors (n, 3) that are within `angle` radians of each other, directly or through others."""
+def clusters(directions: Array) -> list[np.ndarray]:
+    """Group unit vectors (n, 3) that are within 16 degrees of each other, directly or through others."""
     from scipy.sparse.csgraph import connected_components
 
-    near = directions @ directions.T >= np.cos(angle)
+    near = directions @ directions.T >= np.cos(MERGE_ANGLE)
     count, label = connected_components(near, directed=False)
     return [np.flatnonzero(label == index) for index in range(count)]
 
@@ -213,7 +203,7 @@ def _flat(normals: Array, up: Array) -> Array:
     """Turn the vertical `up` (3,) onto the one of the facets' `normals` (n, 3) that it nearly rests on."""
     cosine = -(normals * up).sum(-1)
     best = int(np.argmax(cosine))
-    return -normals[best] / np.linalg.norm(normals[best]) if cosine[best] > _SNAP_COSINE else up
+    return -normals[best] / np.linalg.norm(normals[best]) if cosine[best] > np.cos(np.deg2rad(4.0)) else up
 
 
 def _upright(up: Array) -> tuple[float, float, float, float]:

@@ -23,7 +23,6 @@ from dexgrasp_env.valid import Mass, Rule, number, read, several
 
 SCHEMA = 1
 MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".dae", ".3mf")
-_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
 
 
 def _quaternion(value: Any) -> tuple[float, float, float, float]:
@@ -35,7 +34,7 @@ def _quaternion(value: Any) -> tuple[float, float, float, float]:
 
 
 def _name(value: Any) -> str:
-    if not _NAME.fullmatch(value):
+    if not re.fullmatch(r"[A-Za-z0-9_.-]{1,100}", value):
         raise ValueError
     return str(value)
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     import manifold3d
     import trimesh
 
-_FACES = 1800
-
 
 @dataclass(frozen=True, eq=False)
 class Shape:
@@ -31,7 +29,7 @@ class Shape:
 
 def refined(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Return the same surface cut into about 1800 triangles of about even size or more."""
-    length = float(np.sqrt(mesh.area / _FACES * 4 / np.sqrt(3)))
+    length = float(np.sqrt(mesh.area / 1800 * 4 / np.sqrt(3)))
     return from_manifold(to_manifold(mesh).refine_to_length(length))
 
 

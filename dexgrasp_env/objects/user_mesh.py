@@ -24,7 +24,6 @@ from dexgrasp_env.objects.sets import MESH_SUFFIXES, mesh_file
 DENSITY = 400.0
 """kg/m^3 where no mass is given: everyday things, hollow or half full."""
 MASS_RANGE = (0.02, 1.0)
-_LARGEST, _SMALLEST, _HAND = 2.0, 0.005, 0.12
 _VERSION = 3
 _MOST_FACES = 1_500_000  # to mend: 1.2 kB each
 
@@ -49,18 +48,15 @@ def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float |
     parts, split_notes = convex_parts(mesh)
     notes += split_notes
     narrowest = float(np.min(mesh.bounding_box_oriented.primitive.extents))
-    if narrowest > _HAND:
+    if narrowest > 0.12:
         notes += (
             f"too large for the hand: its narrowest side is {1000 * narrowest:.0f} mm, the hand spans about 120 mm",
         )
     if mass is None:
         given = DENSITY * mesh.volume
         mass = float(np.clip(given, *MASS_RANGE))
-        said = f"mass {mass:.3f} kg assumed from {DENSITY:.0f} kg/m3"
-        if mass != given:
-            said = f"mass {mass:.3f} kg assumed: {DENSITY:.0f} kg/m3 gives {given:.2g} kg, "
-            said += f"outside {MASS_RANGE[0]} to {MASS_RANGE[1]} kg"
-        notes += (f"{said} (set it with --mesh-mass)",)
+        said = f"mass {mass:.3f} kg assumed: {DENSITY:.0f} kg/m3 gives {given:.2g} kg, taken within"
+        notes += (f"{said} {MASS_RANGE[0]} to {MASS_RANGE[1]} kg (set it with --mesh-mass)",)
     return centred_model(
         printable_stem(path), mesh, parts, mass, notes=notes, file_centre=np.array(mesh.center_mass)
     )
@@ -151,11 +147,11 @@ def _check_size(mesh: trimesh.Trimesh, name: str) -> None:
     used = mesh.vertices[np.unique(mesh.faces)]
     with np.errstate(over="ignore"):
         largest = float(np.ptp(used, axis=0).max())
-    if not largest <= _LARGEST:
+    if not largest <= 2.0:
         unit = "millimetres: pass --mesh-scale 0.001" if largest > 40 else (
             "centimetres or millimetres: pass --mesh-scale 0.01 or 0.001")  # fmt: skip
         raise InputError(f"mesh {name!r} is {largest:.4g} m large and looks like {unit}")
-    if largest < _SMALLEST:
+    if largest < 0.005:
         raise InputError(
             f"mesh {name!r} is only {1000 * largest:.3g} mm large: "
             "objects need 5 mm at least, pass a larger --mesh-scale"

@@ -13,24 +13,13 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Fields, Mask
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.coupled import Coupling
+from dexgrasp_env.robot.description import bearers
+from dexgrasp_env.robot.robot import Coupling
 
 Lines = dict[int, tuple[int, float, float]]
 """Follower: leader, ratio, offset."""
 
 DRIVES_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
-_SLACK = 0.3  # rad that a tendon between two joints may leave: they are coupled
-_LEVELS, _STEPS = 24, 60  # places of a drive that are looked at, and physics steps from one to the next
-_DAMPING, _HEAVY = (
-    20.0,
-    1e6,
-)  # 1/s, of joints while a drive moves; armature of a drive, which nothing pushes back
-_RIGID, _FIRM = (0.006, 1.0), (0.99, 0.999)  # solref (s) and solimp of loops while it moves
-_OPEN = 0.003  # m or rad by which a loop may miss closing: beyond, the drive is at its end
-_STILL, _CURVE = (
-    0.02,
-    0.15,
-)  # rad that count as no motion, and that a joint may be off its line (slides: a tenth, m)
 
 
 class Coupled(NamedTuple):
@@ -81,23 +70,16 @@ def stated_lines(model: mujoco.MjModel) -> Lines:
     for tendon in np.flatnonzero(model.tendon_limited).tolist():
         joints, coefs = wrapped_joints(model, tendon)
         slack = np.ptp(model.tendon_range[tendon])
-        if len(joints) == 2 and coefs[0] * coefs[1] < 0 and slack < _SLACK * min(map(abs, coefs)):
+        if len(joints) == 2 and coefs[0] * coefs[1] < 0 and slack < 0.3 * min(map(abs, coefs)):  # rad
             (leader, a), (follower, b) = sorted(zip(joints, coefs, strict=True))
             lines[follower] = leader, -a / b, float(model.tendon_range[tendon].mean() / b)
     for tendon in model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0].tolist():
         joints, coefs = wrapped_joints(model, tendon)
         if len(joints) == 2 and not set(joints) & (lines.keys() | {of for of, *_ in lines.values()}):
-            first, second = model.jnt_bodyid[joints].tolist()
-            if not _bears(model, first, second) and not _bears(model, second, first):
+            first, second = (bearers(model, body) for body in model.jnt_bodyid[joints])
+            if first[0] not in second and second[0] not in first:
                 lines[joints[1]] = joints[0], coefs[1] / coefs[0], 0.0
     return lines
-
-
-def _bears(model: mujoco.MjModel, above: int, body: int) -> bool:
-    """Tell whether a body is another, or hangs on it."""
-    while body and body != above:
-        body = int(model.body_parentid[body])
-    return body == above
 
 
 def has_loops(model: mujoco.MjModel) -> bool:
@@ -178,14 +160,14 @@ def _reduce_loops(model: mujoco.MjModel, path: Path, lines: Lines) -> tuple[list
     for drive in drives:
         u, q = _swept(model, drive, drives)
         for j in free:
-            if np.ptp(q[:, j]) < _STILL * unit[j]:
+            if np.ptp(q[:, j]) < 0.02 * unit[j]:  # it stands still
                 continue
             name = model.joint(j).name
             if j in lines:
                 raise InputError(f"{path}: loops move joint {name!r} with several drives: valid is one")
             ratio, offset = np.polyfit(u, q[:, j], 1)
             off = np.abs(ratio * u + offset - q[:, j]).max()
-            if off > _CURVE * unit[j]:
+            if off > 0.15 * unit[j]:  # rad
                 raise InputError(f"{path} couples joint {name!r} by a curve: it is {off:.2g} off a line")
             lines[j], worst = (drive, float(ratio), float(offset)), max(worst, off)
     still = [model.joint(j).name for j in free if j not in lines]
@@ -195,25 +177,30 @@ def _reduce_loops(model: mujoco.MjModel, path: Path, lines: Lines) -> tuple[list
 
 
 def _swept(model: mujoco.MjModel, drive: int, drives: list[int]) -> tuple[Array, Array]:
-    """Return places (k,) of a drive at which the loops close, and the joints (k, n) there; other drives stand."""
+    """Return places (k,) of a drive at which the loops close, and the joints (k, n) there; other drives stand.
+
+    From one place to the next the physics runs for 60 steps, loops all but rigid, and nothing pushes the drives back.
+    """
     m = copy.copy(model)
     m.opt.gravity[:] = 0.0
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    m.dof_damping[:], m.dof_frictionloss[:] = _DAMPING * m.dof_M0, 0.0
-    m.eq_solref[:], m.eq_solimp[:, :2] = _RIGID, _FIRM
-    m.dof_armature[m.jnt_dofadr[drives]] = _HEAVY
+    m.dof_damping[:], m.dof_frictionloss[:] = 20.0 * m.dof_M0, 0.0
+    m.eq_solref[:], m.eq_solimp[:, :2] = (0.006, 1.0), (0.99, 0.999)
+    m.dof_armature[m.jnt_dofadr[drives]] = 1e6
     at, low_high = m.jnt_qposadr[drive], m.jnt_range[drive]
     if not m.jnt_limited[drive]:
         low_high = m.qpos0[at] + np.array([-np.pi, np.pi])
     found = list[tuple[float, Array]]()
     for end in low_high:
         data = mujoco.MjData(m)
-        for u in np.linspace(m.qpos0[at], end, _LEVELS):
-            for _ in range(_STEPS):
+        for u in np.linspace(m.qpos0[at], end, 24):
+            for _ in range(60):
                 data.qpos[at], data.qvel[m.jnt_dofadr[drive]] = u, 0.0
                 mujoco.mj_step(m, data)
             mujoco.mj_forward(m, data)
-            if np.abs(data.efc_pos[: data.ne]).max(initial=0.0) > _OPEN:
+            if (
+                np.abs(data.efc_pos[: data.ne]).max(initial=0.0) > 0.003
+            ):  # m or rad that a loop misses: the drive is at its end
                 break
             found.append((float(u), data.qpos[m.jnt_qposadr].copy()))
     found.sort(key=lambda row: row[0])

@@ -1,5 +1,6 @@
 """Description of a part of a robot as MuJoCo compiled it: bodies, shapes and where they are, joints at 0."""
 
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -8,22 +9,12 @@ import mujoco
 import numpy as np
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.hulls import mesh_of
 from dexgrasp_env.robot.source import read_source
 
 _GEOM = mujoco.mjtGeom
-TURN_OR_SLIDE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-_CUBE = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
-SOLIDS = (
-    _GEOM.mjGEOM_SPHERE,
-    _GEOM.mjGEOM_ELLIPSOID,
-    _GEOM.mjGEOM_CAPSULE,
-    _GEOM.mjGEOM_CYLINDER,
-    _GEOM.mjGEOM_BOX,
-    _GEOM.mjGEOM_MESH,
-)
-"""Kinds of shapes that are solids."""
 
 
 class Description:
@@ -39,10 +30,14 @@ class Description:
         """Compile it.
 
         Raises:
-            InputError: in one line, where MuJoCo cannot read it.
+            InputError: in one line, where MuJoCo cannot read it, or joints neither turn nor slide.
         """
         self.path, self.source = path, read_source(path)
         self.model = self.source.model
+        if not np.isin(self.model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)).all():
+            raise InputError(
+                f"{path} has joints that neither turn nor slide: valid is a hand or an arm that does not float"
+            )
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = 0.0
         mujoco.mj_kinematics(self.model, self.data)
@@ -51,29 +46,39 @@ class Description:
         """Return the pose (4, 4) of a body."""
         return pose_of(self.data.body(body))
 
+    def joint_ids(self, names: Iterable[str]) -> list[int]:
+        """Return the numbers of joints."""
+        return [self.model.joint(name).id for name in names]
+
+    def joint_names(self, joints: Iterable[int]) -> list[str]:
+        """Return the names of joints."""
+        return [self.model.joint(j).name for j in joints]
+
     @cached_property
     def solid(self) -> Array:
         """Which geoms (ngeom,) collide; of a description in which nothing does, and of ends of chains, all."""
         m = self.model
         solid = (m.geom_contype | m.geom_conaffinity) != 0
         for body in range(1, m.nbody):
-            if (
-                m.body_jntnum[body]
-                and not (m.body_parentid == body).any()
-                and not solid[m.geom_bodyid == body].any()
-            ):
-                solid = solid | (m.geom_bodyid == body)
+            own, ends = m.geom_bodyid == body, not (m.body_parentid == body).any()
+            if m.body_jntnum[body] and ends and not solid[own].any():
+                solid = solid | own
         return solid if solid.any() else np.ones_like(solid)
+
+    def shape_points(self, geom: int) -> Array:
+        """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in the world of the file."""
+        return self.corners(geom) @ self.data.geom_xmat[geom].reshape(3, 3).T + self.data.geom_xpos[geom]
 
     def box_of(self, bodies: list[int]) -> Array:
         """Return the ends (2, 3) m of a box around all shapes of bodies; nan without any."""
-        found = [
-            self.corners(g) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
-            for g in np.flatnonzero(np.isin(self.model.geom_bodyid, bodies)).tolist()
-            if _GEOM(self.model.geom_type[g]) in SOLIDS
-        ]
-        points = np.concatenate(found) if found else np.full((1, 3), np.nan)
+        own = np.flatnonzero(np.isin(self.model.geom_bodyid, bodies)).tolist()
+        found = [self.shape_points(g) for g in own if self.is_solid(g)]
+        points = np.concatenate(found or [np.full((1, 3), np.nan)])
         return np.array([points.min(0), points.max(0)])
+
+    def is_solid(self, geom: int) -> bool:
+        """Tell whether a shape is a solid: no plane, no field of heights."""
+        return int(_GEOM.mjGEOM_SPHERE) <= self.model.geom_type[geom] <= int(_GEOM.mjGEOM_MESH)
 
     @staticmethod
     def is_off(centre: Array, box: Array) -> bool:
@@ -86,9 +91,19 @@ class Description:
         if self.model.geom_type[geom] == _GEOM.mjGEOM_MESH:
             return mesh_of(self.model, geom)[0]
         middle, half = np.split(self.model.geom_aabb[geom], 2)
-        return middle + half * _CUBE
+        cube = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
+        return middle + half * cube
 
 
 def pose_of(place: Any) -> Array:
     """Return the pose (4, 4) of a body, shape or site of `mujoco.MjData`."""
     return rigid(place.xmat.reshape(3, 3), place.xpos)
+
+
+def bearers(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return a body and those that it hangs on, from it up; the world is none of them."""
+    found = []
+    while body:
+        found.append(body)
+        body = int(model.body_parentid[body])
+    return found

@@ -10,12 +10,7 @@ from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.part import Part
 
-_ALIKE = 0.05  # share by which the reaches of two jaws may differ: rods behind them reach less far
-_SLAB, _FACE = 0.035, 0.001  # m from a jaw's end in which its pad is sought, and of which depth a face may be
 _PAD = (0.006, 0.014)  # m: radii of the spheres that pads are taken for
-_TURNS = 0.6  # of a pad's radius: torsional over sliding friction of a flat patch (2/3), with a reserve
-_SNAP = 0.97  # cosine to an axis of the palm's body within which a direction is that axis
-_FRONT = 0.025  # m that pads are in front of the palm frame at least
 
 
 class Jaws(NamedTuple):
@@ -66,16 +61,18 @@ def find_jaws(part: Part, palm: int, ends: list[int], opened: Array, closed: Arr
     tips = [_tip_frame(centre, way, x, radius) for (centre, _), way in zip(pads, (-y, y), strict=True)]
     origin = middle(np.array([T[:3, 3] for T in tips]))
     front = part.points(palm) @ x if part.has_shape(palm) else part.data.xpos[[palm]] @ x
-    origin += (min(front.max(), origin @ x - _FRONT) - origin @ x) * x
+    origin += (min(front.max(), origin @ x - 0.025) - origin @ x) * x  # pads are 25 mm before it at least
     stroke = abs((at_open[0] - at_open[1]) @ y) - abs((own[0].mean(0) - own[1].mean(0)) @ y)
     stroke += float((pads[0][0] - pads[1][0]) @ y)
+    # Torsional over sliding friction of a flat patch is 2/3 of its radius: taken with a reserve.
+    torsion = round(0.6 * radius, 4)
     T_palm = rigid(np.stack([x, y, np.cross(x, y)], axis=1), origin)
-    return Jaws((ends[0], ends[1]), T_palm, (tips[0], tips[1]), radius, round(_TURNS * radius, 4), stroke)
+    return Jaws((ends[0], ends[1]), T_palm, (tips[0], tips[1]), radius, torsion, stroke)
 
 
 def like_reach(reaches: Array) -> list[int]:
     """Return which chains reach (n,) m as far as the farthest: the others are rods behind them."""
-    return np.flatnonzero(reaches > (1.0 - _ALIKE) * reaches.max()).tolist()
+    return np.flatnonzero(reaches > 0.95 * reaches.max()).tolist()
 
 
 def _snapped(way: Array, axes: Array) -> Array:
@@ -83,7 +80,7 @@ def _snapped(way: Array, axes: Array) -> Array:
     way = way / np.linalg.norm(way)
     along = way @ axes
     k = int(np.argmax(np.abs(along)))
-    return np.asarray(np.sign(along[k]) * axes[:, k] if abs(along[k]) > _SNAP else way)
+    return np.asarray(np.sign(along[k]) * axes[:, k] if abs(along[k]) > 0.97 else way)
 
 
 def _pad(part: Part, body: int, way: Array, x: Array) -> tuple[Array, float]:
@@ -91,7 +88,8 @@ def _pad(part: Part, body: int, way: Array, x: Array) -> tuple[Array, float]:
     R = np.stack([way, np.cross(x, way), x], axis=1)
     shapes = [points @ R for points in part.shapes(body)]
     end = max(points[:, 2].max() for points in shapes)
-    end_of = min(_SLAB, 0.5 * (end - min(points[:, 2].min() for points in shapes)))
+    # The pad is sought in the last 35 mm, or the last half of a shorter jaw.
+    end_of = min(0.035, 0.5 * (end - min(points[:, 2].min() for points in shapes)))
     near = np.concatenate(
         [
             cut(points, end - end_of)[0] if points[:, 2].min() < end - end_of else points
@@ -99,7 +97,7 @@ def _pad(part: Part, body: int, way: Array, x: Array) -> tuple[Array, float]:
             if points[:, 2].max() > end - end_of
         ]
     )
-    face = near[near[:, 0] > near[:, 0].max() - _FACE]
+    face = near[near[:, 0] > near[:, 0].max() - 0.001]  # m of depth
     low, high = face.min(0), face.max(0)
     size = 0.5 * min(high[1] - low[1], high[2] - low[2], np.ptp(near[:, 0]))
     centre = 0.5 * (low + high)

@@ -9,22 +9,15 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Fields, middle
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.robot.couplings import couplings, led_by, narrow, share
+from dexgrasp_env.robot.description import bearers
 from dexgrasp_env.robot.gripper import Jaws, find_jaws, like_reach
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.rebuilt import FLANGE, about, placed
 
-_BEHIND = 0.0133  # m between flange and the palm's back: a plate
-_SPREAD = 0.4  # rad that an idle finger is turned away from the others
-_NARROW = 0.008  # m: fingers whose tips have less of a radius touch with all of their last links
 _CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
-_ALONG = 0.8  # cosine between axes that bend a finger alike
 WRIST = 3
 """Joints before the palm: more are an arm's."""
-_PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
-_FARTHEST = 0.45  # m from the palm's body to the end of a finger: beyond are legs and arms
-_LIKE = 0.5  # by which a thumb faces otherwise than the next finger does, or another could be it
-_EVEN = 0.2  # share of a last joint's range by which its middle may be off 0, and its pad be on either side
 
 
 class Told(NamedTuple):
@@ -65,7 +58,7 @@ class HandMaker(Part):
         self.told = told or Told()
         self._check_told()
         self.palm = self._find_palm()
-        self.chains = self._find_fingers({self.model.joint(name).id for name in still})
+        self.chains = self._find_fingers(set(self.joint_ids(still)))
         self.held += still
         self._check_size()
         self.jaws: Jaws | None = None
@@ -109,22 +102,17 @@ class HandMaker(Part):
     def _ends(self, ends: list[int], chains: list[list[int]]) -> tuple[Array, Array]:
         """Return the places (n,) of all joints with two bodies farthest apart, and nearest to each other."""
         joints = [name for chain in chains for name in self.names(chain)[1]]
-        low, high = self.ranges([self.model.joint(name).id for name in joints]).T.tolist()
+        low, high = self.ranges(self.joint_ids(joints)).T.tolist()
         limits = {"lower": low, "upper": high}
         narrow(joints, limits, self.couplings)
-        found, followers = list[Array](), {own.joint for own in self.couplings}
-        middle_at = {
-            n: 0.5 * (a + b) for n, a, b in zip(joints, low, high, strict=True) if n not in followers
-        }
-        apart = {
-            name: [self._gap(ends, middle_at | {name: side[k]}) for side in (low, high)]
-            for k, name in enumerate(joints)
-            if name in middle_at
-        }
-        for widest in (True, False):
-            at = {n: (low, high)[(b > a) == widest][joints.index(n)] for n, (a, b) in apart.items()}
-            found.append(self._following(at))
-        return found[0], found[1]
+        followers = {own.joint for own in self.couplings}
+        leading = {n: (a, b) for n, a, b in zip(joints, low, high, strict=True) if n not in followers}
+        middle_at = {name: 0.5 * (a + b) for name, (a, b) in leading.items()}
+        opened, closed = dict[str, float](), dict[str, float]()
+        for name, (a, b) in leading.items():
+            wider = self._gap(ends, middle_at | {name: b}) > self._gap(ends, middle_at | {name: a})
+            opened[name], closed[name] = (b, a) if wider else (a, b)
+        return self._following(opened), self._following(closed)
 
     def _gap(self, ends: list[int], at: dict[str, float]) -> float:
         self.place(self._following(at))
@@ -133,9 +121,10 @@ class HandMaker(Part):
     def _following(self, at: dict[str, float]) -> Array:
         """Return the places (n,) of all joints, where leading ones are told theirs."""
         q = np.clip(0.0, *self.ranges().T)
-        q[[self.model.joint(name).id for name in at]] = list(at.values())
+        q[self.joint_ids(at)] = list(at.values())
         for own in self.couplings:
-            q[self.model.joint(own.joint).id] = own.offset + own.ratio * q[self.model.joint(own.follows).id]
+            follower, leader = self.joint_ids((own.joint, own.follows))
+            q[follower] = own.offset + own.ratio * q[leader]
         return q
 
     def _find_thumb(self) -> None:
@@ -147,13 +136,14 @@ class HandMaker(Part):
         ends = [self.model.body(chain[-1]).name for chain in self.chains]
         first, second = np.sort(unlike)[:2]
         if self.told.thumb:
-            named = [self.hangs_on_chain(self.model.body(self.told.thumb).id, chain) for chain in self.chains]
+            body = self.model.body(self.told.thumb).id
+            named = [any(self.hangs_on(body, own) for own in chain) for chain in self.chains]
             if not any(named):
                 raise InputError(
                     f"--thumb {self.told.thumb} is no body of a finger: fingers end in {', '.join(ends)}"
                 )
             thumb = named.index(True)
-        elif second - first < _LIKE:
+        elif second - first < 0.5:  # another finger faces nearly as little as the others do
             self.notes.append(
                 f"hand thumb: the finger that ends in {ends[thumb]!r} is a guess: --thumb BODY names another"
             )
@@ -175,34 +165,18 @@ class HandMaker(Part):
         at = self.pose(self.palm)[:3, 3]
         ends = [b for chain in self.chains for b in chain[-1:] if self.has_shape(b)]
         reach = max((float(np.linalg.norm(self.points(b) - at, axis=1).max()) for b in ends), default=0.0)
-        if reach > _FARTHEST:
+        if reach > 0.45:  # m
             raise InputError(
                 f"{self.path}: what branches from {self._name(self.palm)} reaches {reach:.2f} m: no hand does"
             )
 
-    def _is_palm(self, body: int) -> bool:
-        """Tell whether a body bears the fingers: the one that the user names, or the first that branches."""
-        palm = self.told.palm
-        return self.model.body(body).name == palm if palm else len(self.below(body)) != 1
-
     def _find_palm(self) -> int:
-        body = 0
-        if self.told.palm:
-            body, above = self.model.body(self.told.palm).id, list[str]()
-            up = body
-            while up:
-                above += self.names([up])[1] if self.model.body_jntnum[up] else []
-                up = self.model.body_parentid[up]
-            self.held = above[::-1]
-        while not self._is_palm(body):
-            below = self.below(body)
-            (body,) = below
-            if self.model.body_jntnum[body]:
-                self.held += self.names([body])[1]
+        """Return the body that bears the fingers: the one that the user names, or the first that branches."""
+        body = self.model.body(self.told.palm).id if self.told.palm else self.branching()
+        above = [b for b in bearers(self.model, body)[::-1] if self.model.body_jntnum[b]]
+        self.held = self.names(above)[1]
         if len(self.held) > WRIST:
-            self.notes.append(
-                f"the arm in the file ends at {self.model.body(body).name!r}, which bears the hand"
-            )
+            self.notes.append(f"the arm in the file ends at {self._name(body)}, which bears the hand")
             self.held = []
         if self.held:
             self.notes.append(
@@ -224,11 +198,11 @@ class HandMaker(Part):
                 left = more + left
             else:
                 found.append(chain)
-        name = self.model.joint
         for _ in self.couplings:
-            held |= {name(own.joint).id for own in self.couplings if name(own.follows).id in held}
+            pairs = [self.joint_ids((own.joint, own.follows)) for own in self.couplings]
+            held |= {follower for follower, leader in pairs if leader in held}
         if held:
-            joints = sorted(name(j).name for j in held)
+            joints = sorted(self.joint_names(held))
             self.notes.append(
                 f"hand held: {', '.join(joints)}, which several fingers share, stand still at 0"
             )
@@ -236,22 +210,18 @@ class HandMaker(Part):
             self.couplings = [own for own in self.couplings if own.joint not in joints]
         followers = {own.joint for own in self.couplings}
         chains = [[b for b in chain if self.model.body_jntadr[b] not in held | still] for chain in found]
-        own = [{name(self.model.body_jntadr[b]).name for b in chain} for chain in chains]
+        own = [set(self.names(chain)[1]) for chain in chains]
         linkages = [k for k, joints in enumerate(own) if joints and joints <= followers]
         self.linkages = len(linkages)  # chains that only follow: rods of a finger
         return [chains[k] for k in linkages] + [
             chain for k, chain in enumerate(chains) if k not in linkages and chain
         ]
 
-    def hangs_on_chain(self, body: int, chain: list[int]) -> bool:
-        """Tell whether a body is one of a chain, or hangs on one."""
-        return any(self.hangs_on(body, of) for of in chain)
-
     def _first_flexing(self, chain: list[int]) -> int:
         """Return the first joint of a finger that turns about the axis of its last one."""
         joints = self.model.body_jntadr[chain]
         along = np.abs(self.data.xaxis[joints] @ self.data.xaxis[joints[-1]])
-        return int(joints[np.argmax(along > _ALONG)])
+        return int(joints[np.argmax(along > 0.8)])
 
     def _tip(self, chain: list[int]) -> tuple[Array, float]:
         """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
@@ -262,7 +232,7 @@ class HandMaker(Part):
         name = self.model.body(chain[-1]).name
         if name in self.told.flip:
             flexing = -flexing
-        elif abs(high + low) < _EVEN * (high - low):
+        elif abs(high + low) < 0.2 * (high - low):  # it bends as far to either side
             self.notes.append(
                 f"hand pads: which side of {name!r} is the pad is a guess: --flip {name} turns it"
             )
@@ -319,7 +289,8 @@ class HandMaker(Part):
         return stated({
             **self.head(), "palm": self.model.body(self.palm).name,
             "frame": frame_entry(self.pose(self.palm), self.frame), "tip_radius": self.radius,
-            "tip_length": float(np.round(max(lengths), 4)) if self.radius < _NARROW and not self.jaws else (),
+            # Fingers with narrow tips touch with all of their last links.
+            "tip_length": float(np.round(max(lengths), 4)) if self.radius < 0.008 and not self.jaws else (),
             "torsion": self.jaws.torsion if self.jaws else (),
             **self._driven(joints), "held": self.held,
             "fingers": fingers, "grasp": names[-2:] if self.jaws else ["thumb", *(names[k] for k in near)],
@@ -335,15 +306,15 @@ class HandMaker(Part):
         moves = np.cross(self.data.xaxis[joints], self.tip(k)[:3, 3] - self.data.xanchor[joints]) @ away
         moves /= np.linalg.norm(away)
         straight, spreads = np.clip(0.0, low, high), int(np.argmax(np.abs(moves)))
-        straight[spreads] += np.sign(moves[spreads]) * _SPREAD
+        straight[spreads] += np.sign(moves[spreads]) * 0.4  # rad
         return np.clip(straight, low, high).round(6).tolist()
 
     def _driven(self, joints: list[str]) -> Fields:
         """Return limits, gains and tendons as the file says them."""
         limits = self.limits(joints, "gripper" if self.jaws else "hand")
-        tendons = [
+        tendons: list[Fields] = [
             {
-                "joints": [self.model.joint(j).name for j in own],
+                "joints": self.joint_names(own),
                 "coefs": [coef / own[max(own)] for coef in own.values()],
             }
             for own in self.tendons().values()
@@ -380,5 +351,7 @@ class HandMaker(Part):
         ]
         back = min(points[:, 0].min() for points in solids)
         _, y, z = middle(solids[0])
-        position = [-z, y, FLANGE + _BEHIND - back]
-        return {"position": np.round(position, 6).tolist(), "quat_wxyz": list(_PALM_DOWN)}
+        behind = 0.0133  # m: a plate
+        # x of the palm along the flange, its z along the last link's x.
+        quat = [0.0, 0.5**0.5, 0.0, 0.5**0.5]
+        return {"position": np.round([-z, y, FLANGE + behind - back], 6).tolist(), "quat_wxyz": quat}

@@ -11,8 +11,7 @@ import yaml
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
-from dexgrasp_env.locales import with_decimal_points
-from dexgrasp_env.robot.description import pose_of
+from dexgrasp_env.robot.description import bearers, pose_of
 from dexgrasp_env.robot.hand_maker import WRIST, HandMaker, Told, frame_entry, stated
 from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
@@ -23,25 +22,23 @@ from dexgrasp_env.robot.postures import (
     open_posture,
     overlapping_links,
 )
-from dexgrasp_env.robot.rebuilt import about, described
+from dexgrasp_env.robot.rebuilt import about, compiled
 from dexgrasp_env.robot.recipes import Recipe
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 
-_FILES = (".yaml", ".yml")
 _FEWEST = 4  # joints of an arm: fewer bring no palm over a table
-_TRIES = 3  # searches for an open posture, overlapping links excluded in between
 
 
 def _gripper_entry(maker: HandMaker, entry: Fields) -> Fields:
     """Return what a gripper's file says: open nearly as far as it opens, rods collide with no part of it."""
     names = [name for finger in entry["fingers"] for name in finger["joints"]]
-    open_at = [maker.opened[maker.model.joint(name).id] for name in names]
+    open_at = maker.opened[maker.joint_ids(names)]
     bodies = [entry["palm"], *(body for finger in entry["fingers"] for body in finger["bodies"])]
     rods = {body for finger in entry["fingers"][:-2] for body in finger["bodies"]}
     rigid_pairs = [pair for pair in combinations(bodies, 2) if rods & {*pair}]
     entry["open"] = np.clip(np.round(open_at, 6), entry["lower"], entry["upper"]).tolist()
     value = make_hand(entry)
-    near = always_near(value, with_decimal_points(described(value).compile))
+    near = always_near(value, compiled(value))
     return entry | stated({"excluded": [*dict.fromkeys([*rigid_pairs, *near])]})
 
 
@@ -56,10 +53,10 @@ def hand_entry(path: Path, told: Told | None = None) -> tuple[Fields, list[str]]
     if maker.jaws:
         return _gripper_entry(maker, entry), maker.notes
     value = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
-    near = always_near(value, with_decimal_points(described(value).compile))
-    for _ in range(_TRIES):
+    near = always_near(value, compiled(value))
+    for _ in range(3):  # overlapping links are excluded in between
         value = replace(value, excluded=near)
-        model = with_decimal_points(described(value).compile)
+        model = compiled(value)
         open_at = open_posture(value, model)
         touching = overlapping_links(model, np.array(open_at))
         if not touching:
@@ -79,11 +76,11 @@ def parts_of(path: Path) -> tuple[bool, bool]:
     Raises:
         InputError: for what is neither.
     """
-    part, body, joints = Part(path), 0, 0
-    while len(below := part.below(body)) == 1:
-        (body,) = below
-        joints += int(part.model.body_jntnum[body])
-    return bool(below), joints > WRIST or not below
+    part = Part(path)
+    body = part.branching()
+    joints = sum(part.model.body_jntnum[bearers(part.model, body)])
+    branches = bool(part.below(body))
+    return branches, joints > WRIST or not branches
 
 
 def arm_entry(path: Path) -> tuple[Fields, list[str]]:
@@ -98,7 +95,7 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     if len(root) != 1:
         raise InputError(f"{path} has {len(root)} chains of bodies: valid is one arm, without a hand")
     chain = part.chain(root[0], branches=True)
-    if m.nbody > 1 and any(part.below(b) for b in part.below(chain[-1])):
+    if any(part.below(b) for b in part.below(chain[-1])):
         part.notes.append(f"the hand in the file hangs on {m.body(chain[-1]).name!r}: the arm ends there")
     bodies, joints = part.names(chain)
     if any(m.joint(name).type[0] != mujoco.mjtJoint.mjJNT_HINGE for name in joints):
@@ -126,7 +123,7 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         "reach": round(_reach(part, flange, chain[-1], shoulder), 3), "shaken": [0, (len(joints) - 1) // 2],
     }  # fmt: skip
     value = make_arm({**entry, "home": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
-    home, found = home_posture(value, with_decimal_points(described(value).compile))
+    home, found = home_posture(value, compiled(value))
     if not found:
         part.notes.append(
             "arm home: none looks down on the table; state one, and look at the flange's frame and the ranges"
@@ -166,14 +163,13 @@ def make_robot(
     files, notes = dict[str, Fields](), list[str]()
     robot = {"name": out.stem, "arm": "panda.yaml", "hand": "allegro.yaml"}
     for kind, path in (("hand", hand), ("arm", arm)):
-        if path is not None and path.suffix in _FILES:
+        if path is not None and path.suffix in (".yaml", ".yml"):
             robot[kind] = str(find_beside(Path(), str(path)).resolve())
         elif path is not None:
-            content, said = (
-                hand_entry(path, told or (recipe.told if recipe else None))
-                if kind == "hand"
-                else arm_entry(path)
-            )
+            if kind == "arm":
+                content, said = arm_entry(path)
+            else:
+                content, said = hand_entry(path, told or (recipe.told if recipe else None))
             if recipe is not None and kind == "hand":
                 content = recipe.changed(content)
                 said.append(

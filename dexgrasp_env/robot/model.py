@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Iterable, Iterator
 from copy import copy
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -13,13 +13,9 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import matrix_to_quat, quat_multiply
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.coupled import Tendon
+from dexgrasp_env.robot.description import bearers
 from dexgrasp_env.robot.rebuilt import described
-from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot
-
-_NAMES = ("name", "material", "meshname", "target", "bodyname1", "bodyname2")  # by which parts of models go
-FARTHEST, HEAVIEST, STIFFEST = 10.0, 1e3, 1e5
-"""m; kg and kg m2; Nm s/rad, Nm and Nm/rad: nothing of a robot on a table is beyond."""
+from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot, Tendon
 
 
 def robot_spec(cell: Cell) -> mujoco.MjSpec:
@@ -63,7 +59,7 @@ def set_drives(spec: mujoco.MjSpec, hand: Hand) -> None:
     for own in hand.couplings:
         equal = spec.add_equality(
             name=own.joint, type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=own.joint,
-            name2=own.follows, solref=_RIGID,
+            name2=own.follows, solref=(0.004, 1.0),  # two physics steps: as stiff as is stable
         )  # fmt: skip
         equal.data[:2] = own.offset, own.ratio
     for tendon in hand.tendons:
@@ -86,10 +82,6 @@ def _add_tendon(spec: mujoco.MjSpec, tendon: Tendon) -> None:
         if joint != tendon.joints[-1]:
             servo.gainprm[0] = coef * spec.actuator(tendon.joints[-1]).gainprm[0]
             servo.biastype, servo.biasprm[:3] = mujoco.mjtBias.mjBIAS_NONE, 0.0
-
-
-_RIGID = (0.004, 1.0)
-"""s and damping of couplings: two physics steps, as stiff as is stable."""
 
 
 @lru_cache(maxsize=8)
@@ -130,24 +122,21 @@ def _turned(quat: Array, cell: Cell) -> Array:
 
 def _check_physical(model: mujoco.MjModel, robot: Robot) -> None:
     """Refuse what MuJoCo compiles and no robot is: it would only diverge when it moves."""
-    for what, most, values in (
-        (
-            "a length",
-            FARTHEST,
-            (model.body_pos, model.body_ipos, model.geom_pos, model.geom_size, model.site_pos),
-        ),
-        ("a mass", HEAVIEST, (model.body_mass,)),
-        ("an inertia", HEAVIEST, (model.body_inertia, model.dof_armature)),
-        ("a damping or friction", STIFFEST, (model.dof_damping, model.dof_frictionloss, model.jnt_stiffness)),
+    m = model
+    lengths = m.body_pos, m.body_ipos, m.geom_pos, m.geom_size, m.site_pos
+    for what, least, most, values in (
+        ("a length", -10.0, 10.0, lengths),  # m
+        ("a mass", 0.0, 1e3, (m.body_mass,)),
+        ("an inertia", 0.0, 1e3, (m.body_inertia, m.dof_armature)),
+        ("a damping or friction", 0.0, 1e5, (m.dof_damping, m.dof_frictionloss, m.jnt_stiffness)),
     ):
-        worst = max(np.abs(np.nan_to_num(v, nan=np.inf)).max(initial=0.0) for v in values)
-        if worst > most:
+        found = np.nan_to_num(np.concatenate([v.ravel() for v in values]), nan=np.inf)
+        low, high = found.min(initial=0.0), found.max(initial=0.0)
+        if low < least or high > most:
+            worst = high if high > most else low
             raise InputError(
-                f"robot {robot.name!r}: {what} of {worst:.3g} in its descriptions: at most {most:g}"
+                f"robot {robot.name!r}: {what} of {worst:.3g} in its descriptions: valid is {least:g} to {most:g}"
             )
-        least = min(v.min(initial=0.0) for v in values)
-        if least < 0.0 and most != FARTHEST:
-            raise InputError(f"robot {robot.name!r}: {what} of {least:.3g} in its descriptions: at least 0")
 
 
 def _check_names(spec: mujoco.MjSpec, part: Arm | Hand, **named: Iterable[str]) -> None:
@@ -188,8 +177,9 @@ def attach(spec: mujoco.MjSpec, other: mujoco.MjSpec, frame: mujoco.MjsFrame) ->
         spec.actuators, spec.excludes,
     )  # fmt: skip
     for element in itertools.chain(*parts):
-        for name in filter(partial(hasattr, element), _NAMES):
-            setattr(element, name, getattr(element, name).removeprefix(prefix))
+        for name in ("name", "material", "meshname", "target", "bodyname1", "bodyname2"):
+            if hasattr(element, name):
+                setattr(element, name, getattr(element, name).removeprefix(prefix))
     for material in spec.materials:
         material.textures = [name.removeprefix(prefix) for name in material.textures]
 
@@ -239,14 +229,5 @@ def _colliding(model: mujoco.MjModel, body: int) -> list[int]:
 
 def joints_between(model: mujoco.MjModel, a: int, b: int) -> Index:
     """Return the joints that move two bodies against each other."""
-    between = _chain(model, a) ^ _chain(model, b)
+    between = {*bearers(model, a)} ^ {*bearers(model, b)}
     return np.flatnonzero([body in between for body in model.jnt_bodyid])
-
-
-def _chain(model: mujoco.MjModel, body: int) -> set[int]:
-    """Return the body and all that bear it."""
-    chain = set()
-    while body:
-        chain.add(body)
-        body = model.body_parentid[body]
-    return chain

@@ -1,5 +1,6 @@
 """A description in MJCF as `make` looks at it: chains of bodies, shapes, and what it states of its joints."""
 
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -8,18 +9,11 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.coupled import Coupling
 from dexgrasp_env.robot.couplings import DRIVES_JOINT, wrapped_joints
-from dexgrasp_env.robot.description import TURN_OR_SLIDE, Description
-from dexgrasp_env.robot.robot import SLIDE
+from dexgrasp_env.robot.description import Description
+from dexgrasp_env.robot.robot import SLIDE, Coupling
 
-_UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model without a name
-_TORQUE = {"hand": 0.7, "gripper": 4.0}  # Nm
-_LOAD = 20.0  # N, of a hand and what it holds
 _STRONGEST = 8.0  # Nm: a joint of a finger has less
-_LARGEST_LAG = 0.2  # rad that a set-point which presses in full may be ahead
-_STIFFNESS = {"hand": 10.0, "arm": 2000.0}  # Nm/rad
-_AHEAD = 0.1  # rad that a jaw's set-point is ahead when it presses in full
 _RATES = {
     "hand": {"velocity": 7.0, "acceleration": 60.0, "jerk": 3000.0},
     "gripper": {"velocity": 1.0, "acceleration": 20.0, "jerk": 1000.0},
@@ -34,17 +28,13 @@ class Part(Description):
         """Compile it.
 
         Raises:
-            InputError: for what MuJoCo cannot read, has no joints, or others than hinges.
+            InputError: for what MuJoCo cannot read, has no joints, or others than hinges and slides.
         """
         super().__init__(path)
         self.notes = list(self.source.notes)
         self.couplings = list[Coupling]()
         if self.model.njnt == 0:
             raise InputError(f"{path} has no joints: it is no hand and no arm")
-        if not np.isin(self.model.jnt_type, TURN_OR_SLIDE).all():
-            raise InputError(
-                f"{path} has joints that neither turn nor slide: valid is a hand or an arm that does not float"
-            )
         self.place(np.clip(0.0, *self.ranges().T))
         heavy = np.flatnonzero(self.model.body_mass > 0).tolist()
         if off := [self._name(b) for b in heavy if self.is_off(self.data.xipos[b], self.box_of([b]))]:
@@ -61,7 +51,7 @@ class Part(Description):
         """Return name and path as files state them."""
         name = self.model.names.split(b"\0")[0].decode()
         return {
-            "name": name if name not in ("", _UNNAMED) else self.path.stem,
+            "name": name if name not in ("", "MuJoCo Model") else self.path.stem,
             "mjcf": str(self.path.resolve()),
         }
 
@@ -78,6 +68,13 @@ class Part(Description):
         """Return the bodies that hang on a body and have or lead to joints."""
         children = np.flatnonzero(self.model.body_parentid == body).tolist()
         return [b for b in children if b and (self.model.body_jntnum[b] or self.below(b))]
+
+    def branching(self) -> int:
+        """Return the first body from the world on from which several chains go out, or the last one."""
+        body = 0
+        while len(below := self.below(body)) == 1:
+            (body,) = below
+        return body
 
     def has_shape(self, body: int) -> bool:
         """Tell whether anything of a body, or of what it bears without a joint, collides."""
@@ -96,9 +93,7 @@ class Part(Description):
                 raise InputError(f"body {self._name(body)} has {count} joints: valid is one")
             found += [body] if count else []
             following = self.below(body)
-            if not following:
-                return found
-            if len(following) > 1 and branches and found:
+            if not following or (len(following) > 1 and branches and found):
                 return found
             if len(following) > 1:
                 raise InputError(
@@ -111,7 +106,7 @@ class Part(Description):
 
     def names(self, bodies: list[int]) -> tuple[list[str], list[str]]:
         """Return names of bodies and of their joints."""
-        joints = [self.model.joint(self.model.body_jntadr[b]).name for b in bodies]
+        joints = self.joint_names(self.model.body_jntadr[bodies])
         own = [self.model.body(b).name for b in bodies]
         if "" in joints + own:
             raise InputError(f"{self.path}: a body or a joint has no name: give each one")
@@ -128,7 +123,7 @@ class Part(Description):
     def shapes(self, body: int) -> list[Array]:
         """Return the points (n, 3) m of each shape that `points` returns together."""
         found = [
-            self.corners(g) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
+            self.shape_points(g)
             for g in np.flatnonzero(self.solid).tolist()
             if self.hangs_on(self.model.geom_bodyid[g], body)
         ]
@@ -149,10 +144,10 @@ class Part(Description):
             joints: names.
             kind: hand, gripper or arm. Of a gripper's joints without servos the torque is 0.
         """
-        numbers = [self.model.joint(name).id for name in joints]
-        units, servos = self.units(numbers), self._servos()
-        stated = [self._torque(j, servos.get(j)) for j in numbers]
-        missing = _TORQUE[kind] if kind in _TORQUE else self._bearing()
+        numbers = self.joint_ids(joints)
+        units = self.units(numbers)
+        stated = [self._torque(j, self.servos.get(j)) for j in numbers]
+        missing = self._bearing() if kind == "arm" else {"hand": 0.7, "gripper": 4.0}[kind]
         passive = kind == "gripper" and any(stated)
         if None in stated and not passive:
             self.notes.append(f"{kind} torque: none in {self.path.name}, {missing} Nm assumed")
@@ -187,16 +182,16 @@ class Part(Description):
 
     def _gains(self, numbers: list[int], torque: list[float], kind: str) -> list[float]:
         """Return stiffnesses Nm/rad or N/m of joints: those stated, where they are of use here."""
-        servos = self._servos()
-        gains = [self._stiffness(*servos[j]) if j in servos else 0.0 for j in numbers]
-        if kind == "gripper":
-            return [float(max(np.divide(torque, self.units(numbers)))) / _AHEAD] * len(numbers)
+        gains = [self._stiffness(*self.servos[j]) if j in self.servos else 0.0 for j in numbers]
+        if kind == "gripper":  # set-points that press in full are 0.1 rad ahead
+            return [float(max(np.divide(torque, self.units(numbers)))) / 0.1] * len(numbers)
         if min(gains) > 0 and kind == "arm":
             return gains
-        if min(gains) > 0 and max(np.divide(torque, gains)) <= _LARGEST_LAG and len(set(gains)) == 1:
+        if min(gains) > 0 and max(np.divide(torque, gains)) <= 0.2 and len(set(gains)) == 1:
             return gains
-        self.notes.append(f"{kind} stiffness: {_STIFFNESS[kind]} Nm/rad assumed")
-        return [_STIFFNESS[kind]] * len(numbers)
+        assumed = 2000.0 if kind == "arm" else 10.0
+        self.notes.append(f"{kind} stiffness: {assumed} Nm/rad assumed")
+        return [assumed] * len(numbers)
 
     def tendons(self) -> dict[int, dict[int, float]]:
         """Return, of each actuator that pulls a tendon, joints and coefficients from the palm out.
@@ -221,7 +216,7 @@ class Part(Description):
         return found
 
     def _bearing(self) -> float:
-        """The torque Nm with which any joint bears twice what hangs on it and a load at the end, in any posture."""
+        """The torque Nm with which any joint bears twice what hangs on it and 20 N at the end, in any posture."""
         m, data, most = self.model, mujoco.MjData(self.model), 0.0
         end, J = m.nbody - 1, np.zeros((3, m.nv))
         low, high = self.ranges().T
@@ -229,11 +224,12 @@ class Part(Description):
             data.qpos[:] = q
             mujoco.mj_forward(m, data)
             mujoco.mj_jacBody(m, data, J, None, end)
-            most = max(most, np.abs(data.qfrc_bias - data.qfrc_gravcomp + _LOAD * J[2]).max())
+            most = max(most, np.abs(data.qfrc_bias - data.qfrc_gravcomp + 20.0 * J[2]).max())
         return float(np.ceil(2.0 * most))
 
-    def _servos(self) -> dict[int, tuple[int, float]]:
-        """Return, of each joint, the actuator that drives it and its lever: N or Nm of the joint for one of its own.
+    @cached_property
+    def servos(self) -> dict[int, tuple[int, float]]:
+        """Of each joint, the actuator that drives it and its lever: N or Nm of the joint for one of its own.
 
         Of several at one joint it is the stiffest: the others damp, or push besides.
         """
@@ -242,21 +238,20 @@ class Part(Description):
             joint, lever = int(m.actuator_trnid[a, 0]), abs(float(m.actuator_gear[a, 0]))
             if joint not in found or self._stiffness(a, lever) > self._stiffness(*found[joint]):
                 found[joint] = a, lever
-        for a, coefs in self.tendons().items():
-            lever = abs(float(m.actuator_gear[a, 0])) * max(coefs.values())
-            found |= dict.fromkeys(coefs, (a, lever))
+        tendons = self.tendons()
         for a in np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON).tolist():
-            joints, shares = wrapped_joints(m, m.actuator_trnid[a, 0])
-            if self._is_one_drive(joints):
-                gear = abs(float(m.actuator_gear[a, 0]))
-                found |= {joint: (a, gear * abs(coef)) for joint, coef in zip(joints, shares, strict=True)}
+            joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
+            gear = abs(float(m.actuator_gear[a, 0]))
+            if a in tendons:
+                found |= dict.fromkeys(joints, (a, gear * max(coefs)))
+            elif self._is_one_drive(joints):
+                found |= {joint: (a, gear * abs(coef)) for joint, coef in zip(joints, coefs, strict=True)}
         return found
 
     def _is_one_drive(self, joints: list[int]) -> bool:
         """Tell whether joints are coupled to each other, so that what pulls them is the servo of all."""
         leaders = {own.joint: own.follows for own in self.couplings}
-        names = [self.model.joint(j).name for j in joints]
-        return len({leaders.get(name, name) for name in names}) == 1
+        return len({leaders.get(name, name) for name in self.joint_names(joints)}) == 1
 
     def _stiffness(self, actuator: int, lever: float) -> float:
         """The stiffness Nm/rad that an actuator gives its joint: 0 of a motor, which holds no place."""
@@ -268,12 +263,10 @@ class Part(Description):
         found = [_both_ways(m.jnt_actfrcrange[joint])] if m.jnt_actfrclimited[joint] else []
         if servo is not None:
             actuator, lever = servo
+            free = m.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
             if m.actuator_forcelimited[actuator]:
                 found.append(lever * _both_ways(m.actuator_forcerange[actuator]))
-            elif (
-                m.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-                and m.actuator_ctrllimited[actuator]
-            ):
+            elif free and m.actuator_ctrllimited[actuator]:
                 most = abs(float(m.actuator_gainprm[actuator, 0])) * _both_ways(
                     m.actuator_ctrlrange[actuator]
                 )

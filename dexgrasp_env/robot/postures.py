@@ -1,5 +1,6 @@
 """Postures that a robot file needs and an MJCF has not: a hand's open one, an arm's home; found by search."""
 
+import copy
 from itertools import combinations
 from typing import Any
 
@@ -11,18 +12,8 @@ from dexgrasp_env.robot.model import bodies_apart, joints_between, posed, swept
 from dexgrasp_env.robot.rebuilt import FLANGE
 from dexgrasp_env.robot.robot import Arm, Hand
 
-_DRAWS = 20_000
-_LOOKS, _ALWAYS, _DEEPEST = 300, 0.01, 0.004  # postures; m that bodies are always within, and never deeper in
-_TOUCHING = 0.002  # m: those that never come so near need not be excluded
-_JOINED, _MOSTLY = (
-    2,
-    0.5,
-)  # joints between links whose hulls overlap as they are built, where so many postures say so
-_SPAN, _LENGTH = 0.09, 0.03  # m between the opposing tips, and how much of a miss counts as one
-_SPREADS, _APART = (1.0, 0.5, 0.25, 0.0), 0.003  # shares of an idle finger's spread; m between idle fingers
-_INSIDE = 0.85  # share of a joint's range that is drawn from
-_FLANGE = np.array([0.4, 0.0, 0.55])  # m, where an arm's flange is at home, looking down
-_STARTS, _STEPS, _EDGE = 300, 60, 0.05  # the last: rad that home keeps from the limits
+_ALWAYS = 0.01  # m within which bodies that need not collide always are
+_TOUCHING = 0.002  # m: bodies that never come so near need not be excluded
 
 
 def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
@@ -33,8 +24,8 @@ def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
         model: of the hand alone, frames as here.
     """
     low, high = hand.joints.ranges
-    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_DRAWS, len(low)))
-    drawn = 0.5 * (low + high) + 0.5 * _INSIDE * (high - low) * drawn
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (20_000, len(low)))
+    drawn = 0.5 * (low + high) + 0.5 * 0.85 * (high - low) * drawn  # the middle 85 % of each range
     _together(hand, drawn)
     best, free = _widest(hand, model, drawn)
     if not free:  # idle fingers that bend with the others may be in their way
@@ -75,10 +66,10 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
         for a, b in combinations(hand.bodies, 2)
         if model.body_parentid[number[b]] != number[a]
     }
-    joined = {
-        pair: 0 for pair in near if len(joints_between(model, *(number[name] for name in pair))) <= _JOINED
-    }
-    drawn = np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (_LOOKS, model.nq))
+    # Links with two joints between them are counted where they touch: in half of the postures is too often.
+    joined = {pair: 0 for pair in near if len(joints_between(model, *(number[name] for name in pair))) <= 2}
+    count = 300
+    drawn = np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (count, model.nq))
     for data in swept(model, drawn @ hand.free[0].T + hand.free[1]):
         for a, b in near.keys() | joined.keys():
             apart = bodies_apart(data, number[a], number[b], _ALWAYS)
@@ -86,42 +77,36 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
                 joined[a, b] += apart < _TOUCHING
             if (a, b) in near:
                 near[a, b] = min(apart, near[a, b])
-                if not -_DEEPEST < apart < _ALWAYS:
+                if not -0.004 < apart < _ALWAYS:  # m: deeper in each other they are no neighbours
                     del near[a, b]
     found = {pair for pair, least in near.items() if least < _TOUCHING}
-    found |= {pair for pair, often in joined.items() if often > _MOSTLY * _LOOKS}
+    found |= {pair for pair, often in joined.items() if often > 0.5 * count}
     return tuple(sorted(found))
 
 
 def free_asides(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> dict[str, list[float]]:
-    """Return the postures (k,) rad of idle fingers, by their names, spread so far that they do not touch each other.
+    """Return the postures (k,) rad of idle fingers, by their names, spread so far that they touch nothing.
 
     Args:
         hand: whose fingers state `aside`, straight but for a spread.
         model: of the hand alone, frames as here.
         open_at: (h,) rad, of the others.
     """
+    wide = copy.copy(model)
+    wide.geom_margin[:] = 0.0015  # m: what is nearer than both add up to counts as touching
     idle = [finger for finger in hand.fingers if finger.aside]
-    columns = {f.name: [hand.joints.names.index(name) for name in f.joints] for f in idle}
-    low, high = hand.joints.ranges
-    of_idle, number = {body for f in idle for body in f.bodies}, {n: model.body(n).id for n in hand.bodies}
-    near = [
-        (number[a], number[b])
-        for a, b in combinations(hand.bodies, 2)
-        if {a, b} & of_idle
-        and not {(a, b), (b, a)} & {*hand.excluded}
-        and model.body_parentid[number[b]] != number[a]
-    ]
-    found = dict[str, list[float]]()
-    for share in _SPREADS:
-        q = np.array(open_at)
+    of_idle = {model.body(name).id for finger in idle for name in finger.bodies}
+    (low, high), q = hand.joints.ranges, np.array(open_at)
+    for share in (1.0, 0.5, 0.25, 0.0):
+        found = dict[str, list[float]]()
         for finger in idle:
-            straight = np.clip(0.0, low, high)[columns[finger.name]]
-            aside = straight + share * (np.array(finger.aside) - straight)
-            q[columns[finger.name]] = aside
-            found[finger.name] = aside.round(6).tolist()
-        data = posed(model, np.clip(hand.free[0] @ q + hand.free[1], low, high))
-        if all(bodies_apart(data, a, b, _APART) >= _APART for a, b in near):
+            columns = [hand.joints.names.index(name) for name in finger.joints]
+            straight = np.clip(0.0, low, high)[columns]
+            q[columns] = straight + share * (np.array(finger.aside) - straight)
+            found[finger.name] = q[columns].round(6).tolist()
+        data = posed(wide, np.clip(hand.free[0] @ q + hand.free[1], low, high))
+        mujoco.mj_collision(wide, data)
+        if not any(of_idle & {*wide.geom_bodyid[contact.geom].tolist()} for contact in data.contact):
             break
     return found
 
@@ -156,11 +141,12 @@ def _merit(hand: Hand, data: mujoco.MjData) -> float:
     span = float(np.linalg.norm(between))
     pads = frames[:, :, 0] @ (between / max(span, 1e-6))
     facing = pads[0] - pads[1:].mean()
+    # Opposing tips 9 cm apart are best; 3 cm of a miss count as one.
     return float(
         facing
         + frames[:, 0, 2].min()
-        - abs(span - _SPAN) / _LENGTH
-        - np.ptp(tips[:, 0]) / _LENGTH
+        - abs(span - 0.09) / 0.03
+        - np.ptp(tips[:, 0]) / 0.03
         - 20.0 * (tips[:, 0].min() < 0.02)
     )
 
@@ -176,9 +162,9 @@ def home_posture(arm: Arm, model: mujoco.MjModel) -> tuple[list[float], bool]:
     """
     data = mujoco.MjData(model)
     low, high = arm.joints.ranges
-    low, high = np.maximum(low, -np.pi) + _EDGE, np.minimum(high, np.pi) - _EDGE
+    low, high = np.maximum(low, -np.pi) + 0.05, np.minimum(high, np.pi) - 0.05  # rad from the limits
     best, found = -np.inf, 0.5 * (low + high)
-    for start in np.random.default_rng(0).uniform(low, high, (_STARTS, len(low))):
+    for start in np.random.default_rng(0).uniform(low, high, (300, len(low))):
         q = _flange_down(arm, data, start, (low, high))
         if q is not None and (merit := _room(arm, data) - _strain(q, low, high).max()) > best:
             best, found = merit, q
@@ -189,8 +175,8 @@ def _flange_down(arm: Arm, data: mujoco.MjData, q: Array, limits: Any) -> Array 
     """Return where damped least squares lead from `q`, None where that is not the goal."""
     model = data.model
     body, J = model.body(arm.bodies[-1]).id, np.zeros((6, model.nv))
-    goal = _FLANGE + np.array([0.0, 0.0, FLANGE])
-    for _ in range(_STEPS):
+    goal = np.array([0.4, 0.0, 0.55]) + np.array([0.0, 0.0, FLANGE])  # m: the flange over the table
+    for _ in range(60):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)

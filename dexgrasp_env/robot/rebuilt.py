@@ -5,9 +5,7 @@ palm's body is the palm frame, and a fingertip's z points out of the tip and x o
 excluded pairs stay as they are; what collides of a mesh is its convex hull, as in the simulation.
 """
 
-from collections.abc import Callable
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -18,28 +16,13 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.couplings import has_loops, stated_lines, wrapped_joints
-from dexgrasp_env.robot.description import SOLIDS, TURN_OR_SLIDE, Description, pose_of
+from dexgrasp_env.robot.description import Description, bearers, pose_of
 from dexgrasp_env.robot.hulls import colour_of, cut, hull_of, mesh_of
 from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
 
 FLANGE = 0.107
 """m from the frame of an arm's last link to its flange, along z: mounts count on it."""
-_ROTOR = {
-    "arm": 0.1,
-    "hand": 0.001,
-    "slide": 0.1,
-}  # kg m2, kg of slides, of joints that state none: they are geared
-_ROUND = 0.02  # m, radius of gyration of a link whose file gives it a mass alone
 _GEOM = mujoco.mjtGeom
-
-
-def _read(reader: Callable[[str], Any], path: Path) -> Any:
-    if not path.is_file():
-        raise InputError(f"MuJoCo cannot read {path}: it is no file")
-    try:
-        return with_decimal_points(reader, str(path))
-    except (ValueError, OSError, MemoryError) as error:
-        raise InputError(f"MuJoCo cannot read {path}: {' '.join(str(error).split())[:200]}") from None
 
 
 def described(part: Arm | Hand) -> mujoco.MjSpec:
@@ -48,9 +31,23 @@ def described(part: Arm | Hand) -> mujoco.MjSpec:
     Raises:
         InputError: for a description that MuJoCo cannot read, or that is not of this part.
     """
-    if part.frame is None:
-        return _read(mujoco.MjSpec.from_file, part.mjcf)
-    return _Rebuilt(part).spec
+    if part.frame is not None:
+        return _Rebuilt(part).spec
+    if not part.mjcf.is_file():
+        raise InputError(f"MuJoCo cannot read {part.mjcf}: it is no file")
+    try:
+        return with_decimal_points(mujoco.MjSpec.from_file, str(part.mjcf))
+    except (ValueError, OSError, MemoryError) as error:
+        raise InputError(f"MuJoCo cannot read {part.mjcf}: {' '.join(str(error).split())[:200]}") from None
+
+
+def compiled(part: Arm | Hand) -> mujoco.MjModel:
+    """Return the compiled description of a part.
+
+    Raises:
+        InputError: as `described` does.
+    """
+    return with_decimal_points(described(part).compile)
 
 
 class _Rebuilt(Description):
@@ -71,21 +68,12 @@ class _Rebuilt(Description):
 
     def _check(self) -> None:
         """Refuse a file that is not of the part, or has joints that the part does not name."""
-        own = {self.model.joint(j).name for j in range(self.model.njnt)}
-        for what, given, known in (
-            ("joint", self.part.joints.names, own),
-            ("body", self.part.bodies, {self.model.body(b).name for b in range(self.model.nbody)}),
-        ):
-            for name in given:
-                if name not in known:
-                    raise InputError(f"{self.path} has no {what} {name!r}")
+        m = self.model
+        own, bodies = set(self.joint_names(range(m.njnt))), {m.body(b).name for b in range(m.nbody)}
+        if missing := sorted({*self.part.joints.names} - own) + sorted({*self.part.bodies} - bodies):
+            raise InputError(f"{self.path} has no joint or body {missing[0]!r}")
         if more := sorted(own - set(self.part.joints.names + self.held) - self._beyond):
             raise InputError(f"joint {more[0]!r} of {self.path} is not named: every joint has to be")
-        m = self.model
-        if not np.isin(m.jnt_type, TURN_OR_SLIDE).all():
-            raise InputError(
-                f"{self.path} has joints that neither turn nor slide: they are not supported yet"
-            )
         pulled = m.actuator_trnid[m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0]
         tied = self.hand and (self.hand.tendons or self.hand.couplings)
         if any(wrapped_joints(m, t)[0] for t in pulled) and not tied:
@@ -94,44 +82,33 @@ class _Rebuilt(Description):
         if has_loops(m) and self.hand and not stated:
             raise InputError(f"{self.path} closes loops of bodies: state their joints under couplings")
         for follower, (leader, *_) in stated_lines(m).items():
-            name, other = m.joint(follower).name, m.joint(leader).name
+            name, other = self.joint_names((follower, leader))
             if not {name, other} & stated and name in self.part.joints.names:
                 raise InputError(f"{self.path} couples joint {name!r} to another: state it under couplings")
 
     @cached_property
     def _beyond(self) -> set[str]:
         """Return the joints of an arm that bears this hand, or of a hand that hangs on this arm, in the same file."""
-        m, found = self.model, set[str]()
+        m = self.model
         if self.hand:
-            body = m.body_parentid[m.body(self.part.palm).id]  # type: ignore[union-attr]
-            while body:
-                found |= {m.joint(j).name for j in np.flatnonzero(m.jnt_bodyid == body)}
-                body = m.body_parentid[body]
+            above = bearers(m, m.body(self.part.palm).id)[1:]  # type: ignore[union-attr]
+            joints = [j for j in range(m.njnt) if m.jnt_bodyid[j] in above]
         else:
             last = m.body(self.part.bodies[-1]).id
-            found = {m.joint(j).name for j in range(m.njnt) if self._above(m.jnt_bodyid[j], last)}
-        return found - set(self.part.joints.names + self.held)
-
-    def _above(self, body: int, other: int) -> bool:
-        """Tell whether a body hangs on another one, and is not it."""
-        while body:
-            body = self.model.body_parentid[body]
-            if body == other:
-                return True
-        return False
+            joints = [j for j in range(m.njnt) if last in bearers(m, m.jnt_bodyid[j])[1:]]
+        return set(self.joint_names(joints)) - set(self.part.joints.names + self.held)
 
     def _owner(self, body: int) -> str:
         """The named body that a body is, or hangs on without a joint; empty for what the part does not begin with."""
-        while body:
-            name = self.model.body(body).name
+        for above in bearers(self.model, body):
+            name = self.model.body(above).name
             if name in self.part.bodies:
                 return str(name)
-            joints = map(self.model.joint, np.flatnonzero(self.model.jnt_bodyid == body))
-            if any(joint.name in self._beyond for joint in joints):
+            joints = set(self.joint_names(np.flatnonzero(self.model.jnt_bodyid == above)))
+            if joints & self._beyond:
                 return ""
-            if any(joint.name not in self.held for joint in joints):
+            if joints - {*self.held}:
                 raise InputError(f"body {name!r} of {self.path} is not named")
-            body = self.model.body_parentid[body]
         return "" if self.hand and self._beyond else self.part.bodies[0]
 
     def _frames(self) -> dict[str, Array]:
@@ -188,7 +165,7 @@ class _Rebuilt(Description):
             inertia += R @ np.diag(self.model.body_inertia[b]) @ R.T
             inertia += m * (away @ away * np.eye(3) - np.outer(away, away))
         if np.linalg.eigvalsh(inertia)[0] <= 0:
-            inertia = mass.sum() * _ROUND**2 * np.eye(3)
+            inertia = mass.sum() * 0.02**2 * np.eye(3)  # of a radius of gyration of 2 cm
         W = self.W[body.name]
         R, p = W[:3, :3], W[:3, 3]
         inertia = R.T @ inertia @ R
@@ -207,7 +184,8 @@ class _Rebuilt(Description):
         k = named.names.index(joint.name)
         limits = joint.range if joint.limited[0] else named.ranges[:, k]
         slides = joint.type[0] == mujoco.mjtJoint.mjJNT_SLIDE
-        rotor = self.model.dof_armature[dof] or _ROTOR["slide" if slides else "hand" if self.hand else "arm"]
+        # kg m2, kg of slides, where none is stated: joints are geared
+        rotor = self.model.dof_armature[dof] or (0.1 if slides or not self.hand else 0.001)
         body.add_joint(
             name=joint.name, type=joint.type[0], axis=np.round(R.T @ at.xaxis, 12),  # so that an axis along z is one
             pos=np.round(R.T @ (at.xanchor - p), 12), range=limits,
@@ -223,7 +201,7 @@ class _Rebuilt(Description):
         own = [g for g, b in enumerate(self.model.geom_bodyid) if self.owner.get(b) == body.name]
         solid = [g for g in own if self.solid[g]]
         for k, g in enumerate([*solid, *(set(own) - set(solid) or solid)]):
-            if _GEOM(self.model.geom_type[g]) not in SOLIDS:
+            if not self.is_solid(g):
                 raise InputError(f"{self.path}: body {body.name!r} has a shape that is no solid")
             self._add_geom(body, g, f"{body.name}_{k}", k < len(solid))
         for finger in self.hand.fingers if self.hand else ():

@@ -14,7 +14,6 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
-from dexgrasp_env.robot.coupled import Coupling, Tendon
 from dexgrasp_env.robot.description_text import description_text
 from dexgrasp_env.valid import Names, Natural, Positive, Positives, Rule, Word, list_of, number, read, several
 
@@ -151,6 +150,28 @@ def _mounts(value: Any) -> tuple[Mount, ...]:
     return tuple(read(Mount, {"name": name, **mount}, f"mount {name}") for name, mount in value.items())
 
 
+@dataclass(frozen=True)
+class Coupling:
+    """A joint that stands where another one does: at `ratio` times its place, and `offset` (rad or m) farther."""
+
+    joint: Word
+    follows: Word
+    ratio: Annotated[float, number()] = 1.0
+    offset: Annotated[float, number()] = 0.0
+
+
+@dataclass(frozen=True)
+class Tendon:
+    """Tendon of one servo: joints of a finger, from the palm out, by the sum of their places times `coefs`.
+
+    Nothing else holds them. In free motion all turn at once; on an object all but the last stand on their lower stops,
+    which bear what the tendon cannot. The last has coefficient 1.
+    """
+
+    joints: Names
+    coefs: Positives
+
+
 FINGERS = list_of(Finger, 2)
 
 
@@ -253,12 +274,9 @@ class Hand:
 
 def _joined(name: str) -> "cached_property[Array]":
     """A read-only array (n,) of the arm's numbers and the hand's."""
-
-    def values(self: "Robot") -> Array:
-        """Return the arm's values, then the hand's."""
-        return _fixed(*getattr(self.arm.joints, name), *getattr(self.hand.joints, name))
-
-    return cached_property(values)
+    return cached_property(
+        lambda own: _fixed(*getattr(own.arm.joints, name), *getattr(own.hand.joints, name))
+    )
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,7 @@ from dexgrasp_env.valid import NAMES, WORD, Names, Word, check, read
 from dexgrasp_env.yaml_file import read_yaml
 
 SCHEMA = 1
-_HEAD = ("schema", "kind", "licence")
 SETTINGS = tuple(field.name for field in fields(Joints) if field.name != "names")
-_GAINS = {"stiffness", "damping"}
 
 
 def read_joints(part: str, given: Mapping[str, Any], names: Names) -> Joints:
@@ -55,7 +53,7 @@ def narrowed(part: str, given: Mapping[str, Any], maker: Joints, home: Numbers) 
         if key not in own:
             raise unknown_name(f"setting of {part}", key, own)
     joints = read_joints(part, {**own, **given}, maker.names)
-    for key in own.keys() - _GAINS:
+    for key in own.keys() - {"stiffness", "damping"}:
         sign, most = (-1.0, "least") if key == "lower" else (1.0, "most")
         for joint, (value, bound) in enumerate(zip(getattr(joints, key), own[key], strict=True)):
             if sign * value > sign * bound:
@@ -139,7 +137,8 @@ def find_beside(folder: Path, name: str) -> Path:
 
 
 def _body(path: Path) -> Fields:
-    return {key: value for key, value in read_content(path, "robot file").items() if key not in _HEAD}
+    content = read_content(path, "robot file")
+    return {key: value for key, value in content.items() if key not in ("schema", "kind", "licence")}
 
 
 def _in(folder: Path, name: str, make: "Callable[[Fields], Any]") -> Any:

@@ -5,7 +5,7 @@ changes is read by MuJoCo from its file.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -19,19 +19,7 @@ from dexgrasp_env.locales import with_decimal_points
 
 BASE = "base"
 """Name of the body that everything hangs on where a description has its first links in the world itself."""
-_MESHES = (".obj", ".stl", ".msh")  # formats that MuJoCo reads
-_LARGEST, _MOST, _DEEPEST = (
-    32 << 20,
-    100_000,
-    150,
-)  # bytes and elements of a description, and how deep they nest
-_FLOATING = 6  # joints of one body that bears a robot: it floats
-_MENDS = 20  # changes that MuJoCo may ask for, one after the other
-_URDF = {
-    "fusestatic": "false", "balanceinertia": "true", "strippath": "false", "discardvisual": "true", "meshdir": "",
-}  # fmt: skip
-_UNKNOWN = re.compile(r"unrecognized attribute: '([\w.]+)'\s*Element '([\w.]+)'")
-_NOTHING_SOLID = "nothing collides: the visual shapes are taken"
+_MOST, _DEEPEST = 100_000, 150  # elements of a description, and how deep they nest
 
 
 class Source(NamedTuple):
@@ -49,13 +37,12 @@ def read_source(path: Path) -> Source:
     Raises:
         InputError: in one line, for what MuJoCo cannot read after all mends.
     """
-    if not path.is_file():
-        raise InputError(f"MuJoCo cannot read {path}: it is no file")
     root = _tree(path)
     _check_size(root, path)
-    steps: tuple[Callable[[Element, Path], list[str]], ...]
-    steps = (_as_urdf,) if root.tag == "robot" else (_drop_floors, _drop_free_joints, _name_bodies)
-    notes = [note for step in steps for note in step(root, path)]
+    if root.tag == "robot":
+        notes = _as_urdf(root, path)
+    else:
+        notes = [*_drop_floors(root), *_drop_free_joints(root), *_name_bodies(root)]
     changed = bool(notes) or root.tag == "robot"
     velocity = {
         str(joint.get("name")): float(rate)
@@ -85,7 +72,7 @@ def _tree(path: Path, seen: tuple[Path, ...] = (), read: list[int] | None = None
         if not path.is_file():
             raise OSError
         read[0] += path.stat().st_size
-        text = path.read_bytes() if read[0] <= _LARGEST else b""
+        text = path.read_bytes() if read[0] <= 32 << 20 else b""  # 32 MiB
         if not text or b"<!ENTITY" in text.replace(b"\0", b""):  # in UTF-16 as well
             raise InputError(f"MuJoCo cannot read {path}: it is empty or too large, or defines entities")
         root = ElementTree.fromstring(text)
@@ -118,18 +105,21 @@ def _as_urdf(root: Element, path: Path) -> list[str]:
     notes = []
     for old in root.findall("mujoco"):
         root.remove(old)
-    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", _URDF)
+    settings = {"fusestatic": "false", "strippath": "false", "discardvisual": "true", "meshdir": ""}
+    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", settings)
     if not any(True for _ in root.iter("collision")):
         for visual in root.iter("visual"):
             visual.tag = "collision"
-        notes.append(_NOTHING_SOLID)
+        notes.append("nothing collides: the visual shapes are taken")
     for link in root.iter("link"):
         for shape in [*link.findall("visual"), *link.findall("collision")]:
             mesh = shape.find("geometry/mesh")
             if mesh is None:
                 continue
             found = _find_mesh(str(mesh.get("filename")), path)
-            if shape.tag == "visual" and (found is None or found.suffix.lower() not in _MESHES):
+            if shape.tag == "visual" and (
+                found is None or found.suffix.lower() not in (".obj", ".stl", ".msh")
+            ):
                 link.remove(shape)
             elif found is None:
                 raise InputError(
@@ -153,7 +143,7 @@ def _find_mesh(name: str, path: Path) -> Path | None:
     return None
 
 
-def _drop_floors(root: Element, path: Path) -> list[str]:
+def _drop_floors(root: Element) -> list[str]:
     """Take planes out: a floor is no part of a robot."""
     found = [
         (body, geom) for body in root.iter() for geom in body.findall("geom") if geom.get("type") == "plane"
@@ -163,7 +153,7 @@ def _drop_floors(root: Element, path: Path) -> list[str]:
     return [f"{len(found)} floors are left out"] if found else []
 
 
-def _drop_free_joints(root: Element, path: Path) -> list[str]:
+def _drop_free_joints(root: Element) -> list[str]:
     """Fix what floats, on a free joint or on six of its own."""
     found = [
         (body, joint)
@@ -172,7 +162,7 @@ def _drop_free_joints(root: Element, path: Path) -> list[str]:
         if joint.tag == "freejoint" or (joint.tag == "joint" and joint.get("type") == "free")
     ]
     for body in root.findall("worldbody/body"):
-        if len(own := body.findall("joint")) >= _FLOATING:
+        if len(own := body.findall("joint")) >= 6:  # one a direction
             found += [(body, joint) for joint in own]
     for body, joint in found:
         body.remove(joint)
@@ -181,7 +171,7 @@ def _drop_free_joints(root: Element, path: Path) -> list[str]:
     return list(dict.fromkeys(f"body {body.get('name', '')!r} floats: it is fixed" for body, _ in found))
 
 
-def _name_bodies(root: Element, path: Path) -> list[str]:
+def _name_bodies(root: Element) -> list[str]:
     """Name bodies that bear others and have no name."""
     found = [body for body in root.iter("body") if not body.get("name") and body.find("body") is not None]
     for k, body in enumerate(found):
@@ -209,12 +199,7 @@ def _gather(root: Element) -> None:
 
 def _begins_in_world(model: mujoco.MjModel) -> bool:
     """Tell whether chains of joints begin in the world itself, not in one body that stands still."""
-    moved = np.flatnonzero(model.body_jntnum)
-    roots = set()
-    for body in moved.tolist():
-        while model.body_parentid[body]:
-            body = model.body_parentid[body]
-        roots.add(body)
+    roots = {*model.body_rootid[np.flatnonzero(model.body_jntnum)].tolist()}
     solid = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) != 0]
     return len(roots) > 1 or bool(len(roots) and model.body_jntnum[min(roots)] and (solid == 0).any())
 
@@ -222,7 +207,7 @@ def _begins_in_world(model: mujoco.MjModel) -> bool:
 def _compile(root: Element, path: Path, changed: bool, notes: list[str]) -> mujoco.MjModel:
     """Compile a tree, mending what MuJoCo asks for."""
     message = ""
-    for _ in range(_MENDS):
+    for _ in range(20):  # one change after the other
         try:
             return with_decimal_points(_compiled, root, path, changed)
         except (ValueError, OSError, MemoryError) as error:
@@ -236,17 +221,15 @@ def _compile(root: Element, path: Path, changed: bool, notes: list[str]) -> mujo
 
 
 def _compiled(root: Element, path: Path, changed: bool) -> mujoco.MjModel:
-    return _spec(root, path, changed).compile()
-
-
-def _spec(root: Element, path: Path, changed: bool) -> mujoco.MjSpec:
-    if not changed:
-        return mujoco.MjSpec.from_file(str(path))
-    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
-    if root.tag == "mujoco":
+    if changed:
+        spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    else:
+        spec = mujoco.MjSpec.from_file(str(path))
+    if changed and root.tag == "mujoco":
         spec.modelfiledir = str(path.resolve().parent)
         spec.meshdir, spec.texturedir = _folder(path, spec.meshdir), _folder(path, spec.texturedir)
-    return spec
+    spec.compiler.balanceinertia = True
+    return spec.compile()
 
 
 def _folder(path: Path, name: str) -> str:
@@ -257,7 +240,8 @@ def _folder(path: Path, name: str) -> str:
 
 def _drop_attribute(root: Element, message: str) -> Iterator[str]:
     """Drop an attribute of another version of MuJoCo."""
-    if (found := _UNKNOWN.search(message)) is None:
+    found = re.search(r"unrecognized attribute: '([\w.]+)'\s*Element '([\w.]+)'", message)
+    if found is None:
         return
     name, tag = found.groups()
     if owners := [element for element in root.iter(tag) if name in element.attrib]:
@@ -266,25 +250,20 @@ def _drop_attribute(root: Element, message: str) -> Iterator[str]:
         yield f"attribute {name!r} of <{tag}> is of another MuJoCo: it is left out"
 
 
-def _balance(root: Element, message: str) -> Iterator[str]:
-    """Set MuJoCo's balancing of inertias that no body has."""
-    if "balanceinertia" in message and _compiler(root).get("balanceinertia") != "true":
-        _compiler(root).set("balanceinertia", "true")
-        yield "inertias that no body has (A + B < C) are made spheres'"
-
-
 def _from_shapes(root: Element, message: str) -> Iterator[str]:
     """Take a body's inertia from its shapes where the one that is stated is none."""
-    if "must have positive eigenvalues" in message and (
-        found := re.search(r"Element name '([^']*)'", message)
-    ):
+    found = re.search(r"Element name '([^']*)'", message)
+    if found is not None and "must have positive eigenvalues" in message:
         for body in [*root.iter("link"), *root.iter("body")]:
             if body.get("name") == found[1] and (inertial := body.find("inertial")) is not None:
                 body.remove(inertial)
                 yield f"inertia of {found[1]!r} is none: that of its shapes is taken"
                 return
-    if "mass and inertia" in message and _compiler(root).get("inertiafromgeom") != "true":
-        _compiler(root).set("inertiafromgeom", "true")
+    compiler = root.find("mujoco/compiler" if root.tag == "robot" else "compiler")
+    if compiler is None:
+        compiler = ElementTree.SubElement(root, "compiler")
+    if "mass and inertia" in message and compiler.get("inertiafromgeom") != "true":
+        compiler.set("inertiafromgeom", "true")
         yield "masses or inertias are missing: those of the shapes are taken"
 
 
@@ -306,9 +285,4 @@ def _drop_sensors(root: Element, message: str) -> Iterator[str]:
         yield "sensors are left out: one is of what is not in the file"
 
 
-_AFTER = (_drop_sensors, _drop_actuator, _drop_attribute, _balance, _from_shapes)
-
-
-def _compiler(root: Element) -> Element:
-    found = root.find("mujoco/compiler" if root.tag == "robot" else "compiler")
-    return ElementTree.SubElement(root, "compiler") if found is None else found
+_AFTER = (_drop_sensors, _drop_actuator, _drop_attribute, _from_shapes)
