@@ -72,6 +72,7 @@ class BilevelAgent(Agent):
         info: Mapping[str, Any],
         count: int | None = None,
         progress: Progress | None = None,
+        relax: bool = False,
     ) -> PlanResult:
         """Plan from the first observation of an episode; nothing is carried out.
 
@@ -80,6 +81,7 @@ class BilevelAgent(Agent):
             info: as `reset` takes it.
             count: grasps asked for, that differ; None plans one.
             progress: called with steps done and steps in all, where there is a count.
+            relax: where what was asked for cannot be had, say what can.
 
         Raises:
             InputError: for a count out of range, or an observation that shows no cloud or no robot.
@@ -87,7 +89,6 @@ class BilevelAgent(Agent):
         if (cell := cell_of(info, self._planner.cell)) != self._planner.cell:
             self._planner = self._make(cell)
         scene, start = self._scene(observation, info), start_of(observation, self._planner.cell.robot)
-        relax = progress is not None
         return plan_scene(
             self._planner, scene, self._seed, start, count=count, progress=progress, relax=relax
         )

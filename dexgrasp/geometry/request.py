@@ -169,15 +169,19 @@ class GraspRequest:
         avoid: no contact lies in any of these.
         approach: the way that the palm faces.
         fingers: that make the contacts, one of the grasps of the hand's file; empty leaves them to the planner.
+        max_force: N that each finger may press with along the normal; None for what its joints can.
+        seconds: after which the search ends with what it has; None for a search that does not look at the clock.
     """
 
     hold: Annotated[tuple[Region, ...], list_of(Region, 0, 20)] = ()
     avoid: Annotated[tuple[Region, ...], list_of(Region, 0, 20)] = ()
     approach: Approach | None = None
     fingers: Annotated[tuple[str, ...], several(Rule("a finger's name", str))] = ()
+    max_force: Annotated[float | None, number(gt=0, le=1000)] = None
+    seconds: Annotated[float | None, number(gt=0)] = None
 
     def __bool__(self) -> bool:
-        return bool(self.hold or self.avoid or self.approach or self.fingers)
+        return any(value not in (None, ()) for value in vars(self).values())
 
     def outside(self, points: Array) -> Array:
         """Return how far points (N, 3) m are from where contacts may be (N,) m; 0 or less where they may."""
@@ -236,4 +240,9 @@ def relaxations(request: GraspRequest) -> Sequence[tuple[str, tuple[GraspRequest
         found.append(("avoid", steps))
     if request.fingers:
         found.append(("fingers", (replace(request, fingers=()),)))
+    if request.max_force is not None:
+        firmer = (1.25, 1.6, 2.0, 3.0, 5.0)
+        found.append(
+            ("max_force", tuple(replace(request, max_force=by * request.max_force) for by in firmer))
+        )
     return found

@@ -1,9 +1,11 @@
 """From an object to a certified grasp: proposals, postures, bilevel optimisation, certificate, approach."""
 
+import time
 from collections.abc import Callable, Collection, Iterator
 from copy import copy
 from dataclasses import replace
 from itertools import islice, product
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -116,11 +118,17 @@ class Planner:
         """Return the planner of grasps that are as a request asks.
 
         Raises:
-            InputError: for fingers that make no grasp of the hand.
+            InputError: for fingers that make no grasp of the hand, or less force than they press with at least.
         """
-        if not request:
+        if not (request or self.request):
             return self
         there = copy(self._with_fingers(request.fingers) if request.fingers else self)
+        settings, most = there.settings, inf if request.max_force is None else request.max_force
+        if most <= settings.least_press:
+            raise InputError(
+                f"max_force is {most:g} N, and fingers press with {settings.least_press:g} N at least: valid is more"
+            )
+        there.settings = replace(settings, max_force=most, seconds=request.seconds or settings.seconds)
         there.request = request
         return there
 
@@ -155,9 +163,10 @@ class Planner:
         """
         result = Search(self, target, seed, start).run()
         for other, shape in self._otherwise(target):
-            if result.grasp is not None and result.grasp.certificate.holds:
+            found = result.grasp is not None and result.grasp.certificate.holds
+            if found or self.out_of_time(result.log):
                 break
-            again = Search(other, shape, seed, start).run()
+            again = Search(other, shape, seed, start, result.log.began).run()
             if again.grasp is not None and (result.grasp is None or again.grasp.certificate.holds):
                 result = again
         return result
@@ -198,7 +207,7 @@ class Planner:
 
     def out_of_time(self, log: SearchLog) -> bool:
         """Return True, and note it, once a search has taken as long as it may."""
-        over = self.settings.seconds is not None and sum(log.seconds.values()) > self.settings.seconds
+        over = self.settings.seconds is not None and time.perf_counter() - log.began > self.settings.seconds
         if over:
             log.block(BUDGET)
         return over
@@ -214,13 +223,21 @@ class Search:
         pool: what is feasible, and not yet found to lack anything.
     """
 
-    def __init__(self, planner: Planner, target: GraspTarget, seed: int, start: Array | None) -> None:
-        """Prepare; the arguments are those of `Planner.plan`."""
+    def __init__(
+        self,
+        planner: Planner,
+        target: GraspTarget,
+        seed: int,
+        start: Array | None,
+        began: float | None = None,
+    ) -> None:
+        """Prepare; the arguments are those of `Planner.plan`, and when its time began to run (`perf_counter`)."""
         self.planner, self._start = planner, start
         self._problem = GraspProblem(target, planner.cell, planner.settings)
         self._rng = np.random.default_rng(seed)
         self.result = PlanResult(target, planner.settings, seed)
         self.log, self.pool = self.result.log, list[Candidate]()
+        self.log.began = began or self.log.began
 
     def run(self) -> PlanResult:
         """Return the first firm grasp of ever broader rounds; failing that the best of all that is feasible."""
