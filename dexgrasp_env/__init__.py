@@ -75,6 +75,11 @@ for name, count, gaps, limit in (
     )  # fmt: skip
 
 register(
+    id="DexGrasp/LiftGentle-v0", entry_point="dexgrasp_env.tasks.gentle:GentleEnv",
+    vector_entry_point="dexgrasp_env.tasks.vector:GentleVectorEnv", max_episode_steps=MAX_EPISODE_STEPS,
+    reward_threshold=_SOLVED,
+)  # fmt: skip
+register(
     id="DexGrasp/Place-v2", entry_point="dexgrasp_env.tasks.place:PlaceEnv",
     vector_entry_point="dexgrasp_env.tasks.vector:PlaceVectorEnv", max_episode_steps=MAX_EPISODE_STEPS,
 )  # fmt: skip

@@ -135,6 +135,8 @@ def _note(outcome: Outcome, info: Fields) -> None:
     undone = NOT_HELD.get(outcome.stage, outcome.stage)
     if "goal_distance" in info and outcome.stage != "untouched":
         undone = "not_at_goal"
+    if info.get("is_crushed"):
+        undone = "crushed"
     outcome.reason = None if outcome.success else info["failure"] or undone
     outcome.height, outcome.slip, outcome.tilt = (
         jsonable(info[key]) for key in ("object_height", "object_slip", "object_tilt")

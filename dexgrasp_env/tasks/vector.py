@@ -19,6 +19,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.clutter_env import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions, check_tensor
+from dexgrasp_env.tasks.gentle import GentleEnv
 from dexgrasp_env.tasks.infos import masked, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.member import MemberAccess, one_for_each
@@ -409,6 +410,12 @@ class ClutterVectorEnv(LiftVectorEnv):
     """N environments like `ClutterEnv`, each with a scene of its own; see `LiftVectorEnv`."""
 
     _env_type = ClutterEnv
+
+
+class GentleVectorEnv(LiftVectorEnv):
+    """N environments like `GentleEnv`; see `LiftVectorEnv`."""
+
+    _env_type = GentleEnv
 
 
 class PlaceVectorEnv(GoalRewards, LiftVectorEnv):

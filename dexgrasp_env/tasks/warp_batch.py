@@ -133,7 +133,7 @@ class WarpPhysics:
         self._absent = {name: np.zeros(getattr(self.data, name).shape[1]) for name in _LOADED}
         self._absent["qpos"] = model.qpos0
         self._host = PhysicsState(*(np.zeros(getattr(self.data, name).shape) for name in _READ))
-        self._known = True
+        self._known, self.peak_forces = True, np.zeros(number)
 
     @property
     def current(self) -> PhysicsState:
