@@ -10,7 +10,7 @@ from dexgrasp.cli.output import check_lines, coloured
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Natural, Rule
 
-_HELD = "held in {} of {} open-loop replays, the object 3 mm and 1 deg off"
+_HELD = "{} in {} of {} open-loop replays, the object 3 mm and 1 deg off"
 
 
 def _share(value: Any) -> str:
@@ -69,12 +69,13 @@ class Check(Command, InCell):
             ]
         fit = all(check.holds for check in checks)
         held = [
-            replay(recording, folder / "scene.xml", np.random.default_rng([self.seed, k])).success
+            replay(recording, folder / "scene.xml", np.random.default_rng([self.seed, k]), self.cell).success
             for k in tqdm(range(self.replay), unit="replay", leave=False, delay=0.5)
         ]
         need = self.need or "9/10"
         enough = sum(held) >= Fraction(need) * len(held)
-        said = [_HELD.format(sum(held), len(held)) + f", {need} are needed" * (not enough)] * bool(held)
+        done = "held" if recording.facts.placed is None else "set down at its goal, nothing else touched,"
+        said = [_HELD.format(done, sum(held), len(held)) + f", {need} are needed" * (not enough)] * bool(held)
         good = fit and enough
         words = coloured("every check holds", "good") if good else coloured("NOT fit to run", "bad")
         content = {"holds": good, "checks": checks, "replays": len(held), "held": sum(held), "need": need}

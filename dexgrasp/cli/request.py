@@ -23,6 +23,8 @@ class Request(Options):
             (30; front 45).
         fingers: that make the contacts, one of the grasps of the hand (default: the planner's choice).
         max_force: each finger presses with at most N newtons.
+        place: the object is set down after the lift: X Y for the middle of its outline, Z of what it then stands on,
+            and YAW, degrees by which it is turned (default: any).
         budget: the search ends after so many seconds, with what it has.
     """
 
@@ -31,6 +33,7 @@ class Request(Options):
     approach: Annotated[str | None, "WAY"] = None
     fingers: Annotated[tuple[str, ...], "NAME"] = ()
     max_force: Annotated[Positive | None, "N"] = None
+    place: Annotated[tuple[float, ...] | None, "NUMBER"] = None
     budget: Annotated[Positive | None, "SECONDS"] = None
 
     @property
@@ -48,14 +51,15 @@ class Request(Options):
         Raises:
             InputError: for what is no region, no way or no mask.
         """
-        from dexgrasp.geometry.request import APPROACH_WORDS, GraspRequest
+        from dexgrasp.geometry.request import APPROACH_WORDS, PLACE_WORDS, GraspRequest
 
         approach = None if self.approach is None else check("approach", self.approach, APPROACH_WORDS)
         hold, avoid = (
             tuple(self._region(name, said, marked) for said in getattr(self, name))
             for name in ("hold", "avoid")
         )
-        return GraspRequest(hold, avoid, approach, tuple(self.fingers), self.max_force, self.budget)
+        goal = None if self.place is None else check("place", self.place, PLACE_WORDS)
+        return GraspRequest(hold, avoid, approach, tuple(self.fingers), self.max_force, self.budget, goal)
 
     def _region(self, name: str, said: Any, marked: "Callable[[Mask], Array]") -> "Region":
         from dexgrasp.geometry.request import REGION, Region

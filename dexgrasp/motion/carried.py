@@ -1,4 +1,4 @@
-"""Ways of what the hand holds: straight, or turned about its centre in the air; letting go of it, setting it aside."""
+"""Ways of what the hand holds: straight, or turned about its centre in the air; letting go of it."""
 
 from typing import NamedTuple
 
@@ -20,29 +20,36 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 STILL = 0.001
 """m that count as no way."""
-_SPEED = 0.01  # m a control step, on average
+_SPEED, _TURNING = 0.01, 0.05  # m and rad a control step, on average
 _SETTLE, _OPEN = 6, 14  # control steps before the hand opens, and of its opening
 _SECONDS = 1.15  # s a radian
 _LEAST_SECONDS = 0.6
 _STRAY = 0.005  # m that the palm may be off its way in a turn; a radian counts as 0.15 m
 
 
-def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple[Array, float]:
-    """Move an object straight; about the robot's base, it turns along.
+def carried(
+    targets: Array, middle: Array, leg: Array, tree: RobotTree, turn: float | None = None
+) -> tuple[Array, float]:
+    """Move an object straight.
 
     Args:
         targets: (n,) rad, set-points before.
         middle: (3,) m, of the object.
         leg: (3,) m, the way.
         tree: the robot.
+        turn: rad about the vertical through its middle, on the way; None: it turns along about the robot's base.
 
     Returns:
         Set-points (m, n) rad, one a control step, and the largest error of the palm, m.
     """
-    if np.abs(leg).max() < STILL:
+    if np.abs(leg).max() < STILL and not turn:
         return targets[None], 0.0
-    ends = middle + np.linspace(0.0, 1.0, int(np.linalg.norm(leg) / _SPEED) + 2)[1:, None] * leg
+    steps = max(int(np.linalg.norm(leg) / _SPEED), int(abs(turn or 0.0) / _TURNING))
+    shares = np.linspace(0.0, 1.0, steps + 2)[1:]
+    ends = middle + shares[:, None] * leg
     azimuths = np.arctan2(ends[:, 1], ends[:, 0]) - np.arctan2(middle[1], middle[0])
+    if turn is not None:
+        azimuths = turn * shares
     turns = np.stack([about_z(angle) for angle in azimuths])
     arm = palm_frame(targets, tree)[1] - middle
     path, error = shift_palm(targets, tree, ends - middle + turns @ arm - arm, turns)
@@ -107,25 +114,13 @@ def let_go(held: Array, opened: Array) -> Array:
     return np.concatenate([np.repeat(held[None], _SETTLE, axis=0), ramp(held, opened, _OPEN)])
 
 
-class Rearrangement(NamedTuple):
-    """Set-points that follow the lift of a neighbour that is set aside."""
-
-    there: Array  # (m, n) rad, set-points with the object in the hand, one a control step
-    away: Array  # (k, n) rad, the same of the open hand
-
-
 class CarryAside(Played):
     """Carries what was taken hold of to its place; nothing is felt. It is done when the hand has left the object."""
 
-    def __init__(self, held: GuardedGrasp, way: Rearrangement) -> None:
-        """Prepare.
-
-        Args:
-            held: that is done.
-            way: from the end of its lift.
-        """
-        arm = held.tree.arm
-        rows = np.concatenate([held.script.phases["lift"], way.there])
+    def __init__(self, held: GuardedGrasp) -> None:
+        """Prepare; `held` is done, and its script sets the object down."""
+        arm, phases = held.tree.arm, held.script.phases
+        rows = np.concatenate([phases[name] for name in ("lift", "carry", "set_down")])
         rows[:, arm:] = held.targets[arm:]
-        opened = arm_and_hand(rows[-1], way.away[0], held.tree)
-        super().__init__(np.concatenate([rows, let_go(rows[-1], opened), way.away]), held.tree)
+        opened = arm_and_hand(rows[-1], phases["retreat"][0], held.tree)
+        super().__init__(np.concatenate([rows, let_go(rows[-1], opened), phases["retreat"]]), held.tree)

@@ -23,6 +23,7 @@ from dexgrasp.planning.holding import GraspForces, firmest_forces, lightened
 from dexgrasp.planning.postures import Posture, atlas_postures
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
 from dexgrasp.planning.result import Planned, PlanResult, SearchLog
+from dexgrasp.planning.set_down import goal_fault, to_goal
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.runs.compiling import compiling
@@ -234,6 +235,7 @@ class Search:
         """Prepare; the arguments are those of `Planner.plan`, and when its time began to run (`perf_counter`)."""
         self.planner, self._start = planner, start
         self._problem = GraspProblem(target, planner.cell, planner.settings)
+        self._goal = None if target.demand is None else target.demand.request.goal
         self._rng = np.random.default_rng(seed)
         self.result = PlanResult(target, planner.settings, seed)
         self.log, self.pool = self.result.log, list[Candidate]()
@@ -242,10 +244,9 @@ class Search:
     def run(self) -> PlanResult:
         """Return the first firm grasp of ever broader rounds; failing that the best of all that is feasible."""
         target, result = self._problem.target, self.result
-        # What does not get past its neighbours straight up is lifted by no grasp.
-        if self._start is not None and raised_into(target, RAISED) > 0.0:
-            self.log.block(LIFT_BLOCKED)
-            result.shortfall = LIFT_BLOCKED
+        if (hopeless := self._hopeless(target)) is not None:
+            self.log.block(hopeless)
+            result.shortfall = hopeless
             return result
         for step in rounds_of(self.planner.settings, crowded=target.around is not None):
             if step.enough is not None and self.take(step.enough):
@@ -261,6 +262,15 @@ class Search:
         else:
             result.shortfall = self.log.commonest() or result.shortfall or NO_POSTURE
         return result
+
+    def _hopeless(self, target: GraspTarget) -> str | None:
+        """Return what rules every grasp out; None where one may do."""
+        if self._start is None:
+            return None
+        # What does not get past its neighbours straight up is lifted by no grasp.
+        if raised_into(target, RAISED) > 0.0:
+            return LIFT_BLOCKED
+        return None if self._goal is None else goal_fault(target, self._goal, self.planner.cell)
 
     def _firm(self, settings: PlannerSettings, patient: bool) -> bool:
         """Return True if a round gave a firm grasp that can be carried out; weaker feasible ones go to the pool.
@@ -318,6 +328,8 @@ class Search:
                 among = target.around is not None
                 script = make_script(self._start, grasp.motion, target.everything, planner.cell, among=among)
                 check_way(script, planner.cell, target)
+                if self._goal is not None:
+                    script = to_goal(script, self._problem, self._goal)
             self.result.found.append(Planned(completed(grasp, candidate.hold), script))
             return True
         except NoPath as blocked:

@@ -50,6 +50,8 @@ def _in_words(name: str, request: GraspRequest, grasp: Grasp) -> str:
         return f"none whose palm faces {request.approach}; one at {off:.0f} degrees"
     if name == "fingers":
         return f"none with {' '.join(request.fingers)}; one with {' '.join(grasp.fingers)}"
+    if name == "goal":
+        return "none that can be set down there; one that lifts it"
     if name == "max_force":
         press = -(grasp.forces[:, :3] * grasp.normals).sum(1).min()
         return f"none with at most {request.max_force:g} N a finger; one with {press:.1f} N"
