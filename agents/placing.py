@@ -1,24 +1,40 @@
-"""Placing: another agent's grasp, carried to its goal, and let go of where the object is to lie."""
+"""Placing: another agent's grasps, carried to their goals, and let go of where the objects are to lie."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from dexgrasp.agent import Agent, Observation, Report, cell_of
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.neighbours import neighbours_of
+from dexgrasp.geometry.target import PART_FACES
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.carried import STILL, carried, let_go
-from dexgrasp.motion.motion import arm_and_hand
-from dexgrasp_env.arrays import Array, Single
-from dexgrasp_env.perception.scene import Scene
+from dexgrasp.motion.motion import NoPath, arm_and_hand
+from dexgrasp.motion.retreat import Retreat
+from dexgrasp_env.arrays import Array, Single, grid, middle
+from dexgrasp_env.perception.pipeline import COUNT
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.tasks.constants import AROUND_POINTS
 from dexgrasp_env.tasks.control import normalise
 
 _RISEN = 0.08  # m that the palm has come up with the object
 _PRESSING = 0.02  # rad that a joint of a hand which holds something lags behind its set-point
 _CLEAR = 0.002  # m above the table, where the object is let go of
 _AWAY = 0.10  # m that the open hand goes up
+_ROUND = 260  # control steps in which an object is lifted, carried to the tray and let go of
+_LEAST = 20  # points of a thing
+_SAME = 0.04  # m: what stands so near to where one was missed is taken for that
+_PLACES, _APART, _OVER = (
+    9,
+    0.02,
+    0.03,
+)  # places along a side of the tray; m between things there; m over others
 
 
 class PlacingAgent(Agent):
@@ -86,10 +102,8 @@ class PlacingAgent(Agent):
         assert self._low is not None
         (R0, p0), (R, p) = (palm_frame(q, self._tree) for q in (self._low, targets))
         middle = R @ R0.T @ (self._middle - p0) + p
-        way, lays = self._goal[:3] - middle, self._goal[3] < 0.5
-        if lays:
-            way[2] = self._middle[2] + _CLEAR - middle[2]
-        for leg in (way * [1, 1, way[2] > 0], way * [0, 0, way[2] <= 0]):
+        legs, lays = self._legs(middle)
+        for leg in legs:
             path, _ = carried(targets, middle, leg, self._tree)
             yield from path
             targets = path[-1]
@@ -98,3 +112,113 @@ class PlacingAgent(Agent):
             opened = arm_and_hand(targets, self._low, self._tree)
             yield from let_go(targets, opened)
             yield from carried(opened, middle, np.array([0.0, 0.0, _AWAY]), self._tree)[0]
+
+    def _legs(self, middle: Array) -> tuple[list[Array], bool]:
+        """Return the ways (3,) m that the object goes from where its middle is, and whether it is let go of then."""
+        way, lays = self._goal[:3] - middle, bool(self._goal[3] < 0.5)
+        if lays:
+            way[2] = self._middle[2] + _CLEAR - middle[2]
+        return [way * [1, 1, way[2] > 0], way * [0, 0, way[2] <= 0]], lays
+
+
+class ClearingAgent(PlacingAgent):
+    """Has an agent grasp what stands on the table, one after the other, and carries each to the tray.
+
+    From home it looks at the table, and names the agent one thing as the one that is meant until it has a plan: the
+    most isolated first, what it failed at last. What is in the tray no camera sees: it is remembered.
+    """
+
+    def __init__(self, agent: Agent) -> None:
+        super().__init__(agent)
+        self.env_settings["observe"] = "clear"  # type: ignore[index]  # of the instance
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Look at the table for the first time; the agent is told of no later looks, which are not its own."""
+        self._info = {key: value for key, value in info.items() if key != "observe"}
+        self._tray = np.asarray(info["tray"])[:, :2]
+        self._full = np.zeros((0, 4))  # m, x, y, radius and top of what lies in the tray
+        self._missed: list[Array] = []  # m, where things stood that were not carried off
+        self._home: Retreat | None = None
+        self._start(observation)
+
+    def act(self, observation: Observation) -> Single:
+        """Return the agent's action, the next on the way to the tray, or home, where the next round begins."""
+        targets = np.asarray(observation["joint_targets"], dtype=float)
+        if self._home is not None and self._home.done:
+            self._home = None
+            self._start(observation)
+        if self._idle:
+            return normalise(targets, self._tree).astype(np.float32)
+        if self._home is None and (self._delivered or self._steps > _ROUND):
+            if not self._delivered:
+                self._missed.append(self._middle[:2])
+            self._home, self._idle = self._way_home(targets), self._way_home(targets) is None
+        self._steps += 1
+        if self._home is not None:
+            return self._home.action(observation["joint_positions"])
+        return super().act(observation)
+
+    def _start(self, observation: Observation) -> None:
+        """Begin a round: choose a thing for which the agent has a plan; there is no more to do where it has none."""
+        scene = Scene.of_observation(observation, self._info)
+        things = [one for one in (scene.target, *scene.neighbours) if len(one) >= _LEAST]
+        self._steps, self._delivered, self._idle = 0, False, True
+        self._cell = cell_of(self._info, default_cell())
+        self._tree = robot_tree(self._cell)
+        for k in self._order(things):
+            others = tuple(things[:k] + things[k + 1 :])
+            meant = replace(scene, target=things[k], neighbours=others).as_observation(COUNT, AROUND_POINTS)
+            super().reset({**observation, **meant, "desired_goal": np.zeros(4)}, self._info)
+            if self.report.failure is None:
+                self._idle, self._size = False, np.ptp(things[k].points, axis=0)
+                self._over = max([0.0, *(one.points[:, 2].max() for one in others)])
+                self._around = neighbours_of(replace(scene, target=things[k], neighbours=others))
+                return
+
+    def _order(self, things: Sequence[ObjectCloud]) -> list[int]:
+        """Return things in the order in which they are tried."""
+        missed = [
+            sum(np.linalg.norm(middle(one.points)[:2] - at) < _SAME for at in self._missed) for one in things
+        ]
+        apart = [_gap(one, things) for one in things]
+        return sorted(range(len(things)), key=lambda k: (missed[k], -apart[k]))
+
+    def _legs(self, middle: Array) -> tuple[list[Array], bool]:
+        """Return the ways up, over to the least full place of the tray, and down."""
+        radius = 0.5 * float(np.linalg.norm(self._size[:2]))
+        low, high = self._tray + np.minimum(radius, 0.5 * np.ptp(self._tray, axis=0)) * [[1.0], [-1.0]]
+        places = grid(*(np.linspace(*ends, _PLACES) for ends in zip(low, high, strict=True)))
+        gaps = np.linalg.norm(places[:, None] - self._full[:, :2], axis=2) - self._full[:, 2] - radius
+        tops = np.where(gaps < 0.0, self._full[:, 3], 0.0).max(axis=1, initial=0.0)
+        best = np.lexsort((places[:, 0], -np.minimum(gaps.min(axis=1, initial=np.inf), _APART), tops))[0]
+        top = float(tops[best])
+        self._full = np.vstack([self._full, [*places[best], radius, top + self._size[2]]])
+        bottom = middle[2] - 0.5 * self._size[2]
+        up = max(0.0, self._over + _OVER - bottom)
+        return [
+            np.array([0.0, 0.0, up]),
+            np.array([*(places[best] - middle[:2]), 0.0]),
+            np.array([0.0, 0.0, top + _CLEAR - bottom - up]),
+        ], True
+
+    def _deliver(self, targets: Array) -> Iterator[Array]:
+        yield from super()._deliver(targets)
+        self._delivered = True
+
+    def _way_home(self, targets: Array) -> Retreat | None:
+        """Return the way home past what stands on the table; None where there is none."""
+        parts = [ConvexDistance.from_points(part, PART_FACES) for thing in self._around for part in thing]
+        for obstacle in (ConvexDistance.union(parts) if parts else None, None):
+            with suppress(NoPath):
+                return Retreat(targets, self._cell, obstacle)
+        return None
+
+
+def _gap(thing: ObjectCloud, things: Sequence[ObjectCloud]) -> float:
+    """Return how far, m, the middle of a thing is from the nearest point of another."""
+    others = [one.points for one in things if one is not thing]
+    return (
+        float(np.linalg.norm(np.concatenate(others) - middle(thing.points), axis=1).min())
+        if others
+        else np.inf
+    )

@@ -24,7 +24,12 @@ if os.environ.get("MUJOCO_GL", "").strip().lower() == "osmesa" and "mujoco" not 
 from gymnasium.envs.registration import register
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.tasks.constants import CLUTTER_EPISODE_STEPS, HEAP_EPISODE_STEPS, MAX_EPISODE_STEPS
+from dexgrasp_env.tasks.constants import (
+    CLEAR_STEPS,
+    CLUTTER_EPISODE_STEPS,
+    HEAP_EPISODE_STEPS,
+    MAX_EPISODE_STEPS,
+)
 
 __all__ = ["InputError"]
 __version__ = "0.3.0"
@@ -78,6 +83,10 @@ register(
     id="DexGrasp/LiftGentle-v0", entry_point="dexgrasp_env.tasks.gentle:GentleEnv",
     vector_entry_point="dexgrasp_env.tasks.vector:GentleVectorEnv", max_episode_steps=MAX_EPISODE_STEPS,
     reward_threshold=_SOLVED,
+)  # fmt: skip
+register(
+    id="DexGrasp/Clear-v0", entry_point="dexgrasp_env.tasks.clear:ClearEnv",
+    vector_entry_point="dexgrasp_env.tasks.vector:ClearVectorEnv", max_episode_steps=8 * CLEAR_STEPS,
 )  # fmt: skip
 register(
     id="DexGrasp/Place-v2", entry_point="dexgrasp_env.tasks.place:PlaceEnv",

@@ -51,7 +51,9 @@ def test_the_judge_refuses_another_goal_and_a_changed_way(content):
 
     assert changed(lambda c: c["request"]["goal"]["place"].__setitem__(0, 0.48)) == {"goal: off its place"}
     assert changed(lambda c: c["request"]["goal"].__setitem__("yaw", 80.0)) == {"goal: off its heading"}
-    assert changed(lambda c: c["request"]["goal"]["place"].__setitem__(2, 0.05)) == {"goal: height of its place"}
+    assert changed(lambda c: c["request"]["goal"]["place"].__setitem__(2, 0.05)) == {
+        "goal: height of its place"
+    }
     assert "placing: one phase begins where the last ends as stated" in changed(shift(3, -1, 1, 0.02))
     assert "carry: fingers still as stated" in changed(shift(2, 5, 9, 0.02))
     assert "release: arm still as stated" in changed(shift(4, 5, 1, 0.02))
@@ -95,7 +97,9 @@ def test_the_command_exports_and_replays_it(tmp_path, capsys):
     assert main(["plan", "sugar_box", "--seed", "1", "--out", str(grasp), *place]) == 0
     assert main(["verify", str(grasp / "grasp.json")]) == 0
     for kind in ("mjcf", "json", "ros2"):
-        assert main(["export", str(grasp / "grasp.json"), "--format", kind, "--out", str(tmp_path / kind)]) == 0
+        assert (
+            main(["export", str(grasp / "grasp.json"), "--format", kind, "--out", str(tmp_path / kind)]) == 0
+        )
     capsys.readouterr()
     assert main(["check", str(tmp_path / "json")]) == 0
     assert main(["check", str(tmp_path / "mjcf"), "--replay", "2", "--need", "1/2"]) == 0

@@ -39,8 +39,8 @@ class Protocol:
 
     @property
     def places(self) -> bool:
-        """Flag: it has goals that objects are brought to."""
-        return self.env_id.startswith("DexGrasp/Place")
+        """Flag: objects are brought somewhere."""
+        return self.env_id.startswith(("DexGrasp/Place", "DexGrasp/Clear"))
 
     @property
     def floor_line(self) -> str:
@@ -70,7 +70,9 @@ FAMILIES: dict[str, Fields] = _CONTENT["families"]
 
 def _of_family(stem: str, number: float) -> Protocol:
     words = FAMILIES[stem]
-    scene = {words["setting"]: number, **words.get("scene", {})}
+    scene = {words["setting"]: number}
+    if "steps" in words:
+        scene["max_episode_steps"] = words["steps"] * number
     return Protocol(f"{stem}@{number:g}", words["description"].format(f"{number:g}"), scene, words["env_id"])
 
 

@@ -102,6 +102,7 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:
         "parts": [placed(T, part) for part in record.parts],
         "around": [placed(T, part) for part in record.around],
         "up": T[:3, 2],
+        "any_heading": record.goal is not None and record.goal.yaw is None,
         "placed": None if record.goal is None else T @ _set_down(record, cell) @ cell.T_world_base,
         "table": record.table,
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",

@@ -67,6 +67,7 @@ class Facts:
         table: where the table was seen; None where it is the cell's.
         placed: (4, 4) motion of the object from where it lies to where it is let go of, in the frame of the robot's
             base; None of one that is held.
+        any_heading: whether it may stand turned about the vertical.
     """
 
     mount: Word
@@ -77,6 +78,7 @@ class Facts:
     rejected: tuple[str, ...]
     table: SeenTable | None = None
     placed: Annotated[Array | None, array(4, 4)] = None
+    any_heading: bool = False
 
     def __post_init__(self) -> None:
         if (self.placed is None) != (len(self.segments) == len(SEGMENTS)):

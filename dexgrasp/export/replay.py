@@ -35,7 +35,7 @@ class Replay:
         success: held 10 cm up for 3 s; of an object that is set down, it stands at its goal 3 s later, and nothing
             that stands around it was touched.
         height: m, the least meanwhile above where it lay.
-        off, turned: m and rad from its goal.
+        off, turned: m and rad from its goal; where any heading will do, by how much it leans.
         touched: whether robot or object met what stands around.
     """
 
@@ -84,7 +84,10 @@ def replay(
     if goal is None:
         return Replay(least >= HEIGHT, least, touched=touched)
     off = float(np.linalg.norm(data.xpos[body] - goal[:3, 3]))
-    turned = float(Rotation.from_matrix(data.xmat[body].reshape(3, 3) @ goal[:3, :3].T).magnitude())
+    turn = data.xmat[body].reshape(3, 3) @ goal[:3, :3].T
+    turned = float(Rotation.from_matrix(turn).magnitude())
+    if recording.facts.any_heading:
+        turned = float(np.arccos(np.clip(turn[2, 2], -1.0, 1.0)))
     return Replay(off <= BESIDE and turned <= ASKEW and not touched, least, off, turned, touched)
 
 

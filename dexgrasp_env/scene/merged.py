@@ -45,7 +45,7 @@ class MergedScene:
         cell: Cell,
         around: Sequence[ObjectModel] = (),
         neighbours: int = 0,
-        walled: bool = False,
+        furniture: str = "",
     ) -> None:
         """Compile the model.
 
@@ -54,7 +54,7 @@ class MergedScene:
             cell: the robot and where it stands.
             around: what neighbours may be.
             neighbours: room for so many.
-            walled: whether it all stands in a bin.
+            furniture: see `scene_spec`.
         """
         every = list({model.contact_hash: model for model in (*objects, *around)}.values())
         kinds = sorted({part.kind for model in every for part in model.parts})
@@ -67,7 +67,7 @@ class MergedScene:
         self._firsts = {kind: [part.kind for part in slots].index(kind) for kind in kinds}
         first = objects[0]
         example = ObjectModel("objects", first.solid, slots, first.mass, first.inertia)
-        self.model = _compile([example] * (1 + neighbours), every, cell, walled)
+        self.model = _compile([example] * (1 + neighbours), every, cell, furniture)
         self.first_slot = int(self.model.geom("object_0").id)
         self._each = len(slots)
         self._contact = (self.model.geom_contype | self.model.geom_conaffinity) > 0
@@ -130,9 +130,9 @@ def filled(whole: NDArray[Any], part: NDArray[Any]) -> NDArray[Any]:
 
 
 def _compile(
-    examples: Sequence[ObjectModel], objects: Sequence[ObjectModel], cell: Cell, walled: bool
+    examples: Sequence[ObjectModel], objects: Sequence[ObjectModel], cell: Cell, furniture: str
 ) -> mujoco.MjModel:
-    spec = scene_spec(examples[0], cell, neighbours=examples[1:], walled=walled)
+    spec = scene_spec(examples[0], cell, neighbours=examples[1:], furniture=furniture)
     bodies = [spec.body("object"), *(spec.body(f"neighbour_{k}") for k in range(len(examples) - 1))]
     for k, body in enumerate(bodies):
         # What falls to the floor is lost before it gets there.

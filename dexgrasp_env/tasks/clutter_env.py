@@ -83,7 +83,7 @@ class ClutterSettings(LiftSettings):
         return HEAP_EPISODE_STEPS if self.gaps is None else CLUTTER_EPISODE_STEPS
 
 
-_NEIGHBOURS = np.dtype(
+NEIGHBOURS = np.dtype(
     [
         ("neighbours", "i8"),
         ("rest", "f8", (MOST_NEIGHBOURS, 7)),  # poses before the robot moved
@@ -100,12 +100,12 @@ class ClutterEpisodes(Episodes):
     """Episodes with neighbours around the object."""
 
     task = "clutter"
-    task_dtype = _NEIGHBOURS
+    task_dtype = NEIGHBOURS
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
         assert isinstance(settings, ClutterSettings)
-        self._clutter, self.walled = settings, settings.bin
+        self._clutter, self.furniture = settings, "bin" if settings.bin else ""
         self.neighbours, self.around = settings.neighbours[1], settings.neighbour_objects
         first = next(iter(self.simulations.values())).base
         self.options = ("object", "object_pose", "state")
@@ -129,7 +129,7 @@ class ClutterEpisodes(Episodes):
         return super()._of() | {
             "neighbours": self.neighbours,
             "mask": self.settings.pointing,
-            "bin": self.walled,
+            "furniture": self.furniture,
         }
 
     def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:

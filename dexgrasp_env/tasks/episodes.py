@@ -44,7 +44,8 @@ class Episodes(EpisodeInfos):
     task = "lift"
     task_dtype = np.dtype([])
     """Of what the task notes of an episode beside its record."""
-    walled = False  # whether what is set out stands in a bin
+    furniture = ""
+    """What else stands on the table, see `scene_spec`."""
     options: tuple[str, ...] = ("object", "object_pose", "joints", "state")
     """Of a reset."""
     neighbours = 0
@@ -203,7 +204,7 @@ class Episodes(EpisodeInfos):
             simulation = slot.simulation
         elif neighbours:
             models = self.settings.load_objects(neighbours)
-            simulation = simulation.among([models[name] for name in neighbours], self.walled)
+            simulation = simulation.among([models[name] for name in neighbours], self.furniture)
         own = slot.simulation is simulation and slot.model is not simulation.base
         slot.simulation = simulation
         if not self.one_model and variation == Variation():

@@ -80,11 +80,11 @@ class Simulation:
     """
 
     def __init__(
-        self, model: ObjectModel, cell: Cell, neighbours: Sequence[ObjectModel] = (), *, walled: bool = False
+        self, model: ObjectModel, cell: Cell, neighbours: Sequence[ObjectModel] = (), *, furniture: str = ""
     ) -> None:
         self.object, self.cell, self.neighbours = model, cell, tuple(neighbours)
         self.base = (
-            build_scene(model, cell, neighbours=neighbours, cameras=cell.make_cameras(), walled=walled)
+            build_scene(model, cell, neighbours=neighbours, cameras=cell.make_cameras(), furniture=furniture)
             if neighbours
             else compiled_scene(model, cell)
         )
@@ -104,9 +104,9 @@ class Simulation:
         self._rollout = Rollout(nthread=0)
         self._state = np.zeros((1, mujoco.mj_stateSize(self.base, _PHYSICS)))
 
-    def among(self, neighbours: Sequence[ObjectModel], walled: bool) -> "Simulation":
+    def among(self, neighbours: Sequence[ObjectModel], furniture: str) -> "Simulation":
         """Return the scene of the object with neighbours around it, advanced by the same physics."""
-        scene = Simulation(self.object, self.cell, neighbours, walled=walled)
+        scene = Simulation(self.object, self.cell, neighbours, furniture=furniture)
         scene.physics = self.physics
         return scene
 

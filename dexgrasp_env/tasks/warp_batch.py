@@ -101,7 +101,7 @@ class WarpPhysics:
         self.device = find_device(settings.device)
         objects = [scene.object for scene in scenes]
         around = list(settings.load_objects(episodes.around).values())
-        self._merged = MergedScene(objects, settings.cell, around, neighbours, episodes.walled)
+        self._merged = MergedScene(objects, settings.cell, around, neighbours, episodes.furniture)
         self._scenes = [scenes[0]] * number
         self._graph: Any = None
         model, flags = self._merged.model, mujoco.mjtDisableBit
