@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -28,13 +29,15 @@ _PRESSING = 0.02  # rad that a joint of a hand which holds something lags behind
 _CLEAR = 0.002  # m above the table, where the object is let go of
 _AWAY = 0.10  # m that the open hand goes up
 _ROUND = 260  # control steps in which an object is lifted, carried to the tray and let go of
+_STRAY = 0.005  # m that the palm may be off its way
 _LEAST = 20  # points of a thing
 _SAME = 0.04  # m: what stands so near to where one was missed is taken for that
-_PLACES, _APART, _OVER = (
-    9,
+_PLACES = 9  # along a side of the tray
+_RIM, _APART, _OVER = (
     0.02,
+    0.05,
     0.03,
-)  # places along a side of the tray; m between things there; m over others
+)  # m beside the rim, between things in the tray, and over others on the way
 
 
 class PlacingAgent(Agent):
@@ -102,23 +105,30 @@ class PlacingAgent(Agent):
         assert self._low is not None
         (R0, p0), (R, p) = (palm_frame(q, self._tree) for q in (self._low, targets))
         middle = R @ R0.T @ (self._middle - p0) + p
-        legs, lays = self._legs(middle)
-        for leg in legs:
-            path, _ = carried(targets, middle, leg, self._tree)
-            yield from path
-            targets = path[-1]
-            middle = middle + leg
+        rows, lays = self._carry(targets, middle)
+        yield from rows
         if lays:
-            opened = arm_and_hand(targets, self._low, self._tree)
-            yield from let_go(targets, opened)
+            opened = arm_and_hand(rows[-1], self._low, self._tree)
+            yield from let_go(rows[-1], opened)
             yield from carried(opened, middle, np.array([0.0, 0.0, _AWAY]), self._tree)[0]
 
-    def _legs(self, middle: Array) -> tuple[list[Array], bool]:
-        """Return the ways (3,) m that the object goes from where its middle is, and whether it is let go of then."""
+    def _carry(self, targets: Array, middle: Array) -> tuple[Array, bool]:
+        """Return set-points (m, n) rad that take the object from where its middle is; whether it is let go of then."""
         way, lays = self._goal[:3] - middle, bool(self._goal[3] < 0.5)
         if lays:
             way[2] = self._middle[2] + _CLEAR - middle[2]
-        return [way * [1, 1, way[2] > 0], way * [0, 0, way[2] <= 0]], lays
+        return self._along(targets, middle, way * [1, 1, way[2] > 0], way * [0, 0, way[2] <= 0])[0], lays
+
+    def _along(
+        self, targets: Array, middle: Array, *legs: Array, turn: float | None = None
+    ) -> tuple[Array, float]:
+        """Return set-points (m, n) rad that take an object along legs (3,) m, and the largest error of the palm, m."""
+        rows, worst = [], 0.0
+        for leg in legs:
+            path, error = carried(targets, middle, leg, self._tree, turn)
+            targets, middle, worst = path[-1], middle + leg, max(worst, error)
+            rows.append(path)
+        return np.concatenate(rows), worst
 
 
 class ClearingAgent(PlacingAgent):
@@ -161,7 +171,13 @@ class ClearingAgent(PlacingAgent):
     def _start(self, observation: Observation) -> None:
         """Begin a round: choose a thing for which the agent has a plan; there is no more to do where it has none."""
         scene = Scene.of_observation(observation, self._info)
-        things = [one for one in (scene.target, *scene.neighbours) if len(one) >= _LEAST]
+        # What stands out of the tray is cut off where cameras see no farther.
+        outside = self._tray[0] - _RIM
+        things = [
+            one
+            for one in (scene.target, *scene.neighbours)
+            if len(one) >= _LEAST and not (one.points[:, :2] > outside).all(axis=1).any()
+        ]
         self._steps, self._delivered, self._idle = 0, False, True
         self._cell = cell_of(self._info, default_cell())
         self._tree = robot_tree(self._cell)
@@ -183,23 +199,28 @@ class ClearingAgent(PlacingAgent):
         apart = [_gap(one, things) for one in things]
         return sorted(range(len(things)), key=lambda k: (missed[k], -apart[k]))
 
-    def _legs(self, middle: Array) -> tuple[list[Array], bool]:
-        """Return the ways up, over to the least full place of the tray, and down."""
+    def _carry(self, targets: Array, middle: Array) -> tuple[Array, bool]:
+        """Return the way up, over to the least full place of the tray that the arm reaches, and down."""
         radius = 0.5 * float(np.linalg.norm(self._size[:2]))
-        low, high = self._tray + np.minimum(radius, 0.5 * np.ptp(self._tray, axis=0)) * [[1.0], [-1.0]]
+        low, high = self._tray + np.minimum(radius + _RIM, 0.5 * np.ptp(self._tray, axis=0)) * [[1.0], [-1.0]]
         places = grid(*(np.linspace(*ends, _PLACES) for ends in zip(low, high, strict=True)))
         gaps = np.linalg.norm(places[:, None] - self._full[:, :2], axis=2) - self._full[:, 2] - radius
         tops = np.where(gaps < 0.0, self._full[:, 3], 0.0).max(axis=1, initial=0.0)
-        best = np.lexsort((places[:, 0], -np.minimum(gaps.min(axis=1, initial=np.inf), _APART), tops))[0]
-        top = float(tops[best])
-        self._full = np.vstack([self._full, [*places[best], radius, top + self._size[2]]])
+        room = np.minimum(gaps.min(axis=1, initial=np.inf), _APART)
+        order = np.lexsort((np.linalg.norm(places, axis=1), -room, tops))
         bottom = middle[2] - 0.5 * self._size[2]
         up = max(0.0, self._over + _OVER - bottom)
-        return [
-            np.array([0.0, 0.0, up]),
-            np.array([*(places[best] - middle[:2]), 0.0]),
-            np.array([0.0, 0.0, top + _CLEAR - bottom - up]),
-        ], True
+        best, rows, least = order[0], targets[None], np.inf
+        for rise, k, turn in product((up, 0.5 * up), order, (None, 0.0)):
+            over, down = [*(places[k] - middle[:2]), 0.0], [0.0, 0.0, tops[k] + _CLEAR - bottom - rise]
+            legs = np.array([[0.0, 0.0, rise], over, down])
+            path, error = self._along(targets, middle, *legs, turn=turn)
+            if error < least:
+                best, rows, least = k, path, error
+            if least < _STRAY:
+                break
+        self._full = np.vstack([self._full, [*places[best], radius, tops[best] + self._size[2]]])
+        return rows, True
 
     def _deliver(self, targets: Array) -> Iterator[Array]:
         yield from super()._deliver(targets)

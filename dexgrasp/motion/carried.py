@@ -1,5 +1,6 @@
 """Ways of what the hand holds: straight, or turned about its centre in the air; letting go of it."""
 
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import Played, arm_and_hand
 from dexgrasp.motion.move_until_contact import GuardedGrasp
-from dexgrasp.motion.timing import eased, ramp, smooth_steps, within_limits
+from dexgrasp.motion.timing import eased, is_gentle, ramp, smooth_steps, within_limits
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
@@ -28,7 +29,7 @@ _STRAY = 0.005  # m that the palm may be off its way in a turn; a radian counts 
 
 
 def carried(
-    targets: Array, middle: Array, leg: Array, tree: RobotTree, turn: float | None = None
+    targets: Array, middle: Array, leg: Array, tree: RobotTree, turn: float | None = None, speed: float = inf
 ) -> tuple[Array, float]:
     """Move an object straight.
 
@@ -38,6 +39,7 @@ def carried(
         leg: (3,) m, the way.
         tree: the robot.
         turn: rad about the vertical through its middle, on the way; None: it turns along about the robot's base.
+        speed: share of the joints' limits, of acceleration too, that is used; infinite: all of their velocity.
 
     Returns:
         Set-points (m, n) rad, one a control step, and the largest error of the palm, m.
@@ -56,7 +58,7 @@ def carried(
     points, count = np.vstack([targets, path]), len(path)
     while True:
         timed = eased(points, count)
-        if within_limits(targets, timed, tree):
+        if within_limits(targets, timed, tree) and is_gentle(targets, timed, tree, speed):
             return timed, error
         count = int(1.3 * count) + 1
 

@@ -24,6 +24,7 @@ from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 RISES = (0.0, 0.12)
 """m beyond the lift that an object is carried higher."""
 _CLEAR, _LEFT = 0.004, 0.12  # m above the table where it is let go of, and that the open hand goes up
+_SPEED = 0.9  # of the joints' limits
 _STRAY = 0.01  # m that the palm may be off its way
 _TURNS = np.deg2rad([0.0, 45.0, -45.0, 90.0, -90.0, 180.0])  # tried where any heading will do
 _HEIGHT = 0.01  # m that a goal may be off the table's top
@@ -34,7 +35,7 @@ _FOOT, _LEANS = 0.004, 0.005  # m: corners so low bear the object; its centre so
 
 def set_down(
     script: ActionScript, problem: GraspProblem, leg: Array, rise: float, *,
-    about: Array, turn: float | None = None,
+    about: Array, turn: float | None = None, speed: float = inf,
 ) -> ActionScript | None:  # fmt: skip
     """Return a script that sets the object down in place of its hold; None where arm or object cannot go there.
 
@@ -44,7 +45,7 @@ def set_down(
         leg: (2,) m, the level way.
         rise: m that it is carried higher than the lift ends.
         about: (3,) m, the point of the object that goes that way, and about which it turns.
-        turn: see `carried`.
+        turn, speed: see `carried`.
     """
     tree, target = problem.tree, problem.target
     lifted, opened = script.phases["lift"][-1], script.phases["approach"][-1]
@@ -56,7 +57,7 @@ def set_down(
         ("carry", [*leg, 0.0], turn),
         ("set_down", [0.0, 0.0, _CLEAR - up - rise], None),
     ):
-        phases[name], strayed = carried(now, at, np.array(way), tree, turned)
+        phases[name], strayed = carried(now, at, np.array(way), tree, turned, speed)
         error, at, now = max(error, strayed), at + way, phases[name][-1]
     rows = np.concatenate([lifted[None], phases["rise"], phases["carry"], phases["set_down"]])
     if (
@@ -67,7 +68,7 @@ def set_down(
         return None
     phases["carry"] = np.concatenate([phases.pop("rise"), phases["carry"]])
     phases["release"] = let_go(now, free := arm_and_hand(now, opened, tree))
-    phases["retreat"] = carried(free, at, np.array([0.0, 0.0, _LEFT]), tree)[0]
+    phases["retreat"] = carried(free, at, np.array([0.0, 0.0, _LEFT]), tree, None, speed)[0]
     return ActionScript(phases, script.start)
 
 
@@ -83,7 +84,7 @@ def to_goal(script: ActionScript, problem: GraspProblem, goal: Goal) -> ActionSc
     free = [(T, turn) for T, turn in _poses(target, goal, cell) if fault_at(target, T) is None]
     for (T, turn), rise in product(free, RISES):
         leg = placed(T, about)[:2] - about[:2]
-        if (way := set_down(script, problem, leg, rise, about=about, turn=turn)) is None:
+        if (way := set_down(script, problem, leg, rise, about=about, turn=turn, speed=_SPEED)) is None:
             continue
         there = _moved(target, T)
         checks = (there.around, way.way("release")), (there.everything, way.phases["retreat"])

@@ -111,7 +111,7 @@ class ClearEnv(ClutterEnv):
     ## Description
 
     The robot, the physics and the scenes of `ClutterEnv` on the open table, with a tray beside where objects may
-    stand: a rim 25 mm high around x 0.31-0.73, y 0.41-0.595. An object is in the tray while its centre is within it,
+    stand: a rim 45 mm high around x 0.31-0.73, y 0.41-0.595. An object is in the tray while its centre is within it,
     at most 20 cm high, and the robot does not touch it. The task is solved when all are.
 
     ## Action Space
