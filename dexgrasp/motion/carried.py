@@ -58,7 +58,7 @@ def carried(
     points, count = np.vstack([targets, path]), len(path)
     while True:
         timed = eased(points, count)
-        if within_limits(targets, timed, tree) and is_gentle(targets, timed, tree, speed):
+        if is_gentle(targets, timed, tree, speed):
             return timed, error
         count = int(1.3 * count) + 1
 
