@@ -81,12 +81,12 @@ for name, count, gaps, limit in (
 
 register(
     id="DexGrasp/LiftGentle-v0", entry_point="dexgrasp_env.tasks.gentle:GentleEnv",
-    vector_entry_point="dexgrasp_env.tasks.vector:GentleVectorEnv", max_episode_steps=MAX_EPISODE_STEPS,
+    vector_entry_point="dexgrasp_env.tasks.vector_tasks:GentleVectorEnv", max_episode_steps=MAX_EPISODE_STEPS,
     reward_threshold=_SOLVED,
 )  # fmt: skip
 register(
     id="DexGrasp/Clear-v0", entry_point="dexgrasp_env.tasks.clear:ClearEnv",
-    vector_entry_point="dexgrasp_env.tasks.vector:ClearVectorEnv", max_episode_steps=8 * CLEAR_STEPS,
+    vector_entry_point="dexgrasp_env.tasks.vector_tasks:ClearVectorEnv", max_episode_steps=8 * CLEAR_STEPS,
 )  # fmt: skip
 register(
     id="DexGrasp/Place-v2", entry_point="dexgrasp_env.tasks.place:PlaceEnv",
