@@ -140,7 +140,8 @@ class ClearingAgent(PlacingAgent):
 
     def __init__(self, agent: Agent) -> None:
         super().__init__(agent)
-        self.env_settings["observe"] = "clear"  # type: ignore[index]  # of the instance
+        self.env_settings = self.env_settings | {"observe": "clear"}  # type: ignore[misc]  # of the instance
+        self._idle, self._delivered, self._steps = True, False, 0
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Look at the table for the first time; the agent is told of no later looks, which are not its own."""

@@ -5,7 +5,7 @@ The limits are the makers' tables, typed again: a wrong number in the exporter's
 
 import numpy as np
 
-from dexgrasp.export.read import Facts, Recording, Rows
+from dexgrasp.export.read import Recording, Rows
 from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp.grasp.verify.check import Check, at_least, at_most, flag
 from dexgrasp.grasp.verify.scene import Scene
@@ -131,7 +131,7 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
     checks = [at_least(f"{words[kind]} (m)", value, 0.0, "", _CLEAR) for kind, value in least.items()]
     if facts.placed is not None:
         start = min(np.searchsorted(times, facts.segments["retreat"].start), len(rows) - 1)
-        checks.append(_leaving(facts, cell, rows[start:]))
+        checks.append(_leaving(facts.placed, recording, cell, rows[start:]))
     if around:
         end = facts.segments["set_down"].end if facts.placed is not None else times[-1]
         lift = rows[
@@ -147,9 +147,9 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
     return checks
 
 
-def _leaving(facts: Facts, cell: Cell, rows: Array) -> Check:
-    """Check the way (T, n) rad back from the object where it was set down."""
-    parts = [placed(cell.T_world_base @ facts.placed, part) for part in facts.parts]
+def _leaving(motion: Array, recording: Recording, cell: Cell, rows: Array) -> Check:
+    """Check the way (T, n) rad back from the object, which was set down by a motion (4, 4), frame of the base."""
+    parts = [placed(cell.T_world_base @ motion, part) for part in recording.facts.parts]
     scene = Scene(cell, parts, ())
     least = min(scene.clearances(rows[k], tips_touch=False)["hand_object"] for k in _looks(rows))
     return at_least("robot to the object on the retreat (m)", least, 0.0, "", _CLEAR)

@@ -62,10 +62,8 @@ def make_trajectory(way: Waypoints, robot: Robot) -> Trajectory:
         InputError: if a path cannot be timed within them.
     """
     low, high = robot.lower + _ROOM, robot.upper - _ROOM
-    *parts, placing = way
-    way = Waypoints(
-        *(np.clip(path, low, high) for path in parts), tuple(np.clip(path, low, high) for path in placing)
-    )
+    approach, grasp, squeeze, up = (np.clip(path, low, high) for path in way[:4])
+    way = Waypoints(approach, grasp, squeeze, up, tuple(np.clip(path, low, high) for path in way.placing))
     # The hand's rows are three ticks apart: a law that keeps the limits at 1 ms keeps them at 3 ms.
     limits = Limits(robot.velocity, robot.acceleration, robot.jerk)
     gentle = limits._replace(velocity=_CLOSING * limits.velocity)

@@ -66,6 +66,7 @@ class Perception:
                 one nearest to the middle of the workspace is taken; None: the largest thing that is seen.
         """
         depths = self.measure(data, rng)
+        pointed: TargetSelector | None
         if pointing == "any":
             pointed = TargetSelector(near=np.mean([WORKSPACE_LOW, WORKSPACE_HIGH], axis=0))
         else:
