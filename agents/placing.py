@@ -33,11 +33,8 @@ _STRAY = 0.005  # m that the palm may be off its way
 _LEAST = 20  # points of a thing
 _SAME = 0.04  # m: what stands so near to where one was missed is taken for that
 _PLACES = 9  # along a side of the tray
-_RIM, _APART, _OVER = (
-    0.02,
-    0.05,
-    0.03,
-)  # m beside the rim, between things in the tray, and over others on the way
+_ROOM, _BESIDE = 0.05, 0.02  # m between things and walls of the tray, for fingers; beside it where things are in it
+_OVER, _DROP = 0.03, 0.02  # m over what stands and lies on the way; from there things drop into the tray
 
 
 class PlacingAgent(Agent):
@@ -146,7 +143,7 @@ class ClearingAgent(PlacingAgent):
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Look at the table for the first time; the agent is told of no later looks, which are not its own."""
         self._info = {key: value for key, value in info.items() if key != "observe"}
-        self._tray = np.asarray(info["tray"])[:, :2]
+        self._tray = np.asarray(info["tray"])
         self._full = np.zeros((0, 4))  # m, x, y, radius and top of what lies in the tray
         self._missed: list[Array] = []  # m, where things stood that were not carried off
         self._home: Retreat | None = None
@@ -173,7 +170,7 @@ class ClearingAgent(PlacingAgent):
         """Begin a round: choose a thing for which the agent has a plan; there is no more to do where it has none."""
         scene = Scene.of_observation(observation, self._info)
         # What stands out of the tray is cut off where cameras see no farther.
-        outside = self._tray[0] - _RIM
+        outside = self._tray[0, :2] - _BESIDE
         things = [
             one
             for one in (scene.target, *scene.neighbours)
@@ -202,20 +199,18 @@ class ClearingAgent(PlacingAgent):
 
     def _carry(self, targets: Array, middle: Array) -> tuple[Array, bool]:
         """Return the way up, over to the least full place of the tray that the arm reaches, and down."""
-        radius = 0.5 * float(np.linalg.norm(self._size[:2]))
-        low, high = self._tray + np.minimum(radius + _RIM, 0.5 * np.ptp(self._tray, axis=0)) * [[1.0], [-1.0]]
+        radius, inside = 0.5 * float(np.linalg.norm(self._size[:2])), self._tray[:, :2]
+        low, high = inside + np.minimum(radius + _ROOM, 0.5 * np.ptp(inside, axis=0)) * [[1.0], [-1.0]]
         places = grid(*(np.linspace(*ends, _PLACES) for ends in zip(low, high, strict=True)))
         gaps = np.linalg.norm(places[:, None] - self._full[:, :2], axis=2) - self._full[:, 2] - radius
         tops = np.where(gaps < 0.0, self._full[:, 3], 0.0).max(axis=1, initial=0.0)
-        room = np.minimum(gaps.min(axis=1, initial=np.inf), _APART)
-        order = np.lexsort((np.linalg.norm(places, axis=1), -room, tops))
+        order = np.lexsort((np.linalg.norm(places, axis=1), -gaps.min(axis=1, initial=_ROOM), tops))
         bottom = middle[2] - 0.5 * self._size[2]
-        up = max(0.0, self._over + _OVER - bottom)
+        up = max(0.0, self._over, self._full_to) + _OVER - bottom
         best, rows, least = order[0], targets[None], np.inf
-        for rise, k, turn in product((up, 0.5 * up), order, (None, 0.0)):
-            over, down = [*(places[k] - middle[:2]), 0.0], [0.0, 0.0, tops[k] + _CLEAR - bottom - rise]
-            legs = np.array([[0.0, 0.0, rise], over, down])
-            path, error = self._along(targets, middle, *legs, turn=turn)
+        for rise, k in product((up, 0.5 * up), order):
+            over, down = [*(places[k] - middle[:2]), 0.0], [0.0, 0.0, tops[k] + _DROP - bottom - rise]
+            path, error = self._along(targets, middle, *np.array([[0.0, 0.0, rise], over, down]))
             if error < least:
                 best, rows, least = k, path, error
             if least < _STRAY:
@@ -223,14 +218,24 @@ class ClearingAgent(PlacingAgent):
         self._full = np.vstack([self._full, [*places[best], radius, tops[best] + self._size[2]]])
         return rows, True
 
+    @property
+    def _full_to(self) -> float:
+        """Height, m, of the tray with what lies in it."""
+        return float(self._full[:, 3].max(initial=self._tray[1, 2]))
+
     def _deliver(self, targets: Array) -> Iterator[Array]:
         yield from super()._deliver(targets)
         self._delivered = True
 
     def _way_home(self, targets: Array) -> Retreat | None:
         """Return the way home past what stands on the table; None where there is none."""
-        parts = [ConvexDistance.from_points(part, PART_FACES) for thing in self._around for part in thing]
-        for obstacle in (ConvexDistance.union(parts) if parts else None, None):
+        low, high = self._tray
+        tray = grid(*np.transpose([low, [*high[:2], self._full_to]]))
+        parts = [tray, *(part for thing in self._around for part in thing)]
+        for obstacle in (
+            ConvexDistance.union([ConvexDistance.from_points(p, PART_FACES) for p in parts]),
+            None,
+        ):
             with suppress(NoPath):
                 return Retreat(targets, self._cell, obstacle)
         return None

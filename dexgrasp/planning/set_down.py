@@ -5,7 +5,6 @@ from itertools import product
 from math import inf
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from dexgrasp.geometry.request import Goal
 from dexgrasp.geometry.surface_samples import triangle_samples
@@ -145,8 +144,5 @@ def _leans(target: GraspTarget) -> bool:
     """Return True for an object that does not stand by itself: its centre is not over what it stands on."""
     corners = np.concatenate(target.corners)
     low = corners[corners[:, 2] < corners[:, 2].min() + _FOOT][:, :2]
-    if len(low) < 3 or np.linalg.matrix_rank(low - low[0], tol=1e-4) < 2:  # it rolls, and lies as well there
-        off = np.linalg.norm(low - target.centre[:2], axis=1).min(initial=inf)
-        return bool(off > _LEANS + np.ptp(corners[:, :2], axis=0).max() / 4)
-    edges = ConvexHull(low).equations
-    return bool((edges[:, :2] @ target.centre[:2] + edges[:, 2]).max() > _LEANS)
+    off = np.maximum(low.min(0) - target.centre[:2], target.centre[:2] - low.max(0))
+    return bool(off.max() > _LEANS)

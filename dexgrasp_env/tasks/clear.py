@@ -16,10 +16,10 @@ from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import StateHolder
 from dexgrasp_env.valid import number
 
-TRAY = np.array([[0.31, 0.41, 0.0], [0.73, 0.595, 0.2]])
-"""Lowest and highest corner, m, of where a centre is in the tray."""
+TRAY = np.array([[0.20, 0.41, 0.0], [0.76, 0.595, 0.08]])
+"""Lowest and highest corner, m, of the space between the tray's walls, as assets/scene/tray.xml has them."""
 _SUCCESS, _LOST = INFO_COLUMNS.index("is_success"), FAILURES.index("object_lost")
-_FALLEN = -0.05  # m: a centre so low is off the table
+_FALLEN, _HEAPED = -0.05, 0.25  # m: centres so low are off the table; so high they are not in the tray
 _DERIVED = ("neighbours", "mask", "bin")
 
 
@@ -84,7 +84,7 @@ class ClearEpisodes(ClutterEpisodes):
         (qpos, _, sensors), count = where.current, 1 + self.neighbours
         centres = qpos[:, self._alone[0] - 7 :].reshape(len(notes), -1, 7)[:, :, :3]
         held = np.column_stack([sensors[:, self.rules.at[TOUCHING_HAND]], sensors[:, self._alone[1] :]]) > 0
-        inside = ((centres >= TRAY[0]) & (centres <= TRAY[1])).all(axis=2) & ~held
+        inside = ((centres >= TRAY[0]) & (centres <= [*TRAY[1, :2], _HEAPED])).all(axis=2) & ~held
         fallen = centres[:, :, 2] < _FALLEN
         before = notes["in_tray"] - notes["off_table"]
         notes["in_tray"], notes["off_table"] = inside.sum(axis=1), fallen.sum(axis=1)
@@ -111,8 +111,8 @@ class ClearEnv(ClutterEnv):
     ## Description
 
     The robot, the physics and the scenes of `ClutterEnv` on the open table, with a tray beside where objects may
-    stand: a rim 45 mm high around x 0.31-0.73, y 0.41-0.595. An object is in the tray while its centre is within it,
-    at most 20 cm high, and the robot does not touch it. The task is solved when all are.
+    stand: walls 80 mm high around x 0.20-0.76, y 0.41-0.595. An object is in the tray while its centre is within them,
+    at most 25 cm high, and the robot does not touch it. The task is solved when all are.
 
     ## Action Space
 
@@ -122,7 +122,7 @@ class ClearEnv(ClutterEnv):
 
     That of `ClutterEnv`. No object is meant more than another: `object_pose` is the first one's, and `cloud` has the
     points of the one nearest to the middle of the table, `around` those of the others. Cameras see x 0.28-0.78,
-    y +-0.40: not into the tray. The info of a reset has `tray`, (2, 3) m, its lowest and highest corner.
+    y +-0.40: not into the tray. The info of a reset has `tray`, (2, 3) m, the lowest and highest corner of its inside.
 
     `info` has more than that of `LiftEnv`: `objects` (how many), `in_tray`, `off_table` (pushed off it), `touched`
     (how many the robot has touched, looked at in every physics step).
