@@ -1,6 +1,6 @@
 """Placing: another agent's grasps, carried to their goals, and let go of where the objects are to lie."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
@@ -33,7 +33,10 @@ _STRAY = 0.005  # m that the palm may be off its way
 _LEAST = 20  # points of a thing
 _SAME = 0.04  # m: what stands so near to where one was missed is taken for that
 _PLACES = 9  # along a side of the tray
-_ROOM, _BESIDE = 0.05, 0.02  # m between things and walls of the tray, for fingers; beside it where things are in it
+_ROOM, _BESIDE = (
+    0.05,
+    0.02,
+)  # m between things and walls of the tray, for fingers; beside it where things are in it
 _OVER, _DROP = 0.03, 0.02  # m over what stands and lies on the way; from there things drop into the tray
 
 
@@ -116,13 +119,11 @@ class PlacingAgent(Agent):
             way[2] = self._middle[2] + _CLEAR - middle[2]
         return self._along(targets, middle, way * [1, 1, way[2] > 0], way * [0, 0, way[2] <= 0])[0], lays
 
-    def _along(
-        self, targets: Array, middle: Array, *legs: Array, turn: float | None = None
-    ) -> tuple[Array, float]:
+    def _along(self, targets: Array, middle: Array, *legs: Array) -> tuple[Array, float]:
         """Return set-points (m, n) rad that take an object along legs (3,) m, and the largest error of the palm, m."""
         rows, worst = [], 0.0
         for leg in legs:
-            path, error = carried(targets, middle, leg, self._tree, turn)
+            path, error = carried(targets, middle, leg, self._tree)
             targets, middle, worst = path[-1], middle + leg, max(worst, error)
             rows.append(path)
         return np.concatenate(rows), worst
@@ -160,7 +161,8 @@ class ClearingAgent(PlacingAgent):
         if self._home is None and (self._delivered or self._steps > _ROUND):
             if not self._delivered:
                 self._missed.append(self._middle[:2])
-            self._home, self._idle = self._way_home(targets), self._way_home(targets) is None
+            self._home = self._way_home(targets)
+            self._idle = self._home is None
         self._steps += 1
         if self._home is not None:
             return self._home.action(observation["joint_positions"])
@@ -189,13 +191,17 @@ class ClearingAgent(PlacingAgent):
                 self._around = neighbours_of(replace(scene, target=things[k], neighbours=others))
                 return
 
-    def _order(self, things: Sequence[ObjectCloud]) -> list[int]:
+    def _order(self, things: list[ObjectCloud]) -> list[int]:
         """Return things in the order in which they are tried."""
-        missed = [
-            sum(np.linalg.norm(middle(one.points)[:2] - at) < _SAME for at in self._missed) for one in things
-        ]
-        apart = [_gap(one, things) for one in things]
-        return sorted(range(len(things)), key=lambda k: (missed[k], -apart[k]))
+
+        def rank(k: int) -> tuple[int, float]:
+            """Return how often one was missed there, and how near, less than 0, the next thing is."""
+            at = middle(things[k].points)
+            others = [np.linalg.norm(one.points - at, axis=1).min() for one in things[:k] + things[k + 1 :]]
+            missed = sum(np.linalg.norm(at[:2] - place) < _SAME for place in self._missed)
+            return missed, -min(others, default=np.inf)
+
+        return sorted(range(len(things)), key=rank)
 
     def _carry(self, targets: Array, middle: Array) -> tuple[Array, bool]:
         """Return the way up, over to the least full place of the tray that the arm reaches, and down."""
@@ -207,15 +213,17 @@ class ClearingAgent(PlacingAgent):
         order = np.lexsort((np.linalg.norm(places, axis=1), -gaps.min(axis=1, initial=_ROOM), tops))
         bottom = middle[2] - 0.5 * self._size[2]
         up = max(0.0, self._over, self._full_to) + _OVER - bottom
-        best, rows, least = order[0], targets[None], np.inf
+        found = None
         for rise, k in product((up, 0.5 * up), order):
             over, down = [*(places[k] - middle[:2]), 0.0], [0.0, 0.0, tops[k] + _DROP - bottom - rise]
-            path, error = self._along(targets, middle, *np.array([[0.0, 0.0, rise], over, down]))
-            if error < least:
-                best, rows, least = k, path, error
-            if least < _STRAY:
+            rows, error = self._along(targets, middle, *np.array([[0.0, 0.0, rise], over, down]))
+            if found is None or error < _STRAY:
+                found = rows, k
+            if error < _STRAY:
                 break
-        self._full = np.vstack([self._full, [*places[best], radius, tops[best] + self._size[2]]])
+        assert found is not None  # there are places
+        rows, k = found
+        self._full = np.vstack([self._full, [*places[k], radius, tops[k] + self._size[2]]])
         return rows, True
 
     @property
@@ -231,21 +239,9 @@ class ClearingAgent(PlacingAgent):
         """Return the way home past what stands on the table; None where there is none."""
         low, high = self._tray
         tray = grid(*np.transpose([low, [*high[:2], self._full_to]]))
-        parts = [tray, *(part for thing in self._around for part in thing)]
-        for obstacle in (
-            ConvexDistance.union([ConvexDistance.from_points(p, PART_FACES) for p in parts]),
-            None,
-        ):
+        solids = [tray, *(part for thing in self._around for part in thing)]
+        parts = [ConvexDistance.from_points(solid, PART_FACES) for solid in solids]
+        for obstacle in (ConvexDistance.union(parts), None):
             with suppress(NoPath):
                 return Retreat(targets, self._cell, obstacle)
         return None
-
-
-def _gap(thing: ObjectCloud, things: Sequence[ObjectCloud]) -> float:
-    """Return how far, m, the middle of a thing is from the nearest point of another."""
-    others = [one.points for one in things if one is not thing]
-    return (
-        float(np.linalg.norm(np.concatenate(others) - middle(thing.points), axis=1).min())
-        if others
-        else np.inf
-    )

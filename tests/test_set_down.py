@@ -55,6 +55,7 @@ def test_the_judge_refuses_another_goal_and_a_changed_way(content):
         "goal: height of its place"
     }
     assert "placing: one phase begins where the last ends as stated" in changed(shift(3, -1, 1, 0.02))
+    assert "retreat: hand open as stated" in changed(shift(5, 3, 9, 0.02))
     assert "carry: fingers still as stated" in changed(shift(2, 5, 9, 0.02))
     assert "release: arm still as stated" in changed(shift(4, 5, 1, 0.02))
     with pytest.raises(InputError, match="with a goal alone"):

@@ -113,7 +113,7 @@ def lift_checks(case: Case) -> list[Check]:
         at_most("lift: jerk", jerkiness(rows), JERK, "rad"),
         at_most("lift: collision", case.scene.first_contact(densify(rows, _DENSE), with_object=False), 0.0, "m"),
         *_table_checks(case, phase),
-        *_carried_checks(case, rows),
+        *carried_checks(case, "lift", rows),
     ]  # fmt: skip
 
 
@@ -125,12 +125,12 @@ def _table_checks(case: Case, phase: Phase) -> list[Check]:
     return [at_least(f"{phase.name}: clearance hand_seen", found, 0.0, "m")]
 
 
-def _carried_checks(case: Case, rows: Array) -> list[Check]:
+def carried_checks(case: Case, phase: str, rows: Array) -> list[Check]:
     """Check that the object goes no farther into its neighbours than it seems to lie in them."""
     if not case.scene.around:
         return []
     lying, nearest = case.scene.carried(rows)
-    return [at_least("lift: object from its neighbours", nearest, min(lying, 0.0) - DEEPER, "m")]
+    return [at_least(f"{phase}: object from its neighbours", nearest, min(lying, 0.0) - DEEPER, "m")]
 
 
 def phase_checks(phase: Phase, robot: Robot) -> list[Check]:
