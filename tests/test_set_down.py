@@ -2,15 +2,20 @@
 
 import json
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from test_request import block
 
+import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import plan_cloud
+from dexgrasp.agent import public_info
+from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.cli.main import main
 from dexgrasp.geometry.request import PLACE_WORDS, GraspRequest
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
+from dexgrasp_env.arrays import middle
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import check
 
@@ -90,6 +95,22 @@ def test_what_stands_there_is_not_set_upon():
     assert [plan.reason for plan in plans] == ["no_grasp:goal_occupied", None]
     (content,) = plans[1].contents("block")
     assert failing(json.loads(json.dumps(content))) == set()
+
+
+def test_the_agent_sets_the_object_down():
+    agent = BilevelAgent(request=GraspRequest(goal=PLACE_WORDS.validate((0.4, -0.25, 0.0))))
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", disable_env_checker=True, **agent.env_settings)
+    observation, info = env.reset(seed=2)
+    agent.reset(observation, public_info(env, info))
+    target = agent.result.target
+    shift = np.array([0.4, -0.25]) - middle(np.concatenate(target.corners))[:2]
+    before = env.unwrapped.simulation.object_pose()
+    for _ in range(240):
+        observation, *_, info = env.step(agent.act(observation))
+    assert not info["is_grasped"]
+    after = env.unwrapped.simulation.object_pose()
+    assert np.linalg.norm((after - before)[:2] - shift) < 0.02
+    assert abs(after[2] - before[2]) < 0.005  # it stands as it lay
 
 
 def test_the_command_exports_and_replays_it(tmp_path, capsys):
