@@ -138,7 +138,7 @@ class ClearingAgent(PlacingAgent):
 
     def __init__(self, agent: Agent) -> None:
         super().__init__(agent)
-        self.env_settings = self.env_settings | {"observe": "clear"}  # type: ignore[misc]  # of the instance
+        self.env_settings = {**self.env_settings, "observe": "clear"}  # type: ignore[misc]  # of the instance
         self._idle, self._delivered, self._steps = True, False, 0
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
@@ -198,8 +198,8 @@ class ClearingAgent(PlacingAgent):
             """Return how often one was missed there, and how near, less than 0, the next thing is."""
             at = middle(things[k].points)
             others = [np.linalg.norm(one.points - at, axis=1).min() for one in things[:k] + things[k + 1 :]]
-            missed = sum(np.linalg.norm(at[:2] - place) < _SAME for place in self._missed)
-            return missed, -min(others, default=np.inf)
+            missed = [place for place in self._missed if np.linalg.norm(at[:2] - place) < _SAME]
+            return len(missed), -float(min(others, default=np.inf))
 
         return sorted(range(len(things)), key=rank)
 

@@ -24,7 +24,7 @@ RISES = (0.0, 0.12)
 """m beyond the lift that an object is carried higher."""
 _CLEAR, _LEFT = 0.004, 0.12  # m above the table where it is let go of, and that the open hand goes up
 _SPEED = 0.9  # of the joints' limits
-_STRAY = 0.01  # m that the palm may be off its way
+_STRAY = 0.004  # m that the palm may be off its way to a goal
 _TURNS = np.deg2rad([0.0, 45.0, -45.0, 90.0, -90.0, 180.0])  # tried where any heading will do
 _HEIGHT = 0.01  # m that a goal may be off the table's top
 _BESIDE = 0.003  # m that what is set down keeps from what stands there
@@ -34,7 +34,7 @@ _FOOT, _LEANS = 0.004, 0.005  # m: corners so low bear the object; its centre so
 
 def set_down(
     script: ActionScript, problem: GraspProblem, leg: Array, rise: float, *,
-    about: Array, turn: float | None = None, speed: float = inf,
+    about: Array, turn: float | None = None, speed: float = inf, stray: float = 0.01,
 ) -> ActionScript | None:  # fmt: skip
     """Return a script that sets the object down in place of its hold; None where arm or object cannot go there.
 
@@ -45,6 +45,7 @@ def set_down(
         rise: m that it is carried higher than the lift ends.
         about: (3,) m, the point of the object that goes that way, and about which it turns.
         turn, speed: see `carried`.
+        stray: m that the palm may be off its way, a radian counting as 0.15 m.
     """
     tree, target = problem.tree, problem.target
     lifted, opened = script.phases["lift"][-1], script.phases["approach"][-1]
@@ -60,7 +61,7 @@ def set_down(
         error, at, now = max(error, strayed), at + way, phases[name][-1]
     rows = np.concatenate([lifted[None], phases["rise"], phases["carry"], phases["set_down"]])
     if (
-        error > _STRAY
+        error > stray
         or CollisionChecker(problem.cell, target.around, 0.0).first_contact(rows) is not None
         or carried_into(target, rows, tree, script.phases["squeeze"][-1]) > 0.0
     ):
@@ -83,7 +84,9 @@ def to_goal(script: ActionScript, problem: GraspProblem, goal: Goal) -> ActionSc
     free = [(T, turn) for T, turn in _poses(target, goal, cell) if fault_at(target, T) is None]
     for (T, turn), rise in product(free, RISES):
         leg = placed(T, about)[:2] - about[:2]
-        if (way := set_down(script, problem, leg, rise, about=about, turn=turn, speed=_SPEED)) is None:
+        if (
+            way := set_down(script, problem, leg, rise, about=about, turn=turn, speed=_SPEED, stray=_STRAY)
+        ) is None:
             continue
         there = _moved(target, T)
         checks = (there.around, way.way("release")), (there.everything, way.phases["retreat"])
