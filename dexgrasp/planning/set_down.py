@@ -24,7 +24,10 @@ RISES = (0.0, 0.12)
 """m beyond the lift that an object is carried higher."""
 _CLEAR, _LEFT = 0.004, 0.12  # m above the table where it is let go of, and that the open hand goes up
 _SPEED = 0.9  # of the joints' limits
-_STRAY = 0.004  # m that the palm may be off its way to a goal
+_STRAY, _ROUGH = (
+    0.004,
+    0.01,
+)  # m that the palm may be off its way, to a goal and elsewhere; 0.15 m count as a radian
 _TURNS = np.deg2rad([0.0, 45.0, -45.0, 90.0, -90.0, 180.0])  # tried where any heading will do
 _HEIGHT = 0.01  # m that a goal may be off the table's top
 _BESIDE = 0.003  # m that what is set down keeps from what stands there
@@ -34,7 +37,7 @@ _FOOT, _LEANS = 0.004, 0.005  # m: corners so low bear the object; its centre so
 
 def set_down(
     script: ActionScript, problem: GraspProblem, leg: Array, rise: float, *,
-    about: Array, turn: float | None = None, speed: float = inf, stray: float = 0.01,
+    about: Array, turn: float | None = None, exact: bool = False,
 ) -> ActionScript | None:  # fmt: skip
     """Return a script that sets the object down in place of its hold; None where arm or object cannot go there.
 
@@ -44,10 +47,11 @@ def set_down(
         leg: (2,) m, the level way.
         rise: m that it is carried higher than the lift ends.
         about: (3,) m, the point of the object that goes that way, and about which it turns.
-        turn, speed: see `carried`.
-        stray: m that the palm may be off its way, a radian counting as 0.15 m.
+        turn: see `carried`.
+        exact: within limits of acceleration too, and of `_STRAY`.
     """
     tree, target = problem.tree, problem.target
+    speed, stray = (_SPEED, _STRAY) if exact else (inf, _ROUGH)
     lifted, opened = script.phases["lift"][-1], script.phases["approach"][-1]
     up = palm_frame(lifted, tree)[1][2] - palm_frame(opened, tree)[1][2]
     at, now, error, phases = about + np.array([0.0, 0.0, up]), lifted, 0.0, dict(script.phases)
