@@ -27,7 +27,7 @@ _SPEED = 0.9  # of the joints' limits
 _STRAY, _ROUGH = (
     0.004,
     0.01,
-)  # m that the palm may be off its way, to a goal and elsewhere; 0.15 m count as a radian
+)  # m that the palm may be off its way, to a goal and elsewhere; a radian is 0.15 m
 _TURNS = np.deg2rad([0.0, 45.0, -45.0, 90.0, -90.0, 180.0])  # tried where any heading will do
 _HEIGHT = 0.01  # m that a goal may be off the table's top
 _BESIDE = 0.003  # m that what is set down keeps from what stands there
@@ -36,9 +36,15 @@ _FOOT, _LEANS = 0.004, 0.005  # m: corners so low bear the object; its centre so
 
 
 def set_down(
-    script: ActionScript, problem: GraspProblem, leg: Array, rise: float, *,
-    about: Array, turn: float | None = None, exact: bool = False,
-) -> ActionScript | None:  # fmt: skip
+    script: ActionScript,
+    problem: GraspProblem,
+    leg: Array,
+    rise: float,
+    *,
+    about: Array,
+    turn: float | None = None,
+    exact: bool = False,
+) -> ActionScript | None:
     """Return a script that sets the object down in place of its hold; None where arm or object cannot go there.
 
     Args:
@@ -88,9 +94,7 @@ def to_goal(script: ActionScript, problem: GraspProblem, goal: Goal) -> ActionSc
     free = [(T, turn) for T, turn in _poses(target, goal, cell) if fault_at(target, T) is None]
     for (T, turn), rise in product(free, RISES):
         leg = placed(T, about)[:2] - about[:2]
-        if (
-            way := set_down(script, problem, leg, rise, about=about, turn=turn, speed=_SPEED, stray=_STRAY)
-        ) is None:
+        if (way := set_down(script, problem, leg, rise, about=about, turn=turn, exact=True)) is None:
             continue
         there = _moved(target, T)
         checks = (there.around, way.way("release")), (there.everything, way.phases["retreat"])

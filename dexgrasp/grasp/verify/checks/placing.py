@@ -46,7 +46,7 @@ def placing_checks(case: Case) -> list[Check]:
         *(at_most(f"{name}: collision", depth, 0.0, "m") for name, depth in meets.items()),
         *carried_checks(case, "carry", densify(np.concatenate([lift, carried]), _DENSE)),
         *_goal_checks(case, T),
-    ]  # fmt: skip
+    ]
 
 
 def _bend(phase: Phase) -> Check:
