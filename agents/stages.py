@@ -23,6 +23,7 @@ from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.perception.scene import Scene
 
+_FIRM = 20.0  # N that fingers may press with, from which on they close at their usual pace
 NUDGE = 0.01
 """m that neighbours may be pushed where a second look gives no grasp."""
 PUSH = 0.05
@@ -261,7 +262,7 @@ def take_hold(plan: PlanResult, **how: float) -> GuardedGrasp:
     """Return the motion that takes hold by the firmest grasp of a plan."""
     grasp, script = plan.found[0]
     assert script is not None  # every plan here begins where the robot stands
-    return GuardedGrasp(script, grasp, **how)
+    return GuardedGrasp(script, grasp, pace=min(1.0, plan.settings.max_force / _FIRM), **how)
 
 
 def way_home(state: State, observation: Observation) -> Retreat | None:

@@ -35,6 +35,7 @@ from dexgrasp_env.valid import Names
 
 NO_POSTURE, BUDGET, LIFT_BLOCKED = "no_reachable_posture", "time_budget", "lift_blocked"
 
+_BESIDE = 0.004, 0.010  # m that the approach keeps from the object; the second where it must not be hit
 _AMONG = 1  # rounds more at most among neighbours: another look, or one set aside, gives more
 
 
@@ -326,7 +327,15 @@ class Search:
             if self._start is not None:
                 target = self._problem.target
                 among = target.around is not None
-                script = make_script(self._start, grasp.motion, target.everything, planner.cell, among=among)
+                gently = planner.settings.max_force < inf
+                script = make_script(
+                    self._start,
+                    grasp.motion,
+                    target.everything,
+                    planner.cell,
+                    margin=_BESIDE[gently],
+                    among=among,
+                )
                 check_way(script, planner.cell, target)
                 if self._goal is not None:
                     script = to_goal(script, self._problem, self._goal)
