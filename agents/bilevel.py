@@ -49,7 +49,7 @@ class BilevelAgent(Agent):
             regrasps: how often to look and plan again in an episode where the object was lost or no grasp found.
             turns: whether to turn an object that is barely held, once it is lifted (see `planning.carry`).
             moves: how many neighbours to set aside at most where the object cannot be grasped among them.
-            request: where and how the object is to be grasped.
+            request: where and how the object is to be grasped; a `max_force` that an environment tells goes before.
         """
         self.settings = settings or PlannerSettings()
         self.result: PlanResult | None = None
@@ -72,6 +72,7 @@ class BilevelAgent(Agent):
         info: Mapping[str, Any],
         count: int | None = None,
         progress: Progress | None = None,
+        relax: bool = False,
     ) -> PlanResult:
         """Plan from the first observation of an episode; nothing is carried out.
 
@@ -80,14 +81,15 @@ class BilevelAgent(Agent):
             info: as `reset` takes it.
             count: grasps asked for, that differ; None plans one.
             progress: called with steps done and steps in all, where there is a count.
+            relax: where what was asked for cannot be had, say what can.
 
         Raises:
             InputError: for a count out of range, or an observation that shows no cloud or no robot.
         """
-        if (cell := cell_of(info, self._planner.cell)) != self._planner.cell:
-            self._planner = self._make(cell)
+        cell, most = cell_of(info, self._planner.cell), info.get("max_force", self._request.max_force)
+        if cell != self._planner.cell or most != self._planner.request.max_force:
+            self._planner = self._make(cell).asking(replace(self._request, max_force=most))
         scene, start = self._scene(observation, info), start_of(observation, self._planner.cell.robot)
-        relax = progress is not None
         return plan_scene(
             self._planner, scene, self._seed, start, count=count, progress=progress, relax=relax
         )

@@ -1,24 +1,43 @@
-"""Placing: another agent's grasp, carried to its goal, and let go of where the object is to lie."""
+"""Placing: another agent's grasps, carried to their goals, and let go of where the objects are to lie."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from dexgrasp.agent import Agent, Observation, Report, cell_of
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.neighbours import neighbours_of
+from dexgrasp.geometry.target import PART_FACES
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.carried import STILL, carried, let_go
-from dexgrasp.motion.motion import arm_and_hand
-from dexgrasp_env.arrays import Array, Single
-from dexgrasp_env.perception.scene import Scene
+from dexgrasp.motion.motion import NoPath, Played, arm_and_hand
+from dexgrasp.motion.retreat import plan_retreat
+from dexgrasp_env.arrays import Array, Single, grid, middle
+from dexgrasp_env.perception.pipeline import COUNT
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.tasks.constants import AROUND_POINTS
 from dexgrasp_env.tasks.control import normalise
 
 _RISEN = 0.08  # m that the palm has come up with the object
 _PRESSING = 0.02  # rad that a joint of a hand which holds something lags behind its set-point
 _CLEAR = 0.002  # m above the table, where the object is let go of
 _AWAY = 0.10  # m that the open hand goes up
+_ROUND = 260  # control steps in which an object is lifted, carried to the tray and let go of
+_STRAY = 0.005  # m that the palm may be off its way
+_LEAST = 20  # points of a thing
+_SAME = 0.04  # m: what stands so near to where one was missed is taken for that
+_PLACES = 9  # along a side of the tray
+_ROOM, _BESIDE = (
+    0.05,
+    0.02,
+)  # m between things and walls of the tray, for fingers; beside it where things are in it
+_OVER, _DROP = 0.03, 0.02  # m over what stands and lies on the way; from there things drop into the tray
 
 
 class PlacingAgent(Agent):
@@ -86,15 +105,143 @@ class PlacingAgent(Agent):
         assert self._low is not None
         (R0, p0), (R, p) = (palm_frame(q, self._tree) for q in (self._low, targets))
         middle = R @ R0.T @ (self._middle - p0) + p
-        way, lays = self._goal[:3] - middle, self._goal[3] < 0.5
+        rows, lays = self._carry(targets, middle)
+        yield from rows
+        if lays:
+            opened = arm_and_hand(rows[-1], self._low, self._tree)
+            yield from let_go(rows[-1], opened)
+            yield from carried(opened, middle, np.array([0.0, 0.0, _AWAY]), self._tree)[0]
+
+    def _carry(self, targets: Array, middle: Array) -> tuple[Array, bool]:
+        """Return set-points (m, n) rad that take the object from where its middle is; whether it is let go of then."""
+        way, lays = self._goal[:3] - middle, bool(self._goal[3] < 0.5)
         if lays:
             way[2] = self._middle[2] + _CLEAR - middle[2]
-        for leg in (way * [1, 1, way[2] > 0], way * [0, 0, way[2] <= 0]):
-            path, _ = carried(targets, middle, leg, self._tree)
-            yield from path
-            targets = path[-1]
-            middle = middle + leg
-        if lays:
-            opened = arm_and_hand(targets, self._low, self._tree)
-            yield from let_go(targets, opened)
-            yield from carried(opened, middle, np.array([0.0, 0.0, _AWAY]), self._tree)[0]
+        return self._along(targets, middle, way * [1, 1, way[2] > 0], way * [0, 0, way[2] <= 0])[0], lays
+
+    def _along(self, targets: Array, middle: Array, *legs: Array) -> tuple[Array, float]:
+        """Return set-points (m, n) rad that take an object along legs (3,) m, and the largest error of the palm, m."""
+        rows, worst = [], 0.0
+        for leg in legs:
+            path, error = carried(targets, middle, leg, self._tree)
+            targets, middle, worst = path[-1], middle + leg, max(worst, error)
+            rows.append(path)
+        return np.concatenate(rows), worst
+
+
+class ClearingAgent(PlacingAgent):
+    """Has an agent grasp what stands on the table, one after the other, and carries each to the tray.
+
+    From home it looks at the table, and names the agent one thing as the one that is meant until it has a plan: the
+    most isolated first, what it failed at last. What is in the tray no camera sees: it is remembered.
+    """
+
+    def __init__(self, agent: Agent) -> None:
+        super().__init__(agent)
+        self.env_settings = {**self.env_settings, "observe": "clear"}  # type: ignore[misc]  # of the instance
+        self._idle, self._delivered, self._steps = True, False, 0
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Look at the table for the first time; the agent is told of no later looks, which are not its own."""
+        self._info = {key: value for key, value in info.items() if key != "observe"}
+        self._tray = np.asarray(info["tray"])
+        self._full = np.zeros((0, 4))  # m, x, y, radius and top of what lies in the tray
+        self._missed: list[Array] = []  # m, where things stood that were not carried off
+        self._home: Played | None = None
+        self._start(observation)
+
+    def act(self, observation: Observation) -> Single:
+        """Return the agent's action, the next on the way to the tray, or home, where the next round begins."""
+        targets = np.asarray(observation["joint_targets"], dtype=float)
+        if self._home is not None and self._home.done:
+            self._home = None
+            self._start(observation)
+        if self._idle:
+            return normalise(targets, self._tree).astype(np.float32)
+        if self._home is None and (self._delivered or self._steps > _ROUND):
+            if not self._delivered:
+                self._missed.append(self._middle[:2])
+            self._home = self._way_home(targets)
+            self._idle = self._home is None
+        self._steps += 1
+        if self._home is not None:
+            return self._home.action(observation["joint_positions"])
+        return super().act(observation)
+
+    def _start(self, observation: Observation) -> None:
+        """Begin a round: choose a thing for which the agent has a plan; there is no more to do where it has none."""
+        scene = Scene.of_observation(observation, self._info)
+        # What stands out of the tray is cut off where cameras see no farther.
+        outside = self._tray[0, :2] - _BESIDE
+        things = [
+            one
+            for one in (scene.target, *scene.neighbours)
+            if len(one) >= _LEAST and not (one.points[:, :2] > outside).all(axis=1).any()
+        ]
+        self._steps, self._delivered, self._idle = 0, False, True
+        self._cell = cell_of(self._info, default_cell())
+        self._tree = robot_tree(self._cell)
+        for k in self._order(things):
+            others = tuple(things[:k] + things[k + 1 :])
+            meant = replace(scene, target=things[k], neighbours=others).as_observation(COUNT, AROUND_POINTS)
+            super().reset({**observation, **meant, "desired_goal": np.zeros(4)}, self._info)
+            if self.report.failure is None:
+                self._idle, self._size = False, np.ptp(things[k].points, axis=0)
+                self._over = max([0.0, *(one.points[:, 2].max() for one in others)])
+                self._around = neighbours_of(replace(scene, target=things[k], neighbours=others))
+                return
+
+    def _order(self, things: list[ObjectCloud]) -> list[int]:
+        """Return things in the order in which they are tried."""
+
+        def rank(k: int) -> tuple[int, float]:
+            """Return how often one was missed there, and how near, less than 0, the next thing is."""
+            at = middle(things[k].points)
+            others = [np.linalg.norm(one.points - at, axis=1).min() for one in things[:k] + things[k + 1 :]]
+            missed = [place for place in self._missed if np.linalg.norm(at[:2] - place) < _SAME]
+            return len(missed), -float(min(others, default=np.inf))
+
+        return sorted(range(len(things)), key=rank)
+
+    def _carry(self, targets: Array, middle: Array) -> tuple[Array, bool]:
+        """Return the way up, over to the least full place of the tray that the arm reaches, and down."""
+        radius, inside = 0.5 * float(np.linalg.norm(self._size[:2])), self._tray[:, :2]
+        low, high = inside + np.minimum(radius + _ROOM, 0.5 * np.ptp(inside, axis=0)) * [[1.0], [-1.0]]
+        places = grid(*(np.linspace(*ends, _PLACES) for ends in zip(low, high, strict=True)))
+        gaps = np.linalg.norm(places[:, None] - self._full[:, :2], axis=2) - self._full[:, 2] - radius
+        tops = np.where(gaps < 0.0, self._full[:, 3], 0.0).max(axis=1, initial=0.0)
+        order = np.lexsort((np.linalg.norm(places, axis=1), -gaps.min(axis=1, initial=_ROOM), tops))
+        bottom = middle[2] - 0.5 * self._size[2]
+        up = max(0.0, self._over, self._full_to) + _OVER - bottom
+        found = None
+        for rise, k in product((up, 0.5 * up), order):
+            over, down = [*(places[k] - middle[:2]), 0.0], [0.0, 0.0, tops[k] + _DROP - bottom - rise]
+            rows, error = self._along(targets, middle, *np.array([[0.0, 0.0, rise], over, down]))
+            if found is None or error < _STRAY:
+                found = rows, k
+            if error < _STRAY:
+                break
+        assert found is not None  # there are places
+        rows, k = found
+        self._full = np.vstack([self._full, [*places[k], radius, tops[k] + self._size[2]]])
+        return rows, True
+
+    @property
+    def _full_to(self) -> float:
+        """Height, m, of the tray with what lies in it."""
+        return float(self._full[:, 3].max(initial=self._tray[1, 2]))
+
+    def _deliver(self, targets: Array) -> Iterator[Array]:
+        yield from super()._deliver(targets)
+        self._delivered = True
+
+    def _way_home(self, targets: Array) -> Played | None:
+        """Return the way home past what stands on the table; None where there is none."""
+        low, high = self._tray
+        tray = grid(*np.transpose([low, [*high[:2], self._full_to]]))
+        solids = [tray, *(part for thing in self._around for part in thing)]
+        parts = [ConvexDistance.from_points(solid, PART_FACES) for solid in solids]
+        for obstacle in (ConvexDistance.union(parts), None):
+            with suppress(NoPath):
+                return plan_retreat(targets, self._cell, obstacle)
+        return None

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from dexgrasp.agent import Observation
-from dexgrasp.motion.carried import CarryAside, Rearrangement
+from dexgrasp.motion.carried import CarryAside
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.motion import Motion, NoPath, Played
 from dexgrasp.motion.move_until_contact import GuardedGrasp
@@ -23,6 +23,7 @@ from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.perception.scene import Scene
 
+_FIRM = 20.0  # N that fingers may press with, from which on they close at their usual pace
 NUDGE = 0.01
 """m that neighbours may be pushed where a second look gives no grasp."""
 PUSH = 0.05
@@ -111,14 +112,13 @@ class TakeHold(Stage):
     """Approach, close, and press: of the object, or of a neighbour that is set aside then."""
 
     motion: GuardedGrasp
-    rearrangement: Rearrangement | None = None
 
     def next(self, observation: Observation) -> Stage:
         """Return the stage that carries what the hand has."""
         if not self.motion.done:
             return self
-        if self.rearrangement is not None:
-            return PutAside(self.state, CarryAside(self.motion, self.rearrangement))
+        if "set_down" in self.motion.script.phases:
+            return PutAside(self.state, CarryAside(self.motion))
         (episode, plan, *_), grasp, turn = self.state, self.motion.grasp, None
         if episode.turns and plan.target is not None:
             turn = plan_turn(grasp, self.motion.script, GraspProblem(plan.target, grasp.cell, plan.settings))
@@ -145,13 +145,16 @@ class LiftAndHold(Stage):
 
 @dataclass(frozen=True, eq=False)
 class PutAside(Stage):
-    """A neighbour is carried to its place and let go of."""
+    """The object is carried to its goal and let go of, or a neighbour to where it is out of the way."""
 
     motion: CarryAside
 
     def next(self, observation: Observation) -> Stage:
         """Return the way home; the look at its end counts as none."""
-        home = way_home(self.state, observation) if self.motion.done else None
+        target = self.state.plan.target
+        if not self.motion.done or (target is not None and target.demand is not None):
+            return self  # what was asked for stands where it is to stand
+        home = way_home(self.state, observation)
         return self if home is None else GoHome(self.state, home, counted=False)
 
 
@@ -259,7 +262,7 @@ def take_hold(plan: PlanResult, **how: float) -> GuardedGrasp:
     """Return the motion that takes hold by the firmest grasp of a plan."""
     grasp, script = plan.found[0]
     assert script is not None  # every plan here begins where the robot stands
-    return GuardedGrasp(script, grasp, **how)
+    return GuardedGrasp(script, grasp, pace=min(1.0, plan.settings.max_force / _FIRM), **how)
 
 
 def way_home(state: State, observation: Observation) -> Played | None:
@@ -280,7 +283,7 @@ def make_way(state: State, scene: Scene, start: Array) -> TakeHold | None:
     found = plan_rearrangement(episode.planner, scene, plan.target, episode.seed + moves, start)
     if found is None:
         return None
-    return TakeHold(State(episode, found.plan, looks, moves - 1), take_hold(found.plan), found.way)
+    return TakeHold(State(episode, found, looks, moves - 1), take_hold(found))
 
 
 def plan_pushing(

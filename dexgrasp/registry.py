@@ -77,8 +77,13 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     return complete(name, made)
 
 
-def placing_agent(name: str, **kwargs: Any) -> Agent:
-    """Make an agent for goals: one that commands set-points of joints has its grasp carried on to the goal.
+def placing_agent(name: str, env_id: str = "DexGrasp/Place-v2", **kwargs: Any) -> Agent:
+    """Make an agent for goals: one that commands set-points of joints has its grasps carried on to them.
+
+    Args:
+        name: see `make_agent`.
+        env_id: of the task: Place, or Clear, where one thing is grasped after the other.
+        **kwargs: of the class.
 
     Raises:
         InputError: as `make_agent`.
@@ -86,7 +91,8 @@ def placing_agent(name: str, **kwargs: Any) -> Agent:
     agent = make_agent(name, **kwargs)
     if agent.env_settings.get("control_mode") != "joint_position":
         return agent
-    return _load("dexgrasp.agents.placing:PlacingAgent")(agent)
+    kind = "ClearingAgent" if env_id.startswith("DexGrasp/Clear") else "PlacingAgent"
+    return _load(f"dexgrasp.agents.placing:{kind}")(agent)
 
 
 def agent_for(

@@ -24,7 +24,12 @@ if os.environ.get("MUJOCO_GL", "").strip().lower() == "osmesa" and "mujoco" not 
 from gymnasium.envs.registration import register
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.tasks.constants import CLUTTER_EPISODE_STEPS, HEAP_EPISODE_STEPS, MAX_EPISODE_STEPS
+from dexgrasp_env.tasks.constants import (
+    CLEAR_STEPS,
+    CLUTTER_EPISODE_STEPS,
+    HEAP_EPISODE_STEPS,
+    MAX_EPISODE_STEPS,
+)
 
 __all__ = ["InputError"]
 __version__ = "0.3.0"
@@ -67,3 +72,5 @@ for name, count, gaps, limit in (
     _register(f"Clutter{name}-v1", limit, "clutter_env:Clutter", neighbours=count, gaps=gaps)
 
 _register("Place-v2", env="place:Place", reward_threshold=None)
+_register("LiftGentle-v0", env="gentle:Gentle")
+_register("Clear-v0", 8 * CLEAR_STEPS, "clear:Clear", reward_threshold=None)

@@ -191,15 +191,16 @@ def test_what_stands_in_the_way_is_set_aside_where_there_is_room():
     target = replace(target_of(scene), neighbours=neighbours_of(scene))
     planner = Planner()
     aside = plan_rearrangement(planner, scene, target, SEED, HOME)
-    taken = aside.plan.target.centre
+    taken = aside.target.centre
     assert np.linalg.norm(taken - far.points.mean(0)) > 0.1  # not in the way, and no higher
-    assert len(aside.plan.target.neighbours) == 4  # the others, and the object
-    (before, _), (after, at) = (palm_frame(q, TREE) for q in aside.way.there[[0, -1]])
-    turn, begin = after @ before.T, palm_frame(aside.way.there[0], TREE)[1]
+    assert len(aside.target.neighbours) == 4  # the others, and the object
+    carry, lowering, leaving = (aside.script.phases[name] for name in ("carry", "set_down", "retreat"))
+    (before, begin), (after, at) = (palm_frame(q, TREE) for q in (carry[0], lowering[-1]))
+    turn = after @ before.T
     put = (turn @ (taken - begin) + at)[:2]
     assert np.linalg.norm(put - target.centre[:2]) > 0.15
-    assert aside.plan.target.around.distance(np.array([[*put, 0.06]]))[0] > 0.08
-    assert palm_frame(aside.way.away[-1], TREE)[1][2] > at[2] + 0.1
+    assert aside.target.around.distance(np.array([[*put, 0.06]]))[0] > 0.08
+    assert palm_frame(leaving[-1], TREE)[1][2] > at[2] + 0.1
     assert plan_rearrangement(planner, replace(scene, neighbours=()), target, SEED, HOME) is None
 
 

@@ -21,9 +21,17 @@ def test_robust_is_all_eight_and_their_parts():
     assert len(GROUPS["robust"]) == 8
     clutter = {name for name in PROTOCOLS if name.startswith("clutter_")}
     assert len(clutter) == 16
-    assert {*parts("robust"), "presented", "varied", "realistic", "place", "lift@warp", *clutter} == set(
-        PROTOCOLS
-    )
+    numbered = {"gentle@8", "clear@8", "clear@15"}
+    assert {
+        *parts("robust"),
+        "presented",
+        "varied",
+        "realistic",
+        "place",
+        "lift@warp",
+        *clutter,
+        *numbered,
+    } == set(PROTOCOLS)
     assert parts("slippery") == GROUPS["slippery"]
     assert parts("lift") == ("lift",)
     assert EvaluationSettings.of(["random"], ["pear"], protocols=("robust", "lift")).parts == parts("robust")
@@ -41,9 +49,10 @@ def test_every_protocol_makes_its_environment(name):
     settings = EvaluationSettings.of([agent], ["gelatin_box"], protocols=(name,))
     env = TrialRunner(settings).make_env(TrialSpec(agent, "gelatin_box", "gelatin_box", 0, name))
     steps = env.unwrapped.disturbance_steps
-    own = (
-        1800 if "heap" in name else 600 if "clutter" in name else 300
-    )  # time to take away what is in the way
+    # Time to take away what is in the way, or everything.
+    own = {"clear@8": 3200, "clear@15": 6000}.get(
+        name, 1800 if "heap" in name else 600 if "clutter" in name else 300
+    )
     assert env.spec.max_episode_steps == own + steps
     assert steps == {"pushed@0.5": 80, "pushed@1": 80, "shaken": 40}.get(name, 0)
     env.close()

@@ -1,9 +1,11 @@
 """Requests: where contacts lie, which way the palm faces, which fingers; met by construction, and judged."""
 
 import json
+import time
 
 import numpy as np
 import pytest
+import trimesh
 
 from dexgrasp import plan_cloud
 from dexgrasp.cli.main import main
@@ -99,6 +101,51 @@ def test_what_cannot_be_had_is_said_with_the_nearest_that_can():
     )
 
 
+@pytest.mark.parametrize("most", [3.0, 8.0])
+def test_fingers_press_no_harder_than_is_asked(most):
+    free, gentle = (
+        plan_cloud(block(), seed=2, mass=0.15, request=asked)
+        for asked in (GraspRequest(), GraspRequest(max_force=most))
+    )
+    checks = judged(gentle)
+    assert checks["pressing force"].value <= most + 1e-4
+    assert gentle.grasp.certificate.holds
+    assert all(check.holds for check in checks.values())
+    (content,) = free.contents("block")
+    refused = verify(record_of(content | {"request": {"max_force": most}}))
+    assert [check.name for check in refused if not check.holds] == ["pressing force"]
+
+
+def test_too_gentle_is_said():
+    heavy = plan_cloud(block(), seed=2, mass=2.0, request=GraspRequest(max_force=4.0))
+    assert not heavy.success or not heavy.grasp.certificate.holds
+    with pytest.raises(InputError, match=r"max_force is 2 N, and fingers press with 2.5 N"):
+        plan_cloud(block(), request=GraspRequest(max_force=2.0))
+
+
+def test_a_budget_ends_the_search_with_what_it_has():
+    began = time.perf_counter()
+    none = plan_cloud(block(), seed=2, request=GraspRequest(seconds=1e-4))
+    assert (none.reason, none.relaxation) == ("no_grasp:time_budget", "")
+    assert plan_cloud(block(), seed=2, request=GraspRequest(seconds=30.0)).success
+    assert time.perf_counter() - began < 30.0
+
+
+def test_a_mask_of_the_faces_of_a_mesh_is_a_region(tmp_path, capsys):
+    mesh = trimesh.creation.box((0.05, 0.12, 0.09)).subdivide().subdivide()
+    mesh.export(tmp_path / "block.ply")
+    np.save(tmp_path / "faces.npy", mesh.triangles_center[:, 1] > 0.0)
+    command = ["plan", str(tmp_path / "block.ply"), "--hold", f"mask:{tmp_path / 'faces.npy'}", "--json"]
+    assert main(command) == 0
+    grasp = json.loads(capsys.readouterr().out)["grasp"]
+    T = np.linalg.inv(grasp["T_world_object"])
+    points = np.array([contact["point"] for contact in grasp["contacts"]])
+    assert ((points @ T[:3, :3].T + T[:3, 3])[:, 1] > -0.01).all()
+    np.save(tmp_path / "faces.npy", np.ones(7, bool))
+    assert main(command) == 2
+    assert f"valid is one for each of {len(mesh.faces)} faces" in capsys.readouterr().err
+
+
 def test_regions_and_ways_in_words():
     box = Region.of_text("box:0,0,0,1,2,3")
     assert np.allclose(box.gap(np.array([[0.5, 1, 1], [2, 1, 1], [2, 3, 1]])), [-0.5, 1.0, np.sqrt(2)])
@@ -147,7 +194,7 @@ def test_the_command_takes_it(tmp_path, capsys):
     ):
         assert main([*base, *options]) == 2, options
         assert words in capsys.readouterr().err
-    assert main(["plan", "pear", "--hold", "mask:a.npy"]) == 2
-    assert "of a --cloud" in capsys.readouterr().err
+    assert main(["plan", "pear", "--hold", f"mask:{tmp_path / 'mask.npy'}"]) == 2
+    assert "of the faces of a mesh file" in capsys.readouterr().err
     assert main(["plan", "pear", "--floating", "--approach", "top"]) == 2
     assert "of agent bilevel" in capsys.readouterr().err

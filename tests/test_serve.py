@@ -123,6 +123,16 @@ def test_a_target_a_mesh_and_a_depth_image_are_planned_for(served, points):
         mesh = {"vertices": np.array(hull.vertices), "faces": np.array(hull.faces), "mesh_scale": 0.001}
         found = ask(socket, request="plan", name="block", seed=1, **mesh)
         assert (found["success"], found["object"]) == (True, "block")
+        upper = hull.triangles_center[:, 2] > 1.0
+        held = ask(socket, request="plan", name="block", seed=1, hold=[upper], **mesh)
+        assert held["success"]
+        assert held["grasp"]["request"]["hold"][0]["radius"] > 0.0
+        wrong = ask(socket, request="plan", name="block", hold=[upper[:3]], **mesh)
+        assert f"valid is one for each of {len(hull.faces)} faces" in wrong
+        beside = points[:, 1] > -0.02
+        held = ask(socket, request="plan_cloud", points=points, seed=1, hold=[beside], max_force=9.0)
+        assert held["success"]
+        assert all(contact["point"][1] > -0.03 for contact in held["grasp"]["contacts"])
         lens = CameraIntrinsics(160, 120, 172.0, 172.0, 79.5, 59.5)
         camera = Camera.look_at("camera", (0.9, 0.0, 0.5), (0.5, 0.0, 0.02), lens)
         flat = (points - camera.position) @ camera.rotation

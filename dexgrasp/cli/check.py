@@ -67,13 +67,14 @@ class Check(Command, InCell):
             ]
         fit = all(check.holds for check in checks)
         held = [
-            replay(recording, folder / "scene.xml", np.random.default_rng([self.seed, k])).success
+            replay(recording, folder / "scene.xml", np.random.default_rng([self.seed, k]), self.cell).success
             for k in tqdm(range(self.replay), unit="replay", leave=False, delay=0.5)
         ]
         need = self.need or "9/10"
         enough = sum(held) >= Fraction(need) * len(held)
+        done = "held" if recording.facts.placed is None else "set down at its goal, nothing else touched,"
         said = [
-            f"held in {sum(held)} of {len(held)} open-loop replays, the object 3 mm and 1 deg off"
+            f"{done} in {sum(held)} of {len(held)} open-loop replays, the object 3 mm and 1 deg off"
             + f", {need} are needed" * (not enough)
         ] * bool(held)
         good = fit and enough

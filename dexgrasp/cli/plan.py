@@ -7,6 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
+
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check_mesh_options
 from dexgrasp.cli.output import note
 from dexgrasp.cli.request import Request
@@ -17,9 +19,12 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, Share, check
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from dexgrasp.geometry.request import GraspRequest
     from dexgrasp.planning.result import PlanResult, Progress
     from dexgrasp.planning.scene_setup import Look
+    from dexgrasp_env.arrays import Array, Mask
     from dexgrasp_env.perception.cloud import Cloud
     from dexgrasp_env.perception.detected import DetectedObject
     from dexgrasp_env.perception.scene import Scene as PerceivedScene
@@ -99,8 +104,9 @@ class Plan(Command, Request, Scan, Scene):
                 )
             if self.floating and (self.agent, self.at_least) != ("bilevel", None):
                 raise InputError("--agent and --at-least do not apply to --floating")
-            if self.grasp_request() and (self.floating or self.agent != "bilevel"):
-                raise InputError("--hold, --avoid, --approach and --fingers are of agent bilevel on a table")
+            if self.of_request and (self.floating or self.agent != "bilevel"):
+                raise InputError(f"{', '.join(self.of_request)} are of agent bilevel on a table")
+            self.grasp_request(lambda _: np.zeros((1, 3)))
             if self.of_cloud:
                 raise InputError(
                     f"{', '.join(self.of_cloud)} are of --cloud: of a TARGET the planner is told nothing "
@@ -145,7 +151,7 @@ class Plan(Command, Request, Scan, Scene):
                 progress,
                 count=self.count,
                 at_least=self.at_least,
-                request=self.grasp_request(),
+                request=self.grasp_request if self.of_request else None,
             )
             subject = look.subject
         return found, found.as_json(subject.identity, self.agent, subject.pose)
@@ -157,8 +163,10 @@ class Plan(Command, Request, Scan, Scene):
         from dexgrasp.planning.planner import Planner
         from dexgrasp.planning.settings import PlannerSettings
         from dexgrasp_env.perception.reasons import SEVERAL
+        from dexgrasp_env.perception.selection import TargetSelector
 
-        settings, request = PlannerSettings.of(self.friction, self.at_least), self.grasp_request(scan)
+        settings = PlannerSettings.of(self.friction, self.at_least)
+        request = self.grasp_request(lambda mask: scan.points[TargetSelector(mask=mask).marks(scan)])
         scene, seen = self._look(scan)
         if scene.reason == SEVERAL:
             self._draw(scan, scene, seen)
@@ -250,9 +258,18 @@ def plan_target(
     *,
     count: int | None = None,
     at_least: float | None = None,
-    request: "GraspRequest | None" = None,
+    request: "Callable[[Callable[[Mask], Array]], GraspRequest] | None" = None,
 ) -> "tuple[Look, PlanResult]":
     """Observe an object with an agent, and plan.
+
+    Args:
+        target: name of the catalogue or path of a mesh.
+        agent_name: which planner.
+        scene: the options of the scene.
+        progress: called with steps done and steps in all.
+        count: grasps asked for, that differ; None plans one.
+        at_least: probability of being held that is asked for.
+        request: returns what is asked for, given what a mask of the mesh's faces marks.
 
     Raises:
         InputError: for an unknown agent, or one that plans no grasps.
@@ -265,13 +282,17 @@ def plan_target(
 
     if not is_ours(target):  # a mesh that cannot be read is refused before anything is compiled
         load_target(target, scene.mesh_scale, scene.mesh_mass)
-    agent = agent_for(agent_name, scene.friction, at_least, request)
+    agent = agent_for(agent_name, scene.friction, at_least)
     if not isinstance(agent, PlansGrasps):
         raise InputError(
             f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics"
         )
     look = look_at(target, agent, scene.seed, **scene.env_settings)
-    return look, agent.plan(look.observation, look.info, count, progress)
+    if request is not None:
+        agent = agent_for(agent_name, scene.friction, at_least, request(look.marked))
+        agent.seed(scene.seed)
+        assert isinstance(agent, PlansGrasps)  # as before
+    return look, agent.plan(look.observation, look.info, count, progress, relax=True)
 
 
 def _import_mujoco() -> None:

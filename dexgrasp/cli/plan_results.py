@@ -53,7 +53,11 @@ def describe(result: Fields, unseen: str = "") -> str:
     found = coloured("grasp found", "good")
     if not result["certificate"]["holds"]:
         found = coloured("grasp found that does not bear the assumed weight", "look")
+    if "time_budget" in result["blocked"]:
+        found += " before the time for planning was over,"
     figures = figures_of(result["certificate"])
+    if (goal := result["grasp"].get("request", {}).get("goal")) is not None:
+        figures["set down at, m"] = " ".join(f"{x:.3f}" for x in goal["place"])
     if (known := result["grasp"]["holds_probability"]) is not None:
         figures["probability to be lifted and held"] = _chance(known["lifted"])
         if not known["guessed"]:  # with a side that no camera saw it is not calibrated

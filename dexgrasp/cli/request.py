@@ -1,61 +1,77 @@
 """Options of `dexgrasp plan` that say where and how an object is to be grasped."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from dexgrasp.cli.command import Options
-from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import check
+from dexgrasp_env.valid import Positive, check
 
 if TYPE_CHECKING:
     from dexgrasp.geometry.request import GraspRequest, Region
-    from dexgrasp_env.perception.cloud import Cloud
+    from dexgrasp_env.arrays import Array, Mask
 
 
 class Request(Options):
     """Constraints on the grasp, in the frame of the robot's base, m.
 
     Attributes:
-        hold: regions that all contacts lie in: box:X0,Y0,Z0,X1,Y1,Z1, sphere:X,Y,Z,RADIUS, or of a cloud
-            mask:FILE.npy, one bool for each of its points or pixels.
+        hold: regions that all contacts lie in: box:X0,Y0,Z0,X1,Y1,Z1, sphere:X,Y,Z,RADIUS, or mask:FILE.npy, one bool
+            for each point or pixel of a cloud, or each face of a mesh file.
         avoid: regions that no contact lies in, stated alike.
         approach: the way that the palm faces: top, side, front, or X,Y,Z; with ,DEGREES behind, how far it may be off
             (30; front 45).
         fingers: that make the contacts, one of the grasps of the hand (default: the planner's choice).
+        max_force: each finger presses with at most N newtons.
+        place: the object is set down after the lift: X Y for the middle of its outline, Z of what it then stands on,
+            and YAW, degrees by which it is turned (default: any).
+        budget: the search ends after so many seconds, with what it has.
     """
 
     hold: Annotated[tuple[str, ...], "REGION"] = ()
     avoid: Annotated[tuple[str, ...], "REGION"] = ()
     approach: Annotated[str | None, "WAY"] = None
     fingers: Annotated[tuple[str, ...], "NAME"] = ()
+    max_force: Annotated[Positive | None, "N"] = None
+    place: Annotated[tuple[float, ...] | None, "NUMBER"] = None
+    budget: Annotated[Positive | None, "SECONDS"] = None
 
-    def grasp_request(self, scan: "Cloud | None" = None) -> "GraspRequest":
+    @property
+    def of_request(self) -> list[str]:
+        """Options of the request that were given."""
+        given = [name for name in Request.__annotations__ if getattr(self, name) not in (None, ())]
+        return [f"--{name.replace('_', '-')}" for name in given]
+
+    def grasp_request(self, marked: "Callable[[Mask], Array]") -> "GraspRequest":
         """Return what is asked for.
 
         Args:
-            scan: that masks are of.
+            marked: returns the points (N, 3) m, frame of the robot's base, that a mask marks.
 
         Raises:
             InputError: for what is no region, no way or no mask.
         """
-        from dexgrasp.geometry.request import APPROACH_WORDS, GraspRequest
+        from dexgrasp.geometry.request import APPROACH_WORDS, PLACE_WORDS, GraspRequest
 
         approach = None if self.approach is None else check("approach", self.approach, APPROACH_WORDS)
         hold, avoid = (
-            tuple(self._region(name, text, scan) for text in getattr(self, name))
+            tuple(self._region(name, said, marked) for said in getattr(self, name))
             for name in ("hold", "avoid")
         )
-        return GraspRequest(hold, avoid, approach, tuple(self.fingers))
+        goal = None if self.place is None else check("place", self.place, PLACE_WORDS)
+        return GraspRequest(hold, avoid, approach, tuple(self.fingers), self.max_force, self.budget, goal)
 
-    def _region(self, name: str, text: str, scan: "Cloud | None") -> "Region":
+    def _region(self, name: str, said: Any, marked: "Callable[[Mask], Array]") -> "Region":
         from dexgrasp.geometry.request import REGION, Region
-        from dexgrasp_env.perception.selection import TargetSelector, read_mask
 
-        kind, _, path = text.partition(":")
-        if kind != "mask":
-            region: Region = check(name, text, REGION)
-            return region
-        if scan is None:
-            raise InputError(f"{name}: a mask is of the points of a --cloud")
-        marks = TargetSelector(mask=read_mask(Path(path), None)).marks(scan)
-        return Region.of_points(scan.points[marks])
+        if (mask := self._mask(name, said)) is not None:
+            return Region.of_points(marked(mask))
+        region: Region = check(name, said, REGION)
+        return region
+
+    def _mask(self, name: str, said: Any) -> "Mask | None":
+        """Return the mask of a region; None for one that is stated in numbers."""
+        from dexgrasp_env.perception.selection import read_mask
+
+        kind, _, path = said.partition(":")
+        return read_mask(Path(path)) if kind == "mask" else None

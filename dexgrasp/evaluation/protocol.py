@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -38,8 +39,8 @@ class Protocol:
 
     @property
     def places(self) -> bool:
-        """Flag: it has goals that objects are brought to."""
-        return self.env_id.startswith("DexGrasp/Place")
+        """Flag: objects are brought somewhere."""
+        return self.env_id.startswith(("DexGrasp/Place", "DexGrasp/Clear"))
 
     @property
     def floor_line(self) -> str:
@@ -63,6 +64,22 @@ PROTOCOLS: dict[str, Protocol] = {
 }
 """Every protocol by name; a published number names the one it was made with. No agent is told which it is in."""
 
+FAMILIES: dict[str, Fields] = _CONTENT["families"]
+"""Protocols NAME@NUMBER by what stands before their number, which is a setting of their scenes."""
+
+
+def _of_family(stem: str, number: float) -> Protocol:
+    words = FAMILIES[stem]
+    scene = {words["setting"]: number}
+    if "steps" in words:
+        scene["max_episode_steps"] = words["steps"] * number
+    return Protocol(f"{stem}@{number:g}", words["description"].format(f"{number:g}"), scene, words["env_id"])
+
+
+PROTOCOLS |= {
+    one.name: one for stem, words in FAMILIES.items() for one in (_of_family(stem, n) for n in words["usual"])
+}
+
 GROUPS: dict[str, tuple[str, ...]] = {name: tuple(own) for name, own in _CONTENT["groups"].items()}
 """Protocols made of others, named before them; the rate is the mean of theirs."""
 
@@ -73,6 +90,10 @@ def get_protocol(name: str) -> Protocol:
     Raises:
         InputError: naming the valid ones.
     """
+    stem, _, number = name.partition("@")
+    if name not in PROTOCOLS and stem in FAMILIES:
+        with suppress(ValueError):
+            return _of_family(stem, float(number) if "." in number else int(number))
     if name not in PROTOCOLS:
         raise unknown_name("protocol", name, protocol_names())
     return PROTOCOLS[name]

@@ -63,7 +63,7 @@ def run_trial(
     if not (outcome.error and agent.report is report_before):
         report = report_of(agent)
         outcome.planning_seconds = jsonable(report.planning_seconds)
-        outcome.details = jsonable(report.details)
+        outcome.details |= jsonable(report.details)
     outcome.seconds = time.perf_counter() - start
     # A grasp that was found at a later look is of the same pose: nothing was touched before.
     grasp = _certified(agent, name, subject) if subject else None
@@ -135,6 +135,12 @@ def _note(outcome: Outcome, info: Fields) -> None:
     undone = NOT_HELD.get(outcome.stage, outcome.stage)
     if "goal_distance" in info and outcome.stage != "untouched":
         undone = "not_at_goal"
+    if info.get("is_crushed"):
+        undone = "crushed"
+    if "in_tray" in info:
+        undone = "not_all_in_tray"
+        counts = ("objects", "in_tray", "off_table", "touched")
+        outcome.details |= jsonable({name: info[name] for name in counts})
     outcome.reason = None if outcome.success else info["failure"] or undone
     outcome.height, outcome.slip, outcome.tilt = (
         jsonable(info[key]) for key in ("object_height", "object_slip", "object_tilt")

@@ -27,7 +27,7 @@ class TrialRunner:
 
     def __init__(self, settings: EvaluationSettings) -> None:
         self.settings = settings
-        self._agents: dict[tuple[str, bool], Any] = {}
+        self._agents: dict[tuple[str, str], Any] = {}
         self._envs: dict[tuple[str, str, str, VideoSettings | None], Env] = {}
 
     def run(self, spec: TrialSpec) -> tuple[Fields, Fields | None]:
@@ -51,10 +51,13 @@ class TrialRunner:
         Raises:
             InputError: for an unknown name.
         """
-        key = spec.agent, get_protocol(spec.protocol).places
+        protocol = get_protocol(spec.protocol)
+        key = spec.agent, protocol.env_id if protocol.places else ""
         if key not in self._agents:
-            make = placing_agent if key[1] else make_agent
-            self._agents[key] = make(spec.agent, **self.settings.checkpoint_settings(spec.agent))
+            told = self.settings.checkpoint_settings(spec.agent)
+            self._agents[key] = (
+                placing_agent(spec.agent, key[1], **told) if key[1] else make_agent(spec.agent, **told)
+            )
         return self._agents[key]
 
     def _env(self, spec: TrialSpec) -> Env:

@@ -99,14 +99,31 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
                 least[kind] = min(least.get(kind, np.inf), value)
     # m: deeper than this is a collision
     checks = [at_least(f"{words[kind]} (m)", value, 0.0, "", 1e-4) for kind, value in least.items()]
+    if facts.placed is not None:
+        start = min(np.searchsorted(times, facts.segments["retreat"].start), len(rows) - 1)
+        checks.append(_leaving(facts.placed, recording, cell, rows[start:]))
     if around:
-        lift = rows[min(np.searchsorted(times, facts.segments["lift"].start), len(rows) - 1) :]
+        end = facts.segments["set_down"].end if facts.placed is not None else times[-1]
+        lift = rows[
+            min(np.searchsorted(times, facts.segments["lift"].start), len(rows) - 1) : np.searchsorted(
+                times, end
+            )
+            + 1
+        ]
         lying, nearest = scene.carried(lift[_looks(lift)])
         checks.append(
             # m that the object may get deeper into a neighbour than it seems to lie in it
             at_least("object to what stands around, once lifted (m)", nearest, min(lying, 0.0), "", 0.002)
         )
     return checks
+
+
+def _leaving(motion: Array, recording: Recording, cell: Cell, rows: Array) -> Check:
+    """Check the way (T, n) rad back from the object, which was set down by a motion (4, 4), frame of the base."""
+    parts = [placed(cell.T_world_base @ motion, part) for part in recording.facts.parts]
+    scene = Scene(cell, parts, ())
+    least = min(scene.clearances(rows[k], tips_touch=False)["hand_object"] for k in _looks(rows))
+    return at_least("robot to the object on the retreat (m)", least, 0.0, "", 1e-4)
 
 
 def _together(recording: Recording) -> Array:

@@ -57,8 +57,8 @@ def export_grasp(
         raise InputError(
             "this grasp file has no approach and no lift: plan it again with `dexgrasp plan --out`"
         )
-    approach, lift = record.script.phases
-    way = Waypoints(approach.setpoints, record.grasp, record.squeeze, lift.setpoints)
+    approach, lift, *placing = (phase.setpoints for phase in record.script.phases)
+    way = Waypoints(approach, record.grasp, record.squeeze, lift, tuple(placing))
     trajectory, facts = make_trajectory(way, cell.robot), grasp_facts(record, cell, stiffness)
     facts["rejected"] = list(rejected)
     if kind == "json":
@@ -102,16 +102,28 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:
         "parts": [placed(T, part) for part in record.parts],
         "around": [placed(T, part) for part in record.around],
         "up": T[:3, 2],
+        "any_heading": record.goal is not None and record.goal.yaw is None,
+        "placed": None if record.goal is None else T @ _set_down(record, cell) @ cell.T_world_base,
         "table": record.table,
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
     })  # fmt: skip
+
+
+def _set_down(record: GraspRecord, cell: Cell) -> Array:
+    """Return the motion (4, 4) of the object from where it lies to where it is let go of, world frame."""
+    assert record.script is not None
+    lift, _, lowering, *_ = record.script.phases[1:]
+    first, last = (
+        rigid(*palm_frame(q, robot_tree(cell))) for q in (lift.setpoints[0], lowering.setpoints[-1])
+    )
+    return last @ np.linalg.inv(first)
 
 
 def _scene(record: GraspRecord, cell: Cell, folder: Path) -> list[Path]:
     model, pose = record.object.load(), record.T_world_object
     if model is None or pose is None:
         model, pose = _seen(record)
-    return write_scene(folder, model, pose, cell)
+    return write_scene(folder, model, pose, cell, record.around)
 
 
 def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:

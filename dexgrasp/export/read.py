@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from dexgrasp.grasp.field_types import CORNERS, Parts
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, read_json_object, readable
 from dexgrasp_env.robot.cell import Cell
@@ -37,14 +37,18 @@ class Segment:
 
 
 def _segments(value: Any) -> dict[str, Segment]:
-    found = list_of(Segment, len(SEGMENTS), len(SEGMENTS), more=True).validate(value)
-    if tuple(one.name for one in found) != SEGMENTS:
+    found = list_of(Segment, len(SEGMENTS), len(SEGMENTS + PLACING), more=True).validate(value)
+    if tuple(one.name for one in found) not in (SEGMENTS, SEGMENTS + PLACING):
         raise ValueError
     return {one.name: one for one in found}
 
 
 SEGMENTS = ("approach", "close", "squeeze", "lift")
-_SEGMENTS = Rule(f"a list of {', '.join(SEGMENTS)}, each with name, start and end", _segments)
+PLACING = ("carry", "set_down", "release", "retreat")
+"""The segments of a trajectory; the last four of one that sets the object down."""
+_SEGMENTS = Rule(
+    f"a list of {', '.join(SEGMENTS)} (and {', '.join(PLACING)}), each with name, start and end", _segments
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +63,9 @@ class Facts:
         around: the same of what stands around it, which may be nothing.
         rejected: checks of `verify` that the grasp fails.
         table: where the table was seen; None where it is the cell's.
+        placed: (4, 4) motion of the object from where it lies to where it is let go of, in the frame of the robot's
+            base; None of one that is held.
+        any_heading: whether it may stand turned about the vertical.
     """
 
     mount: Word
@@ -68,6 +75,14 @@ class Facts:
     around: tuple[Annotated[Array, CORNERS], ...]
     rejected: tuple[str, ...]
     table: SeenTable | None = None
+    placed: Annotated[Array | None, array(4, 4)] = None
+    any_heading: bool = False
+
+    def __post_init__(self) -> None:
+        if (self.placed is None) != (len(self.segments) == len(SEGMENTS)):
+            raise InputError(
+                "a trajectory that sets the object down says where to, `placed`, and has all segments"
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,8 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file
 from dexgrasp_env.locales import with_decimal_points
+from dexgrasp_env.poses import pose_matrix
+from dexgrasp_env.robot.cell import Cell, default_cell
 
 OFFSET = 0.003
 """m that the object is off, in a random direction."""
@@ -21,29 +23,46 @@ HOLD = 3.0
 """s that the object must stay up after the lift."""
 HEIGHT = 0.10
 """m that it must stay up."""
+BESIDE, ASKEW = 0.02, np.radians(10.0)
+"""m and rad that an object that is set down may stand off its goal."""
 
 
 @dataclass(frozen=True)
 class Replay:
-    """Result of a replay: held 10 cm up for 3 s or not, and its least height meanwhile."""
+    """Result of a replay.
+
+    Attributes:
+        success: held 10 cm up for 3 s; of an object that is set down, it stands at its goal 3 s later, and nothing
+            that stands around it was touched.
+        height: m, the least meanwhile above where it lay.
+        off, turned: m and rad from its goal; where any heading will do, by how much it leans.
+        touched: whether robot or object met what stands around.
+    """
 
     success: bool
     height: float
+    off: float = 0.0
+    turned: float = 0.0
+    touched: bool = False
 
 
-def replay(recording: Recording, scene: Path, rng: np.random.Generator | None = None) -> Replay:
+def replay(
+    recording: Recording, scene: Path, rng: np.random.Generator | None = None, cell: Cell | None = None
+) -> Replay:
     """Play a trajectory in the scene of `export --format mjcf`.
 
     Args:
         recording: as read.
         scene: its `scene.xml`; the object starts at the keyframe `start`.
         rng: draws the object's error; None leaves the object where it is.
+        cell: of the trajectory; the simulated one by default.
 
     Raises:
         InputError: if the scene does not load or has no free body `object`.
     """
     import mujoco
 
+    cell = cell or default_cell()
     model, data = load_scene(scene, recording)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     free = model.joint("object").qposadr[0]
@@ -53,13 +72,33 @@ def replay(recording: Recording, scene: Path, rng: np.random.Generator | None = 
     body = model.body("object").id
     mujoco.mj_forward(model, data)
     start, least = float(data.xpos[body, 2]), np.inf
-    end = recording.arm.times[-1]
+    end, touched = recording.arm.times[-1], False
+    goal = _goal(recording, model, cell)
+    around = [k for k in range(model.ngeom) if model.geom(k).name.startswith("around")]
     while data.time < end + HOLD:
         data.ctrl[:] = set_points(recording, data.time)
         mujoco.mj_step(model, data)
+        touched |= bool(np.isin(data.contact.geom, around).any())
         if data.time >= end:
             least = min(least, float(data.xpos[body, 2]) - start)
-    return Replay(least >= HEIGHT, least)
+    if goal is None:
+        return Replay(least >= HEIGHT, least, touched=touched)
+    off = float(np.linalg.norm(data.xpos[body] - goal[:3, 3]))
+    turn = data.xmat[body].reshape(3, 3) @ goal[:3, :3].T
+    turned = float(Rotation.from_matrix(turn).magnitude())
+    if recording.facts.any_heading:
+        turned = float(np.arccos(np.clip(turn[2, 2], -1.0, 1.0)))
+    return Replay(off <= BESIDE and turned <= ASKEW and not touched, least, off, turned, touched)
+
+
+def _goal(recording: Recording, model: Any, cell: Cell) -> Array | None:
+    """Return the pose (4, 4) at which the object is to stand in the end; None where it is held."""
+    if recording.facts.placed is None:
+        return None
+    free = model.joint("object").qposadr[0]
+    pose = model.key_qpos[0, free : free + 7]
+    there = cell.seeing(recording.facts.table)
+    return there.T_world_base @ recording.facts.placed @ there.T_base_world @ pose_matrix(pose[:3], pose[3:])
 
 
 def load_scene(scene: Path, recording: Recording) -> tuple[Any, Any]:

@@ -2,7 +2,10 @@
 
 import re
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
+
+import mujoco
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
@@ -15,7 +18,9 @@ from dexgrasp_env.robot.cell import Cell
 SCENE, MESHES = "scene.xml", "meshes"
 
 
-def write_scene(folder: Path, model: ObjectModel, T_world_object: Array, cell: Cell) -> list[Path]:
+def write_scene(
+    folder: Path, model: ObjectModel, T_world_object: Array, cell: Cell, around: Sequence[Array] = ()
+) -> list[Path]:
     """Write `scene.xml` and `meshes/`: robot, table and object, with a keyframe `start`.
 
     Args:
@@ -23,10 +28,15 @@ def write_scene(folder: Path, model: ObjectModel, T_world_object: Array, cell: C
         model: the object.
         T_world_object: (4, 4) its pose at the start.
         cell: with the mount in use.
+        around: corners (V, 3) m of what stands around the object, world frame: geoms `around0` on, which stay there.
     """
     from dexgrasp_env.scene.build import scene_spec
 
     spec = scene_spec(model, cell)
+    for k, corners in enumerate(around):
+        mesh = spec.add_mesh(name=f"around{k}")
+        mesh.uservert, mesh.inertia = corners.ravel(), mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+        spec.worldbody.add_geom(name=f"around{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"around{k}")
     home, R = cell.robot.home.tolist(), T_world_object[:3, :3]
     spec.add_key(name="start", qpos=[*home, *T_world_object[:3, 3], *matrix_to_quat(R)], ctrl=home)
     with_decimal_points(spec.compile)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.export.time_law import Limits, timed
+from dexgrasp.grasp.record import PLACING
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.robot import Robot
 
@@ -26,12 +27,14 @@ class Waypoints(NamedTuple):
         grasp: (n,) fingertips in contact.
         squeeze: (n,) set-points that press.
         lift: (m, n) from the squeeze up.
+        placing: after it carry, set_down, release and retreat, (k, n) each; nothing of a grasp that holds.
     """
 
     approach: Array
     grasp: Array
     squeeze: Array
     lift: Array
+    placing: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +45,7 @@ class Trajectory:
         robot: whose joints they are.
         arm: (T, a) rad, one a millisecond, the first where the robot stands.
         hand: (1 + (T - 1) / 3, n - a) rad, one every 3 ms.
-        segments: name, first and last second of approach, close, squeeze and lift.
+        segments: name, first and last second of approach, close, squeeze, lift, and of placing.
     """
 
     robot: Robot
@@ -57,7 +60,9 @@ def make_trajectory(way: Waypoints, robot: Robot) -> Trajectory:
     Raises:
         InputError: if a path cannot be timed within them.
     """
-    way = Waypoints(*(np.clip(path, robot.lower + _ROOM, robot.upper - _ROOM) for path in way))
+    low, high = robot.lower + _ROOM, robot.upper - _ROOM
+    approach, grasp, squeeze, up = (np.clip(path, low, high) for path in way[:4])
+    way = Waypoints(approach, grasp, squeeze, up, tuple(np.clip(path, low, high) for path in way.placing))
     # The hand's rows are three ticks apart: a law that keeps the limits at 1 ms keeps them at 3 ms.
     limits = Limits(robot.velocity, robot.acceleration, robot.jerk)
     # share of the hand's speed that closing and pressing use: fingertips meet the object gently
@@ -69,13 +74,19 @@ def make_trajectory(way: Waypoints, robot: Robot) -> Trajectory:
     )
     lift = np.concatenate([pressing[None], way.lift])
     lift[:, hand:] = pressing[hand:]  # closing moves the hand alone, lifting the arm
-    rows, segments, start = [way.approach[:1]], [], 0
-    for name, path, law, pause in (
+    pieces = [
         ("approach", way.approach, limits, _PAUSE),
         ("close", np.stack([way.approach[-1], closed]), gentle, 0.0),
         ("squeeze", np.stack([closed, pressing]), gentle, _PAUSE),
         ("lift", lift, steady, 0.0),
-    ):
+    ]
+    for name, law, path in zip(PLACING, (steady, steady, gentle, steady), way.placing, strict=False):
+        if name != "release":
+            path[:, hand:] = (pressing if name in PLACING[:2] else way.approach[-1])[hand:]
+        path[0] = pieces[-1][1][-1]
+        pieces.append((name, path, law, _PAUSE))
+    rows, segments, start = [way.approach[:1]], [], 0
+    for name, path, law, pause in pieces:
         rows += [
             timed(path, law, ARM_TICK, HAND_EVERY),
             np.repeat(path[-1:], round(pause / ARM_TICK), axis=0),

@@ -160,6 +160,31 @@ APPROACH_WORDS = Rule(
 )
 
 
+def _place(value: Any) -> "Goal":
+    if isinstance(value, Goal):
+        return value
+    x, y, z, *yaw = (number().validate(each) for each in value)
+    if len(yaw) > 1:
+        raise ValueError
+    return Goal(np.array([x, y, z]), *yaw)
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """Place where the object is to be set down, frame of the robot's base.
+
+    Attributes:
+        place: (3,) m, for the middle of its outline from above, and what it then stands on.
+        yaw: degrees about the vertical by which it is turned from how it lies; None: any.
+    """
+
+    place: Annotated[Array, array(3)]
+    yaw: Annotated[float | None, number(ge=-180, le=180)] = None
+
+
+PLACE_WORDS = Rule("X Y Z, m in the frame of the robot's base, and YAW, degrees, if it likes", _place)
+
+
 @dataclass(frozen=True, eq=False)
 class GraspRequest:
     """Request of a grasp: constraints besides that it holds.
@@ -169,15 +194,21 @@ class GraspRequest:
         avoid: no contact lies in any of these.
         approach: the way that the palm faces.
         fingers: that make the contacts, one of the grasps of the hand's file; empty leaves them to the planner.
+        max_force: N that each finger may press with along the normal; None for what its joints can.
+        seconds: after which the search ends with what it has; None for a search that does not look at the clock.
+        goal: where the object is set down after the lift; None: it is held.
     """
 
     hold: Annotated[tuple[Region, ...], list_of(Region, 0, 20)] = ()
     avoid: Annotated[tuple[Region, ...], list_of(Region, 0, 20)] = ()
     approach: Approach | None = None
     fingers: Annotated[tuple[str, ...], several(Rule("a finger's name", str))] = ()
+    max_force: Annotated[float | None, number(gt=0, le=1000)] = None
+    seconds: Annotated[float | None, number(gt=0)] = None
+    goal: Goal | None = None
 
     def __bool__(self) -> bool:
-        return bool(self.hold or self.avoid or self.approach or self.fingers)
+        return any(value not in (None, ()) for value in vars(self).values())
 
     def outside(self, points: Array) -> Array:
         """Return how far points (N, 3) m are from where contacts may be (N,) m; 0 or less where they may."""
@@ -236,4 +267,11 @@ def relaxations(request: GraspRequest) -> Sequence[tuple[str, tuple[GraspRequest
         found.append(("avoid", steps))
     if request.fingers:
         found.append(("fingers", (replace(request, fingers=()),)))
+    if request.goal is not None:
+        found.append(("goal", (replace(request, goal=None),)))
+    if request.max_force is not None:
+        firmer = (1.25, 1.6, 2.0, 3.0, 5.0)
+        found.append(
+            ("max_force", tuple(replace(request, max_force=by * request.max_force) for by in firmer))
+        )
     return found

@@ -13,6 +13,7 @@ from dexgrasp.grasp.probability import probability_of
 from dexgrasp.grasp.record import (
     APPROACH,
     LIFT,
+    PLACING,
     Contact,
     GraspRecord,
     Neighbour,
@@ -121,7 +122,15 @@ def _executed(script: ActionScript, grasp: Grasp) -> Script:
     approach, tree = script.way(APPROACH), robot_tree(grasp.cell)
     lift = np.concatenate([grasp.motion.squeeze[None], script.phases[LIFT]])
     R, p = map(np.array, zip(*(palm_frame(q, tree) for q in lift), strict=True))
-    return Script(RAISED, (_phase(APPROACH, approach, bend(approach)), _phase(LIFT, lift, stray(p, R))))
+    after = [(name, script.way(name)) for name in PLACING if name in script.phases]
+    return Script(
+        RAISED,
+        (
+            _phase(APPROACH, approach, bend(approach)),
+            _phase(LIFT, lift, stray(p, R)),
+            *(_phase(name, rows, bend(rows)) for name, rows in after),
+        ),
+    )
 
 
 def _phase(name: str, rows: Array, measure: float) -> Phase:

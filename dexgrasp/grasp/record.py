@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from dexgrasp.geometry.request import GraspRequest
+from dexgrasp.geometry.request import Goal, GraspRequest
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.field_types import Number, Parts, Pose, Positive, Row, Share, Vector, Word
 from dexgrasp.grasp.identity import ObjectIdentity
@@ -23,7 +23,8 @@ from dexgrasp_env.valid import list_of, number, one_of
 
 SCHEMA = 3
 APPROACH, LIFT = "approach", "lift"
-"""The phases of a script."""
+PLACING = ("carry", "set_down", "release", "retreat")
+"""The phases of a script; the last four of one that sets the object down."""
 
 
 @dataclass(frozen=True)
@@ -72,13 +73,13 @@ class Phase:
     """Set-points with their times.
 
     Attributes:
-        name: `approach`, from home to the pregrasp, or `lift`, from the squeeze up.
+        name: `approach`, from home to the pregrasp, `lift`, from the squeeze up, or one of `PLACING`.
         times: (T,) s.
         setpoints: (T, n) rad.
-        measure: of the way: `trajectory.bend` of an approach, rad, `trajectory.stray` of a lift, m.
+        measure: of the way: `trajectory.stray` of a lift, m, `trajectory.bend` of the others, rad.
     """
 
-    name: Annotated[str, one_of((APPROACH, LIFT))]
+    name: Annotated[str, one_of((APPROACH, LIFT, *PLACING))]
     times: Row
     setpoints: Annotated[Array, array(None, None)]
     measure: Number
@@ -89,7 +90,7 @@ class Script:
     """Motion that is executed open loop: approach and lift; between them fingers close and press on feedback."""
 
     lift_height: Annotated[float, number(gt=0, le=0.5)]
-    phases: Annotated[tuple[Phase, ...], list_of(Phase, 2, 2, more=True)]
+    phases: Annotated[tuple[Phase, ...], list_of(Phase, 2, 6, more=True)]
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,10 @@ class GraspRecord:
         phases = () if self.script is None else self.script.phases
         fits = {
             f"q, pregrasp, grasp and squeeze have {joints} numbers": all(len(row) == joints for row in rows),
-            f"phases are {APPROACH} and {LIFT}": [p.name for p in phases] in ([], [APPROACH, LIFT]),
+            f"phases are {APPROACH} and {LIFT}, and {', '.join(PLACING)} with a goal alone": [
+                p.name for p in phases
+            ]
+            in ([], [APPROACH, LIFT, *(PLACING if self.goal else ())]),
             f"phases have 2 or more setpoints of {joints} numbers, and as many times": all(
                 p.setpoints.shape == (len(p.times), joints) and len(p.times) >= 2 for p in phases
             ),
@@ -222,6 +226,11 @@ class GraspRecord:
         for rule, kept in fits.items():
             if not kept:
                 raise InputError(f"it does not fit together: valid is where {rule}")
+
+    @property
+    def goal(self) -> Goal | None:
+        """Where the object is set down; None where it is held."""
+        return None if self.request is None else self.request.goal
 
     @property
     def fingers(self) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
-"""Ways of what the hand holds: straight, or turned about its centre in the air; letting go of it, setting it aside."""
+"""Ways of what the hand holds: straight, or turned about its centre in the air; letting go of it."""
 
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import Played, arm_and_hand
 from dexgrasp.motion.move_until_contact import GuardedGrasp
-from dexgrasp.motion.timing import eased, ramp, smooth_steps, within_limits
+from dexgrasp.motion.timing import eased, is_gentle, ramp, smooth_steps, within_limits
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
@@ -22,29 +23,38 @@ STILL = 0.001
 """m that count as no way."""
 
 
-def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple[Array, float]:
-    """Move an object straight, 1 cm a control step on average; about the robot's base, it turns along.
+def carried(
+    targets: Array, middle: Array, leg: Array, tree: RobotTree, turn: float | None = None, speed: float = inf
+) -> tuple[Array, float]:
+    """Move an object straight, 1 cm a control step on average.
 
     Args:
         targets: (n,) rad, set-points before.
         middle: (3,) m, of the object.
         leg: (3,) m, the way.
         tree: the robot.
+        turn: rad about the vertical through its middle, on the way; None: it turns along about the robot's base.
+        speed: share of the joints' limits, of acceleration too, that is used; infinite: all of their velocity.
 
     Returns:
         Set-points (m, n) rad, one a control step, and the largest error of the palm, m.
     """
-    if np.abs(leg).max() < STILL:
+    if np.abs(leg).max() < STILL and not turn:
         return targets[None], 0.0
-    ends = middle + np.linspace(0.0, 1.0, int(np.linalg.norm(leg) / 0.01) + 2)[1:, None] * leg
+    # m and rad a control step, on average
+    steps = max(int(np.linalg.norm(leg) / 0.01), int(abs(turn or 0.0) / 0.05))
+    shares = np.linspace(0.0, 1.0, steps + 2)[1:]
+    ends = middle + shares[:, None] * leg
     azimuths = np.arctan2(ends[:, 1], ends[:, 0]) - np.arctan2(middle[1], middle[0])
+    if turn is not None:
+        azimuths = turn * shares
     turns = np.stack([about_z(angle) for angle in azimuths])
     arm = palm_frame(targets, tree)[1] - middle
     path, error = shift_palm(targets, tree, ends - middle + turns @ arm - arm, turns)
     points, count = np.vstack([targets, path]), len(path)
     while True:
         timed = eased(points, count)
-        if within_limits(targets, timed, tree):
+        if is_gentle(targets, timed, tree, speed):
             return timed, error
         count = int(1.3 * count) + 1
 
@@ -103,25 +113,13 @@ def let_go(held: Array, opened: Array) -> Array:
     return np.concatenate([np.repeat(held[None], settle, axis=0), ramp(held, opened, opening)])
 
 
-class Rearrangement(NamedTuple):
-    """Set-points that follow the lift of a neighbour that is set aside."""
-
-    there: Array  # (m, n) rad, set-points with the object in the hand, one a control step
-    away: Array  # (k, n) rad, the same of the open hand
-
-
 class CarryAside(Played):
     """Carries what was taken hold of to its place; nothing is felt. It is done when the hand has left the object."""
 
-    def __init__(self, held: GuardedGrasp, way: Rearrangement) -> None:
-        """Prepare.
-
-        Args:
-            held: that is done.
-            way: from the end of its lift.
-        """
-        arm = held.tree.arm
-        rows = np.concatenate([held.script.phases["lift"], way.there])
+    def __init__(self, held: GuardedGrasp) -> None:
+        """Prepare; `held` is done, and its script sets the object down."""
+        arm, phases = held.tree.arm, held.script.phases
+        rows = np.concatenate([phases[name] for name in ("lift", "carry", "set_down")])
         rows[:, arm:] = held.targets[arm:]
-        opened = arm_and_hand(rows[-1], way.away[0], held.tree)
-        super().__init__(np.concatenate([rows, let_go(rows[-1], opened), way.away]), held.tree)
+        opened = arm_and_hand(rows[-1], phases["retreat"][0], held.tree)
+        super().__init__(np.concatenate([rows, let_go(rows[-1], opened), phases["retreat"]]), held.tree)

@@ -29,15 +29,18 @@ class GuardedGrasp(Motion):
         spans: (g - 1,) m, distances of the other tips from the opposing one's at the end.
     """
 
-    def __init__(self, script: ActionScript, grasp: Grasp, overtravel: float = 0.016) -> None:
+    def __init__(
+        self, script: ActionScript, grasp: Grasp, overtravel: float = 0.016, pace: float = 1.0
+    ) -> None:
         """Prepare.
 
         Args:
             script: whose approach is followed; from the close on feedback replaces its fingers.
             grasp: with the forces to press with.
             overtravel: m that tips close past where the surface is believed to be.
+            pace: share of the usual speed of closing, and of the lag that counts as a touch.
         """
-        self._overtravel = overtravel
+        self._overtravel, self._pace = overtravel, pace
         self.script, self.grasp, self.tree = script, grasp, robot_tree(grasp.cell)
         self._approach, self._closed = script.phases["approach"], script.phases["close"][-1]
         self._open = self._approach[-1]
@@ -64,15 +67,15 @@ class GuardedGrasp(Motion):
         behind = fingertips(self.targets, self.tree) - fingertips(q, self.tree)
         lag = -(behind * self.grasp.normals).sum(1)
         # m that a tip stays behind its set-point when it has touched: about 2 N
-        self._touched |= (lag > 0.0018) & (self._progress > 0.3)
+        self._touched |= (lag > self._pace * 0.0018) & (self._progress > 0.3)
         limit = 1.0 + self._overtravel / self._travel
         moving = ~self._touched & (self._progress < limit)
-        self._progress[moving] += 0.03 * CONTROL_PERIOD / self._travel[moving]  # m/s of the tips
+        self._progress[moving] += self._pace * 0.03 * CONTROL_PERIOD / self._travel[moving]  # m/s of the tips
         self._progress = np.minimum(self._progress, limit)
         share = np.append(self._progress, 0.0)[self._finger]
         # A joint cannot follow beyond its range, and what lags there has touched nothing.
         self.targets = within_range(self._open + share * (self._closed - self._open), self.tree)
-        if not moving.any() or self._close_count >= 60:
+        if not moving.any() or self._pace * self._close_count >= 60:
             self._settled += 1
         return self.targets
 

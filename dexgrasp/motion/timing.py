@@ -82,7 +82,7 @@ def _time_smooth(points: Array, at: Array, tree: RobotTree, speed: float) -> Arr
     if len(places):
         samples = curve(places)
         samples[-1] = points[-1]
-        if np.isfinite(samples).all() and _gentle(points[0], samples, tree, speed):
+        if np.isfinite(samples).all() and is_gentle(points[0], samples, tree, speed):
             return samples
     return _slow(points, at, tree, speed)
 
@@ -93,7 +93,7 @@ def within_limits(start: Array, samples: Array, tree: RobotTree) -> bool:
     return bool((steps <= tree.velocity * CONTROL_PERIOD + 1e-9).all())
 
 
-def _gentle(start: Array, samples: Array, tree: RobotTree, speed: float) -> bool:
+def is_gentle(start: Array, samples: Array, tree: RobotTree, speed: float) -> bool:
     """Return True if set-points, from rest to rest, keep the limits of velocity and acceleration."""
     rest = np.vstack([start, start, samples, samples[-1]])
     change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2
@@ -108,7 +108,7 @@ def _slow(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
     while True:
         count = int(np.ceil(duration / CONTROL_PERIOD))
         samples = points_at(smooth_steps(count) * at[-1], at, points)
-        if _gentle(points[0], samples, tree, speed):
+        if is_gentle(points[0], samples, tree, speed):
             return samples
         duration *= 1.2
 

@@ -1,5 +1,6 @@
 """The squeeze of a grasp: forces at its contacts that bear the largest push, were its surface a little elsewhere."""
 
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -124,4 +125,17 @@ def robust_squeeze(contacts: Contacts, distance: Array, problem: GraspProblem, d
 def _firmest_at(contacts: Contacts, friction: Array, settings: PlannerSettings, down: Array) -> Squeeze:
     limits = settings.torque_share * contacts.torque_limits
     counted = contacts._replace(friction=friction, torque_limits=limits, gravity=contacts.weight * down)
-    return firmest_squeeze(counted, settings.least_press, ENOUGH)
+    return firmest_squeeze(_no_firmer(counted, settings.max_force), settings.least_press, ENOUGH)
+
+
+def _no_firmer(contacts: Contacts, most: float) -> Contacts:
+    """Return contacts none of which is pressed with more than `most` N: that is the torque of one more joint each."""
+    if most == inf:
+        return contacts
+    count, parts, joints = contacts.jacobians.shape
+    J, each = np.zeros((count, parts, joints + count)), np.arange(count)
+    J[..., :joints] = contacts.jacobians
+    J[each, :3, joints + each] = contacts.normals
+    return contacts._replace(
+        jacobians=J, torque_limits=np.append(contacts.torque_limits, np.full(count, most))
+    )

@@ -77,7 +77,7 @@ def plan_scene(
         if planner.settings.min_success_probability:
             result = with_success_probability(result, planner, start, progress)
         result.log.seconds = {"hull": hull_seconds} | result.log.seconds
-        if relax and planner.request and not result.found:
+        if relax and planner.request and planner.settings.seconds is None and not result.found:
             result.relaxation = nearest_relaxation(planner, target, seed, start)
     result.planning_seconds = time.perf_counter() - began
     return result

@@ -1,9 +1,11 @@
 """From an object to a certified grasp: proposals, postures, bilevel optimisation, certificate, approach."""
 
+import time
 from collections.abc import Callable, Collection, Iterator
 from copy import copy
 from dataclasses import replace
 from itertools import islice, product
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +23,7 @@ from dexgrasp.planning.holding import GraspForces, firmest_forces, lightened
 from dexgrasp.planning.postures import Posture, atlas_postures
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
 from dexgrasp.planning.result import Planned, PlanResult, SearchLog
+from dexgrasp.planning.set_down import goal_fault, to_goal
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.runs.compiling import compiling
@@ -32,6 +35,7 @@ from dexgrasp_env.valid import Names
 
 NO_POSTURE, BUDGET, LIFT_BLOCKED = "no_reachable_posture", "time_budget", "lift_blocked"
 
+_BESIDE = 0.004, 0.010  # m that the approach keeps from the object; the second where it must not be hit
 _AMONG = 1  # rounds more at most among neighbours: another look, or one set aside, gives more
 
 
@@ -116,11 +120,17 @@ class Planner:
         """Return the planner of grasps that are as a request asks.
 
         Raises:
-            InputError: for fingers that make no grasp of the hand.
+            InputError: for fingers that make no grasp of the hand, or less force than they press with at least.
         """
-        if not request:
+        if not (request or self.request):
             return self
         there = copy(self._with_fingers(request.fingers) if request.fingers else self)
+        settings, most = there.settings, inf if request.max_force is None else request.max_force
+        if most <= settings.least_press:
+            raise InputError(
+                f"max_force is {most:g} N, and fingers press with {settings.least_press:g} N at least: valid is more"
+            )
+        there.settings = replace(settings, max_force=most, seconds=request.seconds or settings.seconds)
         there.request = request
         return there
 
@@ -155,9 +165,10 @@ class Planner:
         """
         result = Search(self, target, seed, start).run()
         for other, shape in self._otherwise(target):
-            if result.grasp is not None and result.grasp.certificate.holds:
+            found = result.grasp is not None and result.grasp.certificate.holds
+            if found or self.out_of_time(result.log):
                 break
-            again = Search(other, shape, seed, start).run()
+            again = Search(other, shape, seed, start, result.log.began).run()
             if again.grasp is not None and (result.grasp is None or again.grasp.certificate.holds):
                 result = again
         return result
@@ -198,7 +209,7 @@ class Planner:
 
     def out_of_time(self, log: SearchLog) -> bool:
         """Return True, and note it, once a search has taken as long as it may."""
-        over = self.settings.seconds is not None and sum(log.seconds.values()) > self.settings.seconds
+        over = self.settings.seconds is not None and time.perf_counter() - log.began > self.settings.seconds
         if over:
             log.block(BUDGET)
         return over
@@ -214,21 +225,29 @@ class Search:
         pool: what is feasible, and not yet found to lack anything.
     """
 
-    def __init__(self, planner: Planner, target: GraspTarget, seed: int, start: Array | None) -> None:
-        """Prepare; the arguments are those of `Planner.plan`."""
+    def __init__(
+        self,
+        planner: Planner,
+        target: GraspTarget,
+        seed: int,
+        start: Array | None,
+        began: float | None = None,
+    ) -> None:
+        """Prepare; the arguments are those of `Planner.plan`, and when its time began to run (`perf_counter`)."""
         self.planner, self._start = planner, start
         self._problem = GraspProblem(target, planner.cell, planner.settings)
+        self._goal = None if target.demand is None else target.demand.request.goal
         self._rng = np.random.default_rng(seed)
         self.result = PlanResult(target, planner.settings, seed)
         self.log, self.pool = self.result.log, list[Candidate]()
+        self.log.began = began or self.log.began
 
     def run(self) -> PlanResult:
         """Return the first firm grasp of ever broader rounds; failing that the best of all that is feasible."""
         target, result = self._problem.target, self.result
-        # What does not get past its neighbours straight up is lifted by no grasp.
-        if self._start is not None and raised_into(target, RAISED) > 0.0:
-            self.log.block(LIFT_BLOCKED)
-            result.shortfall = LIFT_BLOCKED
+        if (hopeless := self._hopeless(target)) is not None:
+            self.log.block(hopeless)
+            result.shortfall = hopeless
             return result
         for step in rounds_of(self.planner.settings, crowded=target.around is not None):
             if step.enough is not None and self.take(step.enough):
@@ -244,6 +263,15 @@ class Search:
         else:
             result.shortfall = self.log.commonest() or result.shortfall or NO_POSTURE
         return result
+
+    def _hopeless(self, target: GraspTarget) -> str | None:
+        """Return what rules every grasp out; None where one may do."""
+        if self._start is None:
+            return None
+        # What does not get past its neighbours straight up is lifted by no grasp.
+        if raised_into(target, RAISED) > 0.0:
+            return LIFT_BLOCKED
+        return None if self._goal is None else goal_fault(target, self._goal, self.planner.cell)
 
     def _firm(self, settings: PlannerSettings, patient: bool) -> bool:
         """Return True if a round gave a firm grasp that can be carried out; weaker feasible ones go to the pool.
@@ -299,8 +327,18 @@ class Search:
             if self._start is not None:
                 target = self._problem.target
                 among = target.around is not None
-                script = make_script(self._start, grasp.motion, target.everything, planner.cell, among=among)
+                gently = planner.settings.max_force < inf
+                script = make_script(
+                    self._start,
+                    grasp.motion,
+                    target.everything,
+                    planner.cell,
+                    margin=_BESIDE[gently],
+                    among=among,
+                )
                 check_way(script, planner.cell, target)
+                if self._goal is not None:
+                    script = to_goal(script, self._problem, self._goal)
             self.result.found.append(Planned(completed(grasp, candidate.hold), script))
             return True
         except NoPath as blocked:

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,14 +9,12 @@ from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import RAISED
 from dexgrasp.grasp.trajectory import ActionScript
-from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
-from dexgrasp.motion.carried import Rearrangement, carried
-from dexgrasp.motion.collision import CollisionChecker, carried_into, raised_into
-from dexgrasp.motion.motion import arm_and_hand
+from dexgrasp.motion.collision import carried_into, raised_into
 from dexgrasp.planning.certificate_builder import overlap
 from dexgrasp.planning.plan_scene import plan_scene
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.result import PlanResult
+from dexgrasp.planning.set_down import RISES, set_down
 from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
@@ -27,22 +24,15 @@ _TABLE = ((0.34, 0.70), (-0.36, 0.36))  # m, x and y, where things are set down
 _GRID = 0.04  # m between places that are looked at
 _HEIGHTS = (0.03, 0.10, 0.17)  # m above the table, at which a place must be free
 _HAND, _AWAY = 0.06, 0.16  # m that are free around what is set down, for the hand; between it and the object
-_PLACES, _RISES = 8, (0.0, 0.12)  # places tried, nearest first; m beyond the lift that it is carried higher
-_LEFT, _CLEAR = 0.12, 0.004  # m that the open hand goes up, and above the table where it is let go of
-_STRAY = 0.01  # m that the palm may be off its way
-
-
-class PlannedRearrangement(NamedTuple):
-    """The removal of a neighbour."""
-
-    plan: PlanResult  # of its grasp
-    way: Rearrangement
+_PLACES = 8  # places tried, nearest first
 
 
 def plan_rearrangement(
     planner: Planner, scene: Scene, target: GraspTarget, seed: int, start: Array
-) -> PlannedRearrangement | None:
-    """Plan the removal of a neighbour that is in the way; None where none can be grasped and put somewhere.
+) -> PlanResult | None:
+    """Plan the removal of a neighbour that is in the way: a grasp of it, whose script sets it down elsewhere.
+
+    There is None where none can be grasped and put somewhere.
 
     Args:
         planner: that found no grasp of the object.
@@ -58,9 +48,13 @@ def plan_rearrangement(
         plan = plan_scene(quick, replace(scene, target=scene.neighbours[k], neighbours=others), seed, start)
         for one in plan.found:
             assert plan.target is not None and one.script is not None  # as there is a start
-            way = _way_aside(one.script, GraspProblem(plan.target, planner.cell, settings), target.centre)
-            if way is not None:
-                return PlannedRearrangement(plan, way)
+            problem = GraspProblem(plan.target, planner.cell, settings)
+            for place, rise in product(_free_places(plan.target, target.centre), RISES):
+                centre = plan.target.centre
+                way = set_down(one.script, problem, place - centre[:2], rise, about=centre)
+                if way is not None:
+                    plan.found = [one._replace(script=way)]
+                    return plan
     return None
 
 
@@ -90,31 +84,6 @@ def _depth(script: ActionScript, target: GraspTarget, planner: Planner) -> float
     problem = GraspProblem(target, planner.cell, planner.settings)
     hand = [overlap(script.phases[phase][-1], problem) for phase in ("approach", "close", "squeeze")]
     return max(*hand, carried_into(target, script.way("lift"), problem.tree))
-
-
-def _way_aside(script: ActionScript, problem: GraspProblem, kept: Array) -> Rearrangement | None:
-    """Return the way to the nearest free place, away from `kept` (3,) m, to which arm and object can go."""
-    tree, target = problem.tree, problem.target
-    lifted, opened = script.phases["lift"][-1], script.phases["approach"][-1]
-    rise = palm_frame(lifted, tree)[1][2] - palm_frame(opened, tree)[1][2]
-    middle = target.centre + np.array([0.0, 0.0, rise])
-    checker = CollisionChecker(problem.cell, target.around, 0.0)
-    for place, up in product(_free_places(target, kept), _RISES):
-        legs = ([0.0, 0.0, up], [*(place - middle[:2]), 0.0], [0.0, 0.0, _CLEAR - rise - up])
-        there, error, at, now = [lifted[None]], 0.0, middle, lifted
-        for leg in np.array(legs):
-            path, strayed = carried(now, at, leg, tree)
-            there, error, at, now = [*there, path], max(error, strayed), at + leg, path[-1]
-        rows = np.concatenate(there)
-        if (
-            error > _STRAY
-            or checker.first_contact(rows) is not None
-            or carried_into(target, rows, tree, script.phases["squeeze"][-1]) > 0.0
-        ):
-            continue
-        free = arm_and_hand(now, opened, tree)
-        return Rearrangement(rows[1:], carried(free, at, np.array([0.0, 0.0, _LEFT]), tree)[0])
-    return None
 
 
 def _free_places(target: GraspTarget, kept: Array) -> Array:

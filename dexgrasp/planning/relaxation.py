@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dexgrasp.geometry.request import Demand, GraspRequest, relaxations
+from dexgrasp.geometry.request import ANYHOW, Demand, GraspRequest, relaxations
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
@@ -23,14 +23,19 @@ def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: 
         seed: of everything that is drawn.
         start: (n,) rad, set-points the robot approaches from.
     """
-    free = planner.plan(replace(target, demand=None), seed, start).grasp
-    if free is None:
+
+    def planned(asked: GraspRequest) -> Grasp | None:
+        """Return the grasp that there is for another request."""
+        demand = Demand(asked, planner.cell.T_base_world) if asked else None
+        return planner.asking(asked).plan(replace(target, demand=demand), seed, start).grasp
+
+    request = planner.request
+    if planned(ANYHOW) is None:
         return "there is no grasp without the request either"
-    words, request = [], planner.request
+    words = []
     for name, steps in relaxations(request):
         for step in steps:
-            demand = Demand(step, planner.cell.T_base_world) if step else None
-            found = planner.plan(replace(target, demand=demand), seed, start).grasp
+            found = planned(step)
             if found is not None:
                 words.append(_in_words(name, request, found))
                 break
@@ -45,6 +50,11 @@ def _in_words(name: str, request: GraspRequest, grasp: Grasp) -> str:
         return f"none whose palm faces {request.approach}; one at {off:.0f} degrees"
     if name == "fingers":
         return f"none with {' '.join(request.fingers)}; one with {' '.join(grasp.fingers)}"
+    if name == "goal":
+        return "none that can be set down there; one that lifts it"
+    if name == "max_force":
+        press = -(grasp.forces[:, :3] * grasp.normals).sum(1).min()
+        return f"none with at most {request.max_force:g} N a finger; one with {press:.1f} N"
     own = replace(GraspRequest(), **{name: getattr(request, name)})
     outside = own.outside(placed(grasp.cell.T_base_world, grasp.contacts)).max()
     where = "within what is to be held" if name == "hold" else "outside what is to be avoided"

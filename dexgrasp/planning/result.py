@@ -40,12 +40,14 @@ class SearchLog:
         rounds: times that proposals were asked for.
         tried: starting postures that were refined.
         blocked: how often each reason blocked, with the smallest violation seen.
+        began: when the search began (`perf_counter`).
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
     rounds: int = 0
     tried: int = 0
     blocked: dict[str, tuple[int, float]] = field(default_factory=dict)
+    began: float = field(default_factory=time.perf_counter)
     _last: float = field(default_factory=time.perf_counter)
 
     def lap(self, stage: str) -> None:
@@ -260,5 +262,6 @@ class PlansGrasps(Protocol):
         info: Mapping[str, Any],
         count: int | None = None,
         progress: Progress | None = None,
+        relax: bool = False,
     ) -> PlanResult:
         """Plan one grasp, or `count` that differ, from the first observation of an episode; carry nothing out."""

@@ -1,15 +1,23 @@
 """A named object as it lies in front of the cameras: what `dexgrasp plan`, `view` and `demo` begin with."""
 
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
+import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.agent import Agent, Observation, public_info
+from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.planned_record import ObjectPose
-from dexgrasp_env.arrays import Fields
-from dexgrasp_env.poses import pose_matrix
+from dexgrasp_env.arrays import Array, Fields, Mask
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.load import has_own_size
+from dexgrasp_env.objects.user_mesh import read_mesh
+from dexgrasp_env.poses import placed, pose_matrix
+
+_SAMPLES = 3000  # points of marked faces
 
 
 class Subject(NamedTuple):
@@ -26,6 +34,24 @@ class Look(NamedTuple):
     observation: Observation
     info: Fields
     subject: Subject
+
+    def marked(self, mask: Mask) -> Array:
+        """Return points (N, 3) m, frame of the robot's base, of the faces of the mesh file that a mask marks.
+
+        Raises:
+            InputError: where the object is no mesh file, or has other faces.
+        """
+        lift: Any = self.env.unwrapped
+        if has_own_size(lift.target):
+            raise InputError("a mask of a region is of the points of a cloud, or of the faces of a mesh file")
+        mesh = read_mesh(Path(lift.target))
+        if mask.size != len(mesh.faces):
+            raise InputError(
+                f"the mask has {mask.size} values: valid is one for each of {len(mesh.faces)} faces"
+            )
+        faces = lift.settings.mesh_scale * np.asarray(mesh.triangles)[mask.ravel()]
+        points = triangle_samples(faces, _SAMPLES, 0).points - lift.simulation.object.file_centre
+        return placed(lift.settings.cell.T_base_world @ self.subject.pose.T_world_object, points)
 
 
 def look_at(target: str, agent: Agent, seed: int = 0, **env_settings: Any) -> Look:

@@ -29,6 +29,6 @@ def add_arena(spec: mujoco.MjSpec, base: float) -> None:
     spec.worldbody.add_geom(size=[0.17, 0.012, 0], pos=[-0.04, 0, base - 0.012], **plinth)
 
 
-def add_bin(spec: mujoco.MjSpec) -> None:
-    """Stand walls on the table around where all may be in clutter; cameras see them."""
-    attach(spec, mujoco.MjSpec.from_file(str(asset_path("scene", "bin.xml"))), spec.worldbody.add_frame())
+def add_furniture(spec: mujoco.MjSpec, name: str) -> None:
+    """Stand a `bin` on the table around where all may be in clutter, or a `tray` beside that; cameras see them."""
+    attach(spec, mujoco.MjSpec.from_file(str(asset_path("scene", f"{name}.xml"))), spec.worldbody.add_frame())

@@ -15,7 +15,7 @@ from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, robot_spec
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.scene.arena import add_arena, add_bin
+from dexgrasp_env.scene.arena import add_arena, add_furniture
 from dexgrasp_env.scene.constants import FRICTION
 from dexgrasp_env.scene.sensors import add_sensors
 
@@ -44,7 +44,7 @@ def scene_spec(
     neighbours: Sequence[ObjectModel] = (),
     friction: float = FRICTION,
     cameras: tuple[Camera, ...] = (),
-    walled: bool = False,
+    furniture: str = "",
 ) -> mujoco.MjSpec:
     """Return the editable scene: robot base above or below the origin, table top at z = 0, free objects.
 
@@ -54,13 +54,13 @@ def scene_spec(
         neighbours: other objects on the table, bodies `neighbour_0`, `neighbour_1`, ... after the body `object`.
         friction: sliding friction coefficient of every contact.
         cameras: depth cameras to add, in the world frame.
-        walled: whether it all stands in a bin.
+        furniture: what else stands on the table: a `bin` around the objects, a `tray` beside them, or nothing.
     """
     spec = robot_spec(cell)
     spec.modelname = f"dexgrasp {model.name}"
     add_arena(spec, float(cell.base[2]))
-    if walled:
-        add_bin(spec)
+    if furniture:
+        add_furniture(spec, furniture)
     parts = [_add_object(spec, "object", model)]
     parts += [_add_object(spec, f"neighbour_{k}", shape) for k, shape in enumerate(neighbours)]
     for geom in spec.geoms:

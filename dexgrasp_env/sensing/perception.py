@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dexgrasp_env.arrays import Single
-from dexgrasp_env.perception.cloud import deproject, is_valid
+from dexgrasp_env.perception.cloud import WORKSPACE_HIGH, WORKSPACE_LOW, deproject, is_valid
 from dexgrasp_env.perception.pipeline import segment
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scene import Scene
@@ -59,11 +59,15 @@ class Perception:
         Args:
             data: where everything is.
             rng: of sensor and segmentation.
-            pointing: `true`: a mask says which pixels show the object; `perceived`: a point on it is named; None: the
-                object is the largest thing that is seen.
+            pointing: `true`: a mask says which pixels show the object; `perceived`: a point on it is named; `any`: the
+                one nearest to the middle of the workspace is taken; None: the largest thing that is seen.
         """
         depths = self.measure(data, rng)
-        pointed = None if pointing is None else self._point(data, depths, pointing == "true")
+        pointed: TargetSelector | None
+        if pointing == "any":
+            pointed = TargetSelector(near=np.mean([WORKSPACE_LOW, WORKSPACE_HIGH], axis=0))
+        else:
+            pointed = None if pointing is None else self._point(data, depths, pointing == "true")
         return segment(depths, self.believed, rng, self.robot.at(data), pointed)
 
     def _point(self, data: "mujoco.MjData", depths: Single, masked: bool) -> TargetSelector:

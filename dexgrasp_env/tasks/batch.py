@@ -55,6 +55,7 @@ class BatchPhysics:
         )
         sizes = first.nq + 7 * neighbours, first.nv + 6 * neighbours, first.nsensordata + neighbours
         self.current = PhysicsState(*(np.zeros((number, size)) for size in sizes))
+        self.peak_forces = np.zeros(number)
 
     def load(self, i: int, simulation: Simulation) -> None:
         """Make environment `i` what a scene holds now: model, state and sensors."""
@@ -68,7 +69,7 @@ class BatchPhysics:
         row = i - group.first
         group.models[row], group.changed = simulation.model, True
         group.batch.state[row] = simulation.get_state()
-        self._scenes[i] = simulation
+        self._scenes[i], self.peak_forces[i] = simulation, 0.0
         self._note(slice(i, i + 1), *simulation.current)
 
     def _note(self, ids: Any, *values: Array) -> None:
@@ -116,11 +117,13 @@ class BatchPhysics:
         if push is not None:
             batch.bind("xfrc_applied")[own, scene.body, :3] = push[ids]
         before = batch.warning[own, :, 1]  # (n, 7): the batch counts on, after the last info of each
-        record = ("sensordata",) if scene.neighbours else ()
+        record = ("sensordata",) if scene.neighbours or scene.watches_forces else ()
         readings = batch.rollout(rows.shape[1], rows[ids], CONTROL, record=record, ids=own)
         sensors = batch.bind("sensordata")[own]
         if scene.neighbours:
             sensors[:, scene.touches] = readings["sensordata"][:, :, scene.touches].max(axis=1)
+        if scene.watches_forces:
+            self.peak_forces[ids] = scene.peaks_of(readings["sensordata"])
         self._note(ids, batch.bind("qpos")[own], batch.bind("qvel")[own], sensors)
         risen = batch.warning[own, :, 1] > before
         return risen @ (1 << np.arange(risen.shape[1]))

@@ -77,26 +77,29 @@ class ClutterSettings(LiftSettings):
         return HEAP_EPISODE_STEPS if self.gaps is None else CLUTTER_EPISODE_STEPS
 
 
+NEIGHBOURS = np.dtype(
+    [
+        ("neighbours", "i8"),
+        ("rest", "f8", (MOST_NEIGHBOURS, 7)),  # poses before the robot moved
+        ("drift", "f8", (MOST_NEIGHBOURS, 3)),  # m, by which they creep in an episode without the robot
+        ("size", "f8", (MOST_NEIGHBOURS, 3)),  # m, of the boxes in their own frames
+        ("hit", "?", (MOST_NEIGHBOURS,)),  # touched by the robot at any physics step
+        ("toppled", "?", (MOST_NEIGHBOURS,)),
+        ("farthest", "f8"),  # m, the farthest that any centre has been from where it would be
+    ]
+)
+
+
 class ClutterEpisodes(Episodes):
     """Episodes with neighbours around the object."""
 
     task = "clutter"
-    task_dtype = np.dtype(
-        [
-            ("neighbours", "i8"),
-            ("rest", "f8", (MOST_NEIGHBOURS, 7)),  # poses before the robot moved
-            ("drift", "f8", (MOST_NEIGHBOURS, 3)),  # m, by which they creep in an episode without the robot
-            ("size", "f8", (MOST_NEIGHBOURS, 3)),  # m, of the boxes in their own frames
-            ("hit", "?", (MOST_NEIGHBOURS,)),  # touched by the robot at any physics step
-            ("toppled", "?", (MOST_NEIGHBOURS,)),
-            ("farthest", "f8"),  # m, the farthest that any centre has been from where it would be
-        ]
-    )
+    task_dtype = NEIGHBOURS
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
         assert isinstance(settings, ClutterSettings)
-        self._clutter, self.walled = settings, settings.bin
+        self._clutter, self.furniture = settings, "bin" if settings.bin else ""
         self.neighbours = settings.neighbours[1]
         first = next(iter(self.simulations.values())).base
         self.options = ("object", "object_pose", "state")
@@ -120,7 +123,7 @@ class ClutterEpisodes(Episodes):
         return super()._of() | {
             "neighbours": self.neighbours,
             "mask": self.settings.pointing,
-            "bin": self.walled,
+            "furniture": self.furniture,
         }
 
     def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:

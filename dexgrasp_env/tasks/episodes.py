@@ -45,7 +45,7 @@ class Episodes(EpisodeInfos):
     task = "lift"
     task_dtype = np.dtype([])
     """Of what the task notes of an episode beside its record."""
-    walled = False  # whether what is set out stands in a bin
+    furniture = ""  # what else stands on the table, see `scene_spec`
     options: tuple[str, ...] = ("object", "object_pose", "joints", "state")  # of a reset
     neighbours = 0  # most objects beside the one that is meant
 
@@ -206,7 +206,7 @@ class Episodes(EpisodeInfos):
         elif neighbours:
             models = self.settings.load_objects(neighbours)
             around = [models[name] for name in neighbours]
-            simulation = Simulation(simulation.object, self.settings.cell, around, walled=self.walled)
+            simulation = Simulation(simulation.object, self.settings.cell, around, furniture=self.furniture)
         own = slot.simulation is simulation and slot.model is not simulation.base
         slot.simulation = simulation
         if not self.one_model and variation == Variation():

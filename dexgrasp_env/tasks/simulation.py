@@ -19,6 +19,7 @@ from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.scene.sensors import reading_columns
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
+from dexgrasp_env.tasks.rules import PRESSES
 
 _WARNINGS = [mujoco.mjtWarning(i).name for i in range(int(mujoco.mjtWarning.mjNWARNING))]
 
@@ -59,7 +60,13 @@ class PhysicsState(NamedTuple):
 
 
 class Physics(Protocol):
-    """Physics of N environments: `Simulation` of one, `BatchPhysics` and `WarpPhysics` of many."""
+    """Physics of N environments: `Simulation` of one, `BatchPhysics` and `WarpPhysics` of many.
+
+    Attributes:
+        peak_forces: (N,) N, the largest of a finger on the object in the last control step, where scenes watch them.
+    """
+
+    peak_forces: Array
 
     @property
     def current(self) -> PhysicsState:
@@ -86,11 +93,11 @@ class Simulation:
     """
 
     def __init__(
-        self, model: ObjectModel, cell: Cell, neighbours: Sequence[ObjectModel] = (), *, walled: bool = False
+        self, model: ObjectModel, cell: Cell, neighbours: Sequence[ObjectModel] = (), *, furniture: str = ""
     ) -> None:
         self.object, self.cell, self.neighbours = model, cell, tuple(neighbours)
         self.base = (
-            build_scene(model, cell, neighbours=neighbours, cameras=cell.make_cameras(), walled=walled)
+            build_scene(model, cell, neighbours=neighbours, cameras=cell.make_cameras(), furniture=furniture)
             if neighbours
             else compiled_scene(model, cell)
         )
@@ -103,6 +110,7 @@ class Simulation:
         self.hull = model.solid.corners  # (V, 3) m, object frame
         self.body = int(self.base.body("object").id)
         self.touches = slice(self.base.nsensordata - len(self.neighbours), self.base.nsensordata)
+        self.watches_forces, self.peak_forces = False, np.zeros(1)
         # Views into `data`, which stays where it is.
         self.current = PhysicsState(data.qpos[None], data.qvel[None], data.sensordata[None])
         self._forces = (data.qfrc_applied, data.xfrc_applied)
@@ -123,6 +131,7 @@ class Simulation:
             joints: of the robot.
         """
         mujoco.mj_resetData(self.model, self.data)
+        self.peak_forces[:] = 0.0
         robot = self.cell.robot
         begin = robot.home if joints is None else joints
         self.data.qpos[: robot.dof] = begin
@@ -171,7 +180,8 @@ class Simulation:
             forces = np.concatenate([force.ravel() for force in self._forces])
             spec |= _FORCES
             control = np.dstack([rows, np.broadcast_to(forces, (*rows.shape[:2], len(forces)))])
-        readings = np.zeros((1, rows.shape[1], model.nsensordata)) if self.neighbours else None
+        watched = self.neighbours or self.watches_forces
+        readings = np.zeros((1, rows.shape[1], model.nsensordata)) if watched else None
         mujoco.mj_getState(model, data, self._state[0], _PHYSICS)
         self._rollout.rollout(
             [model], [data], self._state, control, control_spec=spec, skip_checks=True, nstep=rows.shape[1],
@@ -179,7 +189,15 @@ class Simulation:
         )  # fmt: skip
         if readings is not None:
             data.sensordata[self.touches] = readings[0, :, self.touches].max(axis=0)
+        if readings is not None and self.watches_forces:
+            self.peak_forces[:] = self.peaks_of(readings)
         return np.array([sum(1 << k for k, count in enumerate(data.warning.number.tolist()) if count)])
+
+    def peaks_of(self, readings: Array) -> Array:
+        """Return the largest force (N,) N of a finger on the object in sensor readings (N, steps, m)."""
+        first = self.columns[PRESSES]
+        forces = readings[..., first : first + 3 * len(self.cell.robot.hand.fingers)]
+        return np.linalg.norm(forces.reshape(len(readings), -1, 3), axis=2).max(axis=1)
 
     def get_state(self) -> Array:
         """Return the full integration state."""
@@ -190,6 +208,7 @@ class Simulation:
     def set_state(self, state: Array) -> None:
         """Restore a state; what depends on it is computed, and the state is that of before to the last bit."""
         mujoco.mj_resetData(self.model, self.data)
+        self.peak_forces[:] = 0.0
         mujoco.mj_setState(self.model, self.data, state, STATE)
         mujoco.mj_forward(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state, STATE)

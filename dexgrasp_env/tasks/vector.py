@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.batch import BatchPhysics
+from dexgrasp_env.tasks.clear import ClearEnv
 from dexgrasp_env.tasks.clutter_env import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import check_actions
+from dexgrasp_env.tasks.gentle import GentleEnv
 from dexgrasp_env.tasks.infos import masked, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.member import MemberAccess, one_for_each
@@ -353,6 +355,18 @@ class ClutterVectorEnv(LiftVectorEnv):
     """N environments like `ClutterEnv`, each with a scene of its own; see `LiftVectorEnv`."""
 
     _env_type = ClutterEnv
+
+
+class GentleVectorEnv(LiftVectorEnv):
+    """N environments like `GentleEnv`; see `LiftVectorEnv`."""
+
+    _env_type = GentleEnv
+
+
+class ClearVectorEnv(LiftVectorEnv):
+    """N environments like `ClearEnv`, each with a scene of its own; see `LiftVectorEnv`."""
+
+    _env_type = ClearEnv
 
 
 class PlaceVectorEnv(GoalRewards, LiftVectorEnv):

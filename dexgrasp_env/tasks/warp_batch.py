@@ -61,6 +61,7 @@ class WarpPhysics:
         self._host: Arrays = {}
         """Physics of now on the host, unless `_stepped`; the device has it unless `_loaded`."""
         self._stepped = self._loaded = True
+        self.peak_forces = np.zeros(number)
 
     @property
     def current(self) -> PhysicsState:

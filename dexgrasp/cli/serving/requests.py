@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.cli.plan import Plan, check_target
-from dexgrasp.geometry.request import Region
-from dexgrasp_env.arrays import Fields
+from dexgrasp_env.arrays import Fields, Mask
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.perception.camera_pose import pose_of
@@ -20,7 +19,7 @@ from dexgrasp_env.perception.scan import UNITS, cloud_of, posed
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.selection import TargetSelector, mask_of
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
-from dexgrasp_env.valid import Rule, read
+from dexgrasp_env.valid import Rule, read, several
 
 _OF_SERVER = (
     "robot",
@@ -52,6 +51,7 @@ def _numbers(shape: tuple[int | None, ...], words: str) -> Rule:
     return Rule(words, validate)
 
 
+_REGIONS = several(Rule("a text or a mask", lambda said: said if isinstance(said, str) else np.asarray(said)))
 _IMAGE = _numbers((None, None), "an array (H, W) of numbers")
 _MATRIX = _numbers((3, 3), "3 x 3 numbers")
 _POSE = Rule("a pose: 4 x 4 numbers, or x y z qw qx qy qz", pose_of)
@@ -67,6 +67,7 @@ class _Sent(Plan):
         K: (3, 3) the intrinsics of its camera, pixels.
         T_base_camera: (4, 4) pose of its optical frame in the frame of the robot's base, m.
         marked: one bool or whole number for each point or pixel: where the object is seen.
+        hold, avoid: as the command's, but a mask is an array: one bool for each point or pixel, or each face.
         vertices: (V, 3) of a mesh as the target, in `mesh_scale` m, z up.
         faces: (F, 3) rows of it, from outside anticlockwise.
     """
@@ -79,6 +80,8 @@ class _Sent(Plan):
     marked: Any = None
     vertices: Annotated[Any, _numbers((None, 3), "an array (V, 3) of numbers")] = None
     faces: Annotated[Any, _numbers((None, 3), "an array (F, 3) of whole numbers")] = None
+    hold: Annotated[tuple[Any, ...], _REGIONS] = ()
+    avoid: Annotated[tuple[Any, ...], _REGIONS] = ()
 
     def scan(self) -> Cloud:
         """Return the cloud that was sent."""
@@ -101,10 +104,10 @@ class _Sent(Plan):
         """Yield what may be wrong with the frame of a cloud."""
         yield "of a cloud in a camera's frame T_base_camera says where the camera is"
 
-    def _region(self, name: str, text: str, scan: Cloud | None) -> Region:
-        if text.startswith("mask:"):
-            raise InputError(f"{name}: valid are box:... and sphere:..., no files")
-        return super()._region(name, text, scan)
+    def _mask(self, name: str, said: Any) -> Mask | None:
+        if isinstance(said, str) and said.startswith("mask:"):
+            raise InputError(f"{name}: valid are box:..., sphere:... and masks as arrays, no files")
+        return None if isinstance(said, str) else mask_of(said)
 
     def selector(self) -> TargetSelector:
         """Return what is pointed at."""

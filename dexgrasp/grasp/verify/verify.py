@@ -16,6 +16,7 @@ from dexgrasp.grasp.verify.checks.conventions import convention_checks, threshol
 from dexgrasp.grasp.verify.checks.forces import closure_checks, force_checks, strength_checks
 from dexgrasp.grasp.verify.checks.identity import identity_checks
 from dexgrasp.grasp.verify.checks.motion import approach_checks, lift_checks, setpoint_checks
+from dexgrasp.grasp.verify.checks.placing import placing_checks
 
 _CHECKS: dict[str, Callable[[Case], list[Check]]] = {
     "conventions": convention_checks,
@@ -31,11 +32,12 @@ _CHECKS: dict[str, Callable[[Case], list[Check]]] = {
     "pregrasp": pregrasp_checks,
     "approach": approach_checks,
     "lift": lift_checks,
+    "placing": placing_checks,
     "thresholds": threshold_checks,
 }
 PARTS = tuple(part for part in _CHECKS if part != "thresholds")
 """Parts of the judgement, all of which a good file passes; `thresholds` alone is a part of `conventions`."""
-UNEXECUTED = tuple(part for part in PARTS if part not in ("conventions", "approach", "lift"))
+UNEXECUTED = tuple(part for part in PARTS if part not in ("conventions", "approach", "lift", "placing"))
 """What can be checked of a grasp that was planned without a way to it."""
 
 

@@ -33,7 +33,7 @@ def contact_checks(case: Case) -> list[Check]:
 
 
 def request_checks(case: Case) -> list[Check]:
-    """Check that contacts, fingers and palm are as the file says that was asked; nothing where nothing was."""
+    """Check that contacts, fingers, palm and forces are as the file says that was asked; nothing where nothing was."""
     asked = case.record.request
     if asked is None:
         return []
@@ -46,6 +46,8 @@ def request_checks(case: Case) -> list[Check]:
         off = asked.approach.off(face[None])[0]
         # what two ways to compute an angle may differ by
         found.append(at_most("palm direction", off, asked.approach.degrees, "degrees", 0.01))
+    if asked.max_force is not None:
+        found.append(at_most("pressing force", case.hold.press.max(), asked.max_force, "N", 1e-4))
     if asked.fingers:
         found.append(flag("fingers as requested", set(asked.fingers) == set(case.record.fingers)))
     return found

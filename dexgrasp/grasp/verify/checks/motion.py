@@ -72,11 +72,11 @@ def approach_checks(case: Case) -> list[Check]:
     """Check the way from home to the pregrasp."""
     if case.record.script is None:
         return [flag("approach given", False, "in the file")]
-    phase, _ = case.record.script.phases
+    phase = case.record.script.phases[0]
     rows = phase.setpoints
     found = bend(rows)
     return [
-        *_phase_checks(phase, case.robot),
+        *phase_checks(phase, case.robot),
         same("approach starts at home", np.abs(rows[0] - case.robot.home).max(), SETPOINT, "rad"),
         same("approach ends at the pregrasp", np.abs(rows[-1] - case.record.pregrasp).max(), ROUNDING),
         at_most("approach: collision", case.scene.first_contact(densify(rows, _DENSE)), 0.0, "m"),
@@ -92,13 +92,13 @@ def lift_checks(case: Case) -> list[Check]:
     script = case.record.script
     if script is None:
         return [flag("lift given", False, "in the file")]
-    _, phase = script.phases
+    phase = script.phases[1]
     rows, fingers = phase.setpoints, slice(case.robot.arm_dof, None)
     positions, rotations = map(np.array, zip(*map(case.scene.palm, rows), strict=True))
     strayed = stray(positions, rotations)
     rise = positions[:, 2] - positions[0, 2]
     return [
-        *_phase_checks(phase, case.robot),
+        *phase_checks(phase, case.robot),
         same("lift starts at the squeeze", np.abs(rows[0] - case.record.squeeze).max(), ROUNDING),
         same("lift: fingers still", np.abs(rows[:, fingers] - rows[0, fingers]).max(), ROUNDING, "rad"),
         # m that the lift may miss its height by
@@ -110,7 +110,7 @@ def lift_checks(case: Case) -> list[Check]:
         at_most("lift: jerk", jerkiness(rows), 4e-3, "rad"),
         at_most("lift: collision", case.scene.first_contact(densify(rows, _DENSE), with_object=False), 0.0, "m"),
         *_table_checks(case, phase),
-        *_carried_checks(case, rows),
+        *carried_checks(case, "lift", rows),
     ]  # fmt: skip
 
 
@@ -122,16 +122,16 @@ def _table_checks(case: Case, phase: Phase) -> list[Check]:
     return [at_least(f"{phase.name}: clearance hand_seen", found, 0.0, "m")]
 
 
-def _carried_checks(case: Case, rows: Array) -> list[Check]:
+def carried_checks(case: Case, phase: str, rows: Array) -> list[Check]:
     """Check that the object goes no farther into its neighbours than it seems to lie in them."""
     if not case.scene.around:
         return []
     lying, nearest = case.scene.carried(rows)
     # m: hulls of a cloud may touch, and are not the objects
-    return [at_least("lift: object from its neighbours", nearest, min(lying, 0.0) - 0.002, "m")]
+    return [at_least(f"{phase}: object from its neighbours", nearest, min(lying, 0.0) - 0.002, "m")]
 
 
-def _phase_checks(phase: Phase, robot: Robot) -> list[Check]:
+def phase_checks(phase: Phase, robot: Robot) -> list[Check]:
     """Times, and the limits of position, velocity and acceleration, from rest to rest."""
     name, rows, expected = phase.name, phase.setpoints, np.arange(len(phase.times)) * CONTROL_PERIOD
     room = np.minimum(rows - robot.lower, robot.upper - rows)

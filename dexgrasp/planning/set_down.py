@@ -1,0 +1,159 @@
+"""Set down what is lifted: carry it over a place, lower it there, let go and leave."""
+
+from dataclasses import replace
+from itertools import product
+from math import inf
+
+import numpy as np
+
+from dexgrasp.geometry.request import Goal
+from dexgrasp.geometry.surface_samples import triangle_samples
+from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.grasp.trajectory import ActionScript
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.motion.carried import carried, let_go
+from dexgrasp.motion.collision import CollisionChecker, carried_into
+from dexgrasp.motion.motion import NoPath, arm_and_hand
+from dexgrasp.planning.settings import GraspProblem
+from dexgrasp_env.arrays import Array, middle
+from dexgrasp_env.poses import about_z, placed, rigid
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
+
+RISES = (0.0, 0.12)
+"""m beyond the lift that an object is carried higher."""
+_CLEAR, _LEFT = 0.004, 0.12  # m above the table where it is let go of, and that the open hand goes up
+_SPEED = 0.9  # of the joints' limits
+_STRAY, _ROUGH = (
+    0.004,
+    0.01,
+)  # m that the palm may be off its way, to a goal and elsewhere; a radian is 0.15 m
+_TURNS = np.deg2rad([0.0, 45.0, -45.0, 90.0, -90.0, 180.0])  # tried where any heading will do
+_HEIGHT = 0.01  # m that a goal may be off the table's top
+_BESIDE = 0.003  # m that what is set down keeps from what stands there
+_SAMPLES = 200  # points of the object that are looked at there
+_FOOT, _LEANS = 0.004, 0.005  # m: corners so low bear the object; its centre so far outside of them tips over
+
+
+def set_down(
+    script: ActionScript,
+    problem: GraspProblem,
+    leg: Array,
+    rise: float,
+    *,
+    about: Array,
+    turn: float | None = None,
+    exact: bool = False,
+) -> ActionScript | None:
+    """Return a script that sets the object down in place of its hold; None where arm or object cannot go there.
+
+    Args:
+        script: that lifts it.
+        problem: the object where it lies, and the robot.
+        leg: (2,) m, the level way.
+        rise: m that it is carried higher than the lift ends.
+        about: (3,) m, the point of the object that goes that way, and about which it turns.
+        turn: see `carried`.
+        exact: within limits of acceleration too, and of `_STRAY`.
+    """
+    tree, target = problem.tree, problem.target
+    speed, stray = (_SPEED, _STRAY) if exact else (inf, _ROUGH)
+    lifted, opened = script.phases["lift"][-1], script.phases["approach"][-1]
+    up = palm_frame(lifted, tree)[1][2] - palm_frame(opened, tree)[1][2]
+    at, now, error, phases = about + np.array([0.0, 0.0, up]), lifted, 0.0, dict(script.phases)
+    del phases["hold"]
+    for name, way, turned in (
+        ("rise", [0.0, 0.0, rise], None),
+        ("carry", [*leg, 0.0], turn),
+        ("set_down", [0.0, 0.0, _CLEAR - up - rise], None),
+    ):
+        phases[name], strayed = carried(now, at, np.array(way), tree, turned, speed)
+        error, at, now = max(error, strayed), at + way, phases[name][-1]
+    rows = np.concatenate([lifted[None], phases["rise"], phases["carry"], phases["set_down"]])
+    if (
+        error > stray
+        or CollisionChecker(problem.cell, target.around, 0.0).first_contact(rows) is not None
+        or carried_into(target, rows, tree, script.phases["squeeze"][-1]) > 0.0
+    ):
+        return None
+    phases["carry"] = np.concatenate([phases.pop("rise"), phases["carry"]])
+    phases["release"] = let_go(now, free := arm_and_hand(now, opened, tree))
+    phases["retreat"] = carried(free, at, np.array([0.0, 0.0, _LEFT]), tree, None, speed)[0]
+    return ActionScript(phases, script.start)
+
+
+def to_goal(script: ActionScript, problem: GraspProblem, goal: Goal) -> ActionScript:
+    """Return a script that sets the object down at a goal, and leaves it there untouched.
+
+    Raises:
+        NoPath: `goal_out_of_reach`, where arm or object cannot go there, or `goal_release_blocked`.
+    """
+    reason = NoPath("goal_out_of_reach", "arm or object cannot go there from this grasp")
+    target, cell = problem.target, problem.cell
+    about = _foot(target)
+    free = [(T, turn) for T, turn in _poses(target, goal, cell) if fault_at(target, T) is None]
+    for (T, turn), rise in product(free, RISES):
+        leg = placed(T, about)[:2] - about[:2]
+        if (way := set_down(script, problem, leg, rise, about=about, turn=turn, exact=True)) is None:
+            continue
+        there = _moved(target, T)
+        checks = (there.around, way.way("release")), (there.everything, way.phases["retreat"])
+        if all(CollisionChecker(cell, free_of, 0.0).first_contact(rows) is None for free_of, rows in checks):
+            return way
+        reason = NoPath("goal_release_blocked", "the open hand would meet something there")
+    raise reason
+
+
+def goal_fault(target: GraspTarget, goal: Goal, cell: Cell) -> str | None:
+    """Return in a word why nothing can set an object down at a goal; None where something may."""
+    if abs(placed(cell.T_world_base, goal.place)[2]) > _HEIGHT:
+        return "goal_not_on_table"
+    if _leans(target):
+        return "goal_not_stable"
+    faults = [fault_at(target, T) for T, _ in _poses(target, goal, cell)]
+    return None if None in faults else faults[0]
+
+
+def fault_at(target: GraspTarget, T: Array) -> str | None:
+    """Return why an object moved by `T` (4, 4) cannot stand there: off the table, or where something stands."""
+    corners = placed(T, np.concatenate(target.corners))
+    half = 0.5 * np.array(TABLE_SIZE[:2])
+    if (np.abs(corners[:, :2] - [TABLE_CENTRE_X, 0.0]) > half).any():
+        return "goal_off_table"
+    if target.around is None:
+        return None
+    moved = _moved(target, T).distance
+    samples = triangle_samples(moved.triangles, _SAMPLES, 0).points
+    beside = np.concatenate([part for parts in target.neighbours for part in parts])
+    near = min(target.around.distance(samples).min(), moved.distance(beside).min())
+    return "goal_occupied" if near < _BESIDE else None
+
+
+def _moved(target: GraspTarget, T: Array) -> GraspTarget:
+    """Return the object moved by `T` (4, 4), among what stands there."""
+    moved = GraspTarget.of_corners([placed(T, part) for part in target.corners])
+    return replace(moved, neighbours=target.neighbours)
+
+
+def _poses(target: GraspTarget, goal: Goal, cell: Cell) -> list[tuple[Array, float]]:
+    """Return the motions (4, 4) of the object that bring it to a goal, and their turns, rad."""
+    foot, place = _foot(target), placed(cell.T_world_base, goal.place)
+    found = []
+    for turn in _TURNS if goal.yaw is None else [np.deg2rad(goal.yaw)]:
+        R = about_z(turn)
+        found.append((rigid(R, np.array([*place[:2], foot[2]]) - R @ foot), float(turn)))
+    return found
+
+
+def _foot(target: GraspTarget) -> Array:
+    """Return the point (3,) m of the object that a goal is for: below the middle of its outline."""
+    corners = np.concatenate(target.corners)
+    return np.array([*middle(corners)[:2], 0.0])
+
+
+def _leans(target: GraspTarget) -> bool:
+    """Return True for an object that does not stand by itself: its centre is not over what it stands on."""
+    corners = np.concatenate(target.corners)
+    low = corners[corners[:, 2] < corners[:, 2].min() + _FOOT][:, :2]
+    off = np.maximum(low.min(0) - target.centre[:2], target.centre[:2] - low.max(0))
+    return bool(off.max() > _LEANS)

@@ -1,0 +1,132 @@
+"""Set down at a goal: planned in one piece, judged from the file, exported, replayed; or refused with a reason."""
+
+import json
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from test_request import block
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp import plan_cloud
+from dexgrasp.agent import public_info
+from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.cli.main import main
+from dexgrasp.geometry.request import PLACE_WORDS, GraspRequest
+from dexgrasp.grasp.file import record_of
+from dexgrasp.grasp.verify.verify import verify
+from dexgrasp_env.arrays import middle
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import check
+
+PHASES = ["approach", "lift", "carry", "set_down", "release", "retreat"]
+
+
+def asked(*goal, **more):
+    return plan_cloud(block(), seed=2, request=GraspRequest(goal=PLACE_WORDS.validate(goal), **more))
+
+
+@pytest.fixture(scope="module")
+def content():
+    """Return the file of a grasp that is set down a quarter turned."""
+    plan = asked(0.45, -0.25, 0.0, 90.0)
+    return json.loads(json.dumps(plan.contents("block")[0]))
+
+
+def failing(content):
+    return {check.name for check in verify(record_of(content)) if not check.holds}
+
+
+def test_the_file_has_all_phases_and_holds(content):
+    assert [phase["name"] for phase in content["script"]["phases"]] == PHASES
+    assert content["request"]["goal"]["yaw"] == 90.0
+    assert failing(content) == set()
+
+
+def test_the_judge_refuses_another_goal_and_a_changed_way(content):
+    def changed(edit):
+        other = json.loads(json.dumps(content))
+        edit(other)
+        return failing(other)
+
+    def shift(phase, row, joint, by):
+        return lambda other: other["script"]["phases"][phase]["setpoints"][row].__setitem__(
+            joint, other["script"]["phases"][phase]["setpoints"][row][joint] + by
+        )
+
+    assert changed(lambda c: c["request"]["goal"]["place"].__setitem__(0, 0.48)) == {"goal: off its place"}
+    assert changed(lambda c: c["request"]["goal"].__setitem__("yaw", 80.0)) == {"goal: off its heading"}
+    assert changed(lambda c: c["request"]["goal"]["place"].__setitem__(2, 0.05)) == {
+        "goal: height of its place"
+    }
+    assert "placing: one phase begins where the last ends as stated" in changed(shift(3, -1, 1, 0.02))
+    assert "retreat: hand open as stated" in changed(shift(5, 3, 9, 0.02))
+    assert "carry: fingers still as stated" in changed(shift(2, 5, 9, 0.02))
+    assert "release: arm still as stated" in changed(shift(4, 5, 1, 0.02))
+    with pytest.raises(InputError, match="with a goal alone"):
+        record_of(content | {"request": None})
+
+
+@pytest.mark.parametrize(
+    ("goal", "reason"),
+    [
+        ((0.9, 0.0, 0.0), "goal_off_table"),
+        ((0.45, -0.2, 0.1), "goal_not_on_table"),
+        ((0.84, 0.53, 0.0), "goal_out_of_reach"),
+    ],
+)
+def test_a_goal_that_cannot_be_is_refused_with_its_reason(goal, reason):
+    plan = asked(*goal, seconds=20.0)
+    assert plan.reason == f"no_grasp:{reason}"
+
+
+def test_what_stands_there_is_not_set_upon():
+    rng = np.random.default_rng(1)
+    other = rng.uniform(size=(3000, 3))
+    other[np.arange(3000), rng.integers(0, 3, 3000)] = rng.integers(0, 2, 3000)
+    points = np.concatenate([block(), [0.43, -0.27, 0.0] + other * 0.06])
+    goals = [(0.46, -0.24, 0.0), (0.6, -0.2, 0.0)]
+    plans = [
+        plan_cloud(
+            points, near=(0.52, 0.02, 0.04), seed=2, request=GraspRequest(goal=PLACE_WORDS.validate(goal))
+        )
+        for goal in goals
+    ]
+    assert [plan.reason for plan in plans] == ["no_grasp:goal_occupied", None]
+    (content,) = plans[1].contents("block")
+    assert failing(json.loads(json.dumps(content))) == set()
+
+
+def test_the_agent_sets_the_object_down():
+    agent = BilevelAgent(request=GraspRequest(goal=PLACE_WORDS.validate((0.4, -0.25, 0.0))))
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", disable_env_checker=True, **agent.env_settings)
+    observation, info = env.reset(seed=2)
+    agent.reset(observation, public_info(env, info))
+    target = agent.result.target
+    shift = np.array([0.4, -0.25]) - middle(np.concatenate(target.corners))[:2]
+    before = env.unwrapped.simulation.object_pose()
+    for _ in range(240):
+        observation, *_, info = env.step(agent.act(observation))
+    assert not info["is_grasped"]
+    after = env.unwrapped.simulation.object_pose()
+    assert np.linalg.norm((after - before)[:2] - shift) < 0.02
+    assert abs(after[2] - before[2]) < 0.005  # it stands as it lay
+
+
+def test_the_command_exports_and_replays_it(tmp_path, capsys):
+    grasp = tmp_path / "grasp"
+    place = ["--place", "0.45", "-0.2", "0"]
+    assert main(["plan", "sugar_box", "--seed", "1", "--out", str(grasp), *place]) == 0
+    assert main(["verify", str(grasp / "grasp.json")]) == 0
+    for kind in ("mjcf", "json", "ros2"):
+        assert (
+            main(["export", str(grasp / "grasp.json"), "--format", kind, "--out", str(tmp_path / kind)]) == 0
+        )
+    capsys.readouterr()
+    assert main(["check", str(tmp_path / "json")]) == 0
+    assert main(["check", str(tmp_path / "mjcf"), "--replay", "2", "--need", "1/2"]) == 0
+    assert "set down at its goal, nothing else touched" in capsys.readouterr().out
+    assert main(["plan", "pear", "--place", "1", "2"]) == 2
+    assert "valid is X Y Z" in capsys.readouterr().err
+    with pytest.raises(InputError, match="place is"):
+        check("place", (1, 2, 3, 4, 5), PLACE_WORDS)
