@@ -29,6 +29,20 @@ def add_arena(spec: mujoco.MjSpec, base: float) -> None:
     spec.worldbody.add_geom(size=[0.17, 0.012, 0], pos=[-0.04, 0, base - 0.012], **plinth)
 
 
+def add_belt(spec: mujoco.MjSpec, base: str) -> None:
+    """Lay a belt in the table, which then is only seen: so heavy that what stands on it does not slow it.
+
+    `base` is the robot's first body.
+    """
+    table = spec.geom("table")
+    table.name, table.contype, table.conaffinity = "table_seen", 0, 0
+    belt = spec.worldbody.add_body(name="belt", pos=spec.body("table").pos, gravcomp=1.0)
+    belt.add_freejoint(name="belt")
+    belt.add_geom(name="table", type=table.type, size=table.size, pos=table.pos, group=3, mass=1000.0)
+    spec.add_exclude(bodyname1="belt", bodyname2=base)  # as between bodies that stand still
+    spec.option.tolerance = 1e-12  # of the solver, relative to masses
+
+
 def add_bin(spec: mujoco.MjSpec) -> None:
     """Stand walls on the table around where all may be in clutter; cameras see them."""
     attach(spec, mujoco.MjSpec.from_file(str(asset_path("scene", "bin.xml"))), spec.worldbody.add_frame())

@@ -15,7 +15,7 @@ from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, robot_spec
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.scene.arena import add_arena, add_bin
+from dexgrasp_env.scene.arena import add_arena, add_belt, add_bin
 from dexgrasp_env.scene.constants import (
     FRICTION,
     ROLLING_FRICTION,
@@ -53,6 +53,7 @@ def scene_spec(
     friction: float = FRICTION,
     cameras: tuple[Camera, ...] = (),
     walled: bool = False,
+    belt: bool = False,
 ) -> mujoco.MjSpec:
     """Return the editable scene: robot base above or below the origin, table top at z = 0, free objects.
 
@@ -63,6 +64,7 @@ def scene_spec(
         friction: sliding friction coefficient of every contact.
         cameras: depth cameras to add, in the world frame.
         walled: whether it all stands in a bin.
+        belt: whether the table's top is a belt that can move, the last body.
     """
     spec = robot_spec(cell)
     spec.modelname = f"dexgrasp {model.name}"
@@ -71,6 +73,8 @@ def scene_spec(
         add_bin(spec)
     parts = [_add_object(spec, "object", model)]
     parts += [_add_object(spec, f"neighbour_{k}", shape) for k, shape in enumerate(neighbours)]
+    if belt:
+        add_belt(spec, cell.robot.bodies[0])
     for geom in spec.geoms:
         if geom.contype or geom.conaffinity:
             geom.friction = [friction, TORSIONAL_FRICTION, 0.0001]

@@ -105,6 +105,8 @@ class ClutterEpisodes(Episodes):
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
         assert isinstance(settings, ClutterSettings)
+        if settings.disturbance.moves:
+            raise InputError("Clutter has no moving objects: valid disturbances are none, pushed, shaken")
         self._clutter, self.walled = settings, settings.bin
         self.neighbours, self.around = settings.neighbours[1], settings.neighbour_objects
         first = next(iter(self.simulations.values())).base

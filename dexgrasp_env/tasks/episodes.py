@@ -24,6 +24,7 @@ from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
 from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
 from dexgrasp_env.tasks.grasps import Grasps
 from dexgrasp_env.tasks.infos import EpisodeInfos
+from dexgrasp_env.tasks.moving import MOTION, draw_motion, moves_now
 from dexgrasp_env.tasks.observations import FLAT, cut, layout, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
@@ -55,9 +56,11 @@ class Episodes(EpisodeInfos):
     def __init__(self, settings: LiftSettings, number: int) -> None:
         self.settings, self.views, robot = settings, CameraObserver(settings, number), settings.cell.robot
         self.simulations = {
-            target: Simulation(model, settings.cell)
+            target: Simulation(model, settings.cell, belt=settings.disturbance.moves)
             for target, model in settings.load_objects(settings.objects).items()
         }
+        if settings.disturbance.moves:
+            self.task_dtype = MOTION
         self.records, self.task_records = np.zeros(number, EPISODE), np.zeros(number, self.task_dtype)
         self.slots = [Slot() for _ in range(number)]
         self.one_model = number == 1
@@ -167,6 +170,8 @@ class Episodes(EpisodeInfos):
             simulation.place(pose, self.slots[i].joints)
             simulation.check_free()
         self._start_record(i, target, variation)
+        if settings.disturbance.moves:
+            self.task_records[i] = draw_motion(settings.disturbance, pose, settings.frame_skip, rng)
         return self._set_out(i, pose, rng, given is not None)
 
     def _draw_pose(self, model: ObjectModel, variation: Variation, rng: Generator) -> Array:
@@ -227,7 +232,7 @@ class Episodes(EpisodeInfos):
         joints = self.slots[i].joints
         self.commands[i] = self.settings.cell.robot.home if joints is None else joints
         record["grip_quat"][0] = 1.0
-        record["phase"] = PHASES.index("none" if self.settings.disturbance.kind == "none" else "before")
+        record["phase"] = PHASES.index("before" if self.settings.disturbance_steps else "none")
 
     # -- stepping ------------------------------------------------------------------------------------------------
 
@@ -240,7 +245,8 @@ class Episodes(EpisodeInfos):
             step: control steps since the actions were given.
 
         Returns:
-            Rows (N, frame_skip, n) rad for the physics steps, and pushes (N, 3) N on the object.
+            Rows (N, frame_skip, n) rad for the physics steps, and pushes (N, 3) N on the object, or its motion (N, 6),
+            `moving.moves_now`.
 
         Raises:
             InputError: for an action that is not finite.
@@ -251,6 +257,8 @@ class Episodes(EpisodeInfos):
             self.device.set_points(actions)
         elif not set_points(self.records, self.commands, actions, self.control, self._rows, self._push):
             check_finite(actions)
+        if self.settings.disturbance.moves:
+            return self._rows, moves_now(self.task_records, self.records)
         return self._rows, self._push
 
     def conclude(

@@ -43,7 +43,7 @@ def reward_weights(given: Mapping[str, float] | None) -> dict[str, float]:
 
 BACKENDS = ("mujoco", "warp")
 _VIEWS = 4
-OBSERVE = ("step", "reset", "clear")
+OBSERVE = ("step", "reset", "clear", "10hz")
 OF_CAMERAS = ("views", "calibration", "sensor", "observe")
 """Arguments that change nothing where no camera looks."""
 PICTURES = ("rgb_array", "depth_array")
@@ -177,6 +177,8 @@ class LiftSettings:
             raise InputError(
                 "backend='warp' has one action a control step, of joints or of the palm: valid is mujoco"
             )
+        if self.backend == "warp" and self.disturbance.moves:
+            raise InputError(f"backend='warp' has no disturbance {self.disturbance.kind!r}: valid is mujoco")
 
     @property
     def sees(self) -> bool:

@@ -38,9 +38,9 @@ _TOUCH = 1e-4  # m of penetration between object and robot that a pose may have
 
 
 @lru_cache(maxsize=64)
-def compiled_scene(model: ObjectModel, cell: Cell) -> mujoco.MjModel:
+def compiled_scene(model: ObjectModel, cell: Cell, belt: bool = False) -> mujoco.MjModel:
     """Compile the scene of an object once; callers copy it before they write to it."""
-    return build_scene(model, cell, cameras=cell.make_cameras())
+    return build_scene(model, cell, cameras=cell.make_cameras(), belt=belt)
 
 
 class PhysicsState(NamedTuple):
@@ -73,13 +73,14 @@ class Simulation:
     """
 
     def __init__(
-        self, model: ObjectModel, cell: Cell, neighbours: Sequence[ObjectModel] = (), *, walled: bool = False
-    ) -> None:
-        self.object, self.cell, self.neighbours = model, cell, tuple(neighbours)
+        self, model: ObjectModel, cell: Cell, neighbours: Sequence[ObjectModel] = (), *, walled: bool = False,
+        belt: bool = False,
+    ) -> None:  # fmt: skip
+        self.object, self.cell, self.neighbours, self.belt = model, cell, tuple(neighbours), belt
         self.base = (
             build_scene(model, cell, neighbours=neighbours, cameras=cell.make_cameras(), walled=walled)
             if neighbours
-            else compiled_scene(model, cell)
+            else compiled_scene(model, cell, belt)
         )
         self.model = copy.copy(self.base)
         self.data = data = mujoco.MjData(self.model)
@@ -119,7 +120,7 @@ class Simulation:
         robot = self.cell.robot
         begin = robot.home if joints is None else joints
         self.data.qpos[: robot.dof] = begin
-        self.data.qpos[robot.dof :] = poses.ravel()
+        self.data.qpos[robot.dof : robot.dof + poses.size] = poses.ravel()
         self.data.ctrl[:] = begin
 
     def object_pose(self) -> Array:
@@ -128,7 +129,7 @@ class Simulation:
 
     def poses(self) -> Array:
         """Return the poses of the object and its neighbours (k, 7): position m and quaternion wxyz."""
-        return self.data.qpos[self.cell.robot.dof :].reshape(-1, 7).copy()
+        return self.data.qpos[self.cell.robot.dof :].reshape(-1, 7)[: 1 + len(self.neighbours)].copy()
 
     def settle(self, steps: int = SETTLE_STEPS) -> None:
         """Advance so many physics steps to let objects come to rest; what depends on the state is current then."""

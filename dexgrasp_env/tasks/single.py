@@ -14,6 +14,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import Episodes
+from dexgrasp_env.tasks.moving import drive_belt
 from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS
 from dexgrasp_env.tasks.physics import give_physics
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -175,6 +176,8 @@ class SingleEnv(gym.Env[Arrays, Single], EzPickle):
         rows, push = self._episodes.set_points(actions, self.simulation, step)
         if self.settings.disturbance.kind == "pushed":
             self.data.xfrc_applied[self.simulation.body, :3] = push[0]
+        elif self.simulation.belt:
+            drive_belt(self.data.qpos, self.data.qvel, self.settings.cell.robot.dof, push[0])
         return rows
 
     def finish_step(self, bits: int) -> tuple[Arrays, float, bool, bool, Fields]:

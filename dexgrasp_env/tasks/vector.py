@@ -335,7 +335,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
     def _advance(self, actions: Array, running: NDArray[np.intp]) -> None:
         """Step those that run; the kernel passes over all rows, and what it makes of the others is overwritten."""
         episodes, physics, going = self._episodes, self._physics, running
-        everything, pushed = slice(None), self.settings.disturbance.kind == "pushed"
+        everything, pushed = slice(None), self.settings.disturbance.kind not in ("none", "shaken")
         gained, kept = np.zeros(self.num_envs), {}
         rngs = [None if over else rng for rng, over in zip(self._rngs, self._ended, strict=True)]
         for step in range(episodes.span):

@@ -1,0 +1,213 @@
+"""Agent `bilevel_tracking`: `bilevel` that watches the object at 10 Hz and goes after it while it moves."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.agent import BY_CLOUD, Observation
+from dexgrasp.geometry.tracking import PlanarTracker
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.trajectory import ActionScript
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, solve_palm
+from dexgrasp.mechanics.kinematics.tree import RobotTree
+from dexgrasp.motion.carrying import GuardedCarry
+from dexgrasp.motion.motion import arm_and_hand
+from dexgrasp.motion.move_until_contact import GuardedGrasp
+from dexgrasp.planning.plan_scene import plan_scene
+from dexgrasp.planning.result import PlanResult
+from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+
+from .bilevel import BilevelAgent
+from .stages import GoHome, LiftAndHold, Stage, TakeHold, way_home
+
+_OFF = np.array(
+    [0.006, 0.006, 0.07]
+)  # m and rad from where the plan has the object: from there on it has moved
+_STILL = np.array([0.004, 0.004, 0.06])  # m and rad within `_RECENT` looks, less than which is no motion
+_RECENT = 4
+_DISPLACED = 0.75  # s: what moves for longer is on a belt
+_LEAD = 1.75  # s that an approach takes, before it is planned
+_LAG = 0.15  # s by which the arm is behind its set-points
+_JOINED = 0.6  # share of the approach after which the hand moves as the object does
+_BRAKE = 0.2  # s in which the lift comes to rest over the table
+
+
+class FollowingGrasp(GuardedGrasp):
+    """Takes hold of an object that moves as it takes hold of one that rests: the arm adds the way since the plan.
+
+    Attributes:
+        shift: (3,) m, of the object from where the plan has it, when the arm gets there.
+    """
+
+    def __init__(self, script: ActionScript, grasp: Grasp) -> None:
+        """Prepare; see `GuardedGrasp`."""
+        super().__init__(script, grasp)
+        self.shift = np.zeros(3)
+
+    @property
+    def approached(self) -> float:
+        """Share of the approach that is done."""
+        return self._step / len(self._approach)
+
+    def _next(self, q: Array) -> Array:
+        if not self.shift.any():
+            return super()._next(q)
+        # Fingers are felt as if the arm was where the plan has it: its own lag is no contact.
+        row = super()._next(arm_and_hand(self.targets, q, self.tree))
+        joined = min(self.approached / _JOINED, 1.0)
+        return shifted(row, joined * joined * (3.0 - 2.0 * joined) * self.shift, self.tree)
+
+    def stop(self, velocity: Array) -> None:
+        """Move lift and hold to where the hand is, as it comes to rest from a velocity (3,) m/s."""
+        lift, hold = self.script.phases["lift"], self.script.phases["hold"]
+        seconds = CONTROL_PERIOD * np.arange(len(lift) + len(hold))
+        ways = self.shift + _BRAKE * (1.0 - np.exp(-seconds / _BRAKE))[:, None] * velocity
+        rows = [shifted(row, way, self.tree) for row, way in zip([*lift, *hold], ways, strict=True)]
+        moved = {"lift": np.array(rows[: len(lift)]), "hold": np.array(rows[len(lift) :])}
+        self.script = replace(self.script, phases={**self.script.phases, **moved})
+
+
+def shifted(row: Array, shift: Array, tree: RobotTree) -> Array:
+    """Return set-points (n,) rad with the palm moved by `shift` (3,) m, not turned, as far as the arm reaches."""
+    R, p = palm_frame(row, tree)
+    q = row.copy()
+    solve_palm(q, R, p + shift, tree, 20, 1e-4)
+    return q
+
+
+class Watch:
+    """An object that is watched from the first look on.
+
+    Attributes:
+        scene: of the first look.
+        tracker: of its object.
+        now: s since then.
+        since: s, when it began to move; None while it rests.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Begin with a scene that has a target."""
+        self.scene, self.tracker, self.now = scene, PlanarTracker(scene.target.points, 0.0), 0.0
+        self.since: float | None = None
+        self._last: Array = np.zeros(0)
+
+    def look(self, observation: Observation) -> None:
+        """Let a control step pass, and take in the cloud where it is new."""
+        self.now += CONTROL_PERIOD
+        cloud = observation["cloud"]
+        if not np.array_equal(cloud, self._last):
+            self._last = cloud
+            self.tracker.see(Scene.of_observation(observation).target.points, self.now)
+
+    @property
+    def moving(self) -> bool:
+        """True while the last looks differ."""
+        recent = np.array(self.tracker.poses[-_RECENT:])
+        return bool((np.ptp(recent, axis=0) > _STILL).any())
+
+    def at(self, seconds: float) -> Scene:
+        """Return the scene of the first look with the object where it will be then."""
+        T = self.tracker.matrix(self.tracker.at(seconds))
+        return replace(self.scene, target=self.scene.target.placed(T))
+
+
+@dataclass(frozen=True, eq=False)
+class Follow(TakeHold):
+    """Approach and take hold, with an eye on the object: wait while it is being moved, plan anew, go along on a belt.
+
+    Attributes:
+        watch: of the object.
+        planned: (3,) pose that the plan has the object in.
+        velocity: (3,) m/s of the belt; zeros on a table.
+        renewals: plans since the first.
+        waits: where the arm waits, the action that keeps it there.
+    """
+
+    motion: FollowingGrasp
+    watch: Watch = field(kw_only=True)
+    planned: Array = field(kw_only=True)
+    velocity: Array = field(default_factory=lambda: np.zeros(3), kw_only=True)
+    renewals: int = field(default=0, kw_only=True)
+    kept: list[Single] = field(default_factory=list, kw_only=True)
+
+    def act(self, observation: Observation) -> Single:
+        """Return the next set-points, or the last while the object is being moved."""
+        if self.watch.since is None or not self.kept:
+            self.kept[:] = [super().act(observation)]
+        return self.kept[0]
+
+    def next(self, observation: Observation) -> Stage:
+        """Return this stage, one of another plan, or the one that lifts."""
+        motion, watch = self.motion, self.watch
+        if motion.done:
+            if not self.velocity.any():
+                return super().next(observation)
+            motion.stop(self.velocity)
+            return LiftAndHold(self.state, GuardedCarry(motion))
+        if motion.approached == 1.0:  # from here on the hand hides it
+            watch.now += CONTROL_PERIOD
+        else:
+            watch.look(observation)
+        pose = watch.tracker.at(watch.now + _LAG) if self.velocity.any() else watch.tracker.pose
+        if self.velocity.any():
+            motion.shift[:2] = (pose - self.planned)[:2]
+            return self
+        if motion.approached == 1.0:
+            return self
+        if watch.since is None and not (np.abs(pose - self.planned) > _OFF).any():
+            return self
+        watch.since = watch.now if watch.since is None else watch.since
+        if not watch.moving:
+            return self._renewed(observation, np.zeros(3))
+        if watch.now - watch.since > _DISPLACED:
+            return self._renewed(observation, np.append(watch.tracker.velocity[:2], 0.0))
+        return self
+
+    def _renewed(self, observation: Observation, velocity: Array) -> Stage:
+        """Return the stage with a plan for where the object is, or will be; the way home where there is none."""
+        episode, watch, lead = self.state.episode, self.watch, _LEAD
+        start = episode.start(observation)
+        plan: PlanResult | None = None
+        for _ in range(2 if velocity.any() else 1):
+            when = watch.now + (lead + _LAG if velocity.any() else 0.0)
+            plan = plan_scene(episode.planner, watch.at(when), episode.seed, start)
+            if not plan.found:
+                home = way_home(self.state, observation) if self.state.looks else None
+                watch.since = None
+                return self if home is None else GoHome(self.state, home)
+            lead = CONTROL_PERIOD * len(plan.found[0][1].phases["approach"])
+        watch.since = None
+        grasp, script = plan.found[0]
+        return Follow(
+            self.state._replace(plan=plan), FollowingGrasp(script, grasp), watch=watch,
+            planned=watch.tracker.at(when), velocity=velocity, renewals=self.renewals + 1,
+        )  # fmt: skip
+
+
+class TrackingAgent(BilevelAgent):
+    """The same with an eye on the object: its pose is followed in the clouds, and the plan renewed when it moves."""
+
+    env_settings = BY_CLOUD | {"observe": "10hz"}
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Plan from the cloud of the first observation, and watch from there."""
+        self._seen = self._scene(observation, info)
+        super().reset(observation, info)
+
+    def act(self, observation: Observation) -> Single:
+        """Return the next set-points."""
+        if isinstance(self._stage, GoHome):
+            self._seen = self._scene(observation, {})
+        return super().act(observation)
+
+    def _enter(self, stage: Stage | None) -> None:
+        if type(stage) is TakeHold and stage.rearrangement is None and len(self._seen.target):
+            motion = FollowingGrasp(stage.motion.script, stage.motion.grasp)
+            stage = Follow(stage.state, motion, news=stage.news, watch=Watch(self._seen), planned=np.zeros(3))
+        super()._enter(stage)
+        if isinstance(stage, Follow) and stage.renewals:
+            self.result, self.report.details["renewals"] = None, stage.renewals

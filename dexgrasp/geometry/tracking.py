@@ -1,0 +1,89 @@
+"""Pose of a rigid object that moves on a table, followed by the clouds that are seen of it."""
+
+from collections import deque
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dexgrasp_env.arrays import Array
+
+_MOST, _LEAST = 400, 30  # points of a cloud that are looked at, and that there have to be
+_KEPT = 0.8  # share of the points, the nearest: others are of sides that were hidden, or of the hand
+_ROUNDS, _STILL = 30, 1e-5  # of a fit, and the change, m and rad, that ends it
+_FITS = 0.004  # m, mean distance of a fit that is one
+_TURNS = np.radians([0, -60, -40, -20, 20, 40, 60])  # tried where the object is not where it was going
+_SPAN = 5  # looks that a velocity is taken from
+
+
+class PlanarTracker:
+    """Follows an object from the cloud of its first look on.
+
+    A pose is (3,): shift m along x and y of the first cloud's middle, and turn rad about the vertical through it.
+
+    Attributes:
+        pose: at the last look.
+        velocity: (3,) m/s and rad/s.
+        seconds: of the last look.
+    """
+
+    def __init__(self, points: Array, seconds: float) -> None:
+        """Take the cloud (N, 3) m that the others are compared with."""
+        self._points, self._tree, self._middle = points, cKDTree(points), points[:, :2].mean(0)
+        self.pose, self.velocity, self.seconds = np.zeros(3), np.zeros(3), seconds
+        self._times, self._poses = deque([seconds], _SPAN), deque([self.pose], _SPAN)
+
+    @property
+    def poses(self) -> list[Array]:
+        """Poses at the last looks."""
+        return list(self._poses)
+
+    def see(self, points: Array, seconds: float) -> bool:
+        """Update the pose by a cloud (N, 3) m; return False where that is not of the object, or too little of it."""
+        if len(points) < _LEAST:
+            return False
+        points = points[:: -(-len(points) // _MOST)]
+        expected = self.at(seconds)
+        pose, error = self._fit(points, expected)
+        if error > _FITS:
+            shift = points[:, :2].mean(0) - self._middle
+            fits = [self._fit(points, np.array([*shift, expected[2] + turn])) for turn in _TURNS]
+            pose, error = min([(pose, error), *fits], key=lambda fit: fit[1])
+        if error > 2.0 * _FITS:
+            return False
+        self.pose, self.seconds = pose, seconds
+        self._times.append(seconds)
+        self._poses.append(pose)
+        times = np.array(self._times) - np.mean(self._times)
+        self.velocity = times @ np.array(self._poses) / (times @ times)
+        return True
+
+    def at(self, seconds: float) -> Array:
+        """Return the pose (3,) at a time, at the velocity it has."""
+        return self.pose + (seconds - self.seconds) * self.velocity
+
+    def matrix(self, pose: Array) -> Array:
+        """Return a pose as what moves points (4, 4)."""
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        T = np.eye(4)
+        T[:2, :2] = [[c, -s], [s, c]]
+        T[:2, 3] = self._middle + pose[:2] - T[:2, :2] @ self._middle
+        return T
+
+    def _fit(self, points: Array, pose: Array) -> tuple[Array, float]:
+        """Return the pose next to one by iterated closest points, and the mean distance of those that count, m."""
+        error = np.inf
+        for _ in range(_ROUNDS):
+            T = self.matrix(pose)
+            distance, near = self._tree.query((points - T[:3, 3]) @ T[:3, :3])
+            kept = distance <= np.quantile(distance, _KEPT)
+            model, seen, error = self._points[near[kept], :2], points[kept, :2], float(distance[kept].mean())
+            spread = (model - model.mean(0)).T @ (seen - seen.mean(0))
+            turn = np.arctan2(spread[0, 1] - spread[1, 0], spread[0, 0] + spread[1, 1])
+            c, s = np.cos(turn), np.sin(turn)
+            moved = np.array([[c, -s], [s, c]]) @ (model.mean(0) - self._middle)
+            new = np.array([*(seen.mean(0) - moved - self._middle), turn])
+            new[2] += 2.0 * np.pi * np.round((pose[2] - turn) / (2.0 * np.pi))
+            change, pose = np.abs(new - pose).max(), new
+            if change < _STILL:
+                break
+        return pose, error
