@@ -29,6 +29,7 @@ _OFF = np.array(
 )  # m and rad from where the plan has the object: from there on it has moved
 _STILL = np.array([0.004, 0.004, 0.06])  # m and rad within `_RECENT` looks, less than which is no motion
 _RECENT = 4
+_EVEN = np.array([0.003, 0.003, 0.06])  # m and rad, by which what is on a belt is off an even motion
 _DISPLACED = 0.75  # s: what moves for longer is on a belt
 _LEAD = 1.75  # s that an approach takes, before it is planned
 _LAG = 0.15  # s by which the arm is behind its set-points
@@ -163,7 +164,7 @@ class Follow(TakeHold):
         watch.since = watch.now if watch.since is None else watch.since
         if not watch.moving:
             return self._renewed(observation, np.zeros(3))
-        if watch.now - watch.since > _DISPLACED:
+        if watch.now - watch.since > _DISPLACED and (watch.tracker.unevenness < _EVEN).all():
             return self._renewed(observation, np.append(watch.tracker.velocity[:2], 0.0))
         return self
 

@@ -11,7 +11,7 @@ _MOST, _LEAST = 400, 30  # points of a cloud that are looked at, and that there 
 _KEPT = 0.8  # share of the points, the nearest: others are of sides that were hidden, or of the hand
 _ROUNDS, _STILL = 30, 1e-5  # of a fit, and the change, m and rad, that ends it
 _FITS = 0.004  # m, mean distance of a fit that is one
-_TURNS = np.radians([0, -60, -40, -20, 20, 40, 60])  # tried where the object is not where it was going
+_TURNS = np.radians([-60, -40, -20, 20, 40, 60])  # tried where the object is not where it was going
 _SPAN = 5  # looks that a velocity is taken from
 
 
@@ -23,6 +23,7 @@ class PlanarTracker:
     Attributes:
         pose: at the last look.
         velocity: (3,) m/s and rad/s.
+        unevenness: (3,) m and rad, by which the last poses are off those at this velocity.
         seconds: of the last look.
     """
 
@@ -31,6 +32,7 @@ class PlanarTracker:
         self._points, self._tree, self._middle = points, cKDTree(points), points[:, :2].mean(0)
         self.pose, self.velocity, self.seconds = np.zeros(3), np.zeros(3), seconds
         self._times, self._poses = deque([seconds], _SPAN), deque([self.pose], _SPAN)
+        self.unevenness = np.full(3, np.inf)
 
     @property
     def poses(self) -> list[Array]:
@@ -42,12 +44,12 @@ class PlanarTracker:
         if len(points) < _LEAST:
             return False
         points = points[:: -(-len(points) // _MOST)]
-        expected = self.at(seconds)
-        pose, error = self._fit(points, expected)
-        if error > _FITS:
-            shift = points[:, :2].mean(0) - self._middle
-            fits = [self._fit(points, np.array([*shift, expected[2] + turn])) for turn in _TURNS]
-            pose, error = min([(pose, error), *fits], key=lambda fit: fit[1])
+        shift = points[:, :2].mean(0) - self._middle
+        starts = [self.pose, self.at(seconds), np.append(shift, self.pose[2])]
+        fits = [self._fit(points, start) for start in starts]
+        if min(error for _, error in fits) > _FITS:
+            fits += [self._fit(points, np.append(shift, self.pose[2] + turn)) for turn in _TURNS]
+        pose, error = min(fits, key=lambda fit: fit[1])
         if error > 2.0 * _FITS:
             return False
         self.pose, self.seconds = pose, seconds
@@ -55,6 +57,9 @@ class PlanarTracker:
         self._poses.append(pose)
         times = np.array(self._times) - np.mean(self._times)
         self.velocity = times @ np.array(self._poses) / (times @ times)
+        self.unevenness = np.abs(
+            self._poses - np.mean(self._poses, axis=0) - times[:, None] * self.velocity
+        ).max(0)
         return True
 
     def at(self, seconds: float) -> Array:
