@@ -42,7 +42,7 @@ def test_every_command_is_offered(offered):
     [
         ("dexgrasp plan", "pea", {"pear", "pears.stl"}),
         ("dexgrasp plan pear", "--se", {"--seed"}),
-        ("dexgrasp evaluate --agents", "bil", {"bilevel", "bilevel_alone"}),
+        ("dexgrasp evaluate --agents", "bil", {"bilevel", "bilevel_alone", "bilevel_tracking"}),
         (
             "dexgrasp evaluate --agents bilevel --protocol",
             "slip",
