@@ -46,12 +46,9 @@ class Episodes(EpisodeInfos):
     task_dtype = np.dtype([])
     """Of what the task notes of an episode beside its record."""
     walled = False  # whether what is set out stands in a bin
-    options: tuple[str, ...] = ("object", "object_pose", "joints", "state")
-    """Of a reset."""
-    neighbours = 0
-    """Most objects beside the one that is meant."""
-    around: Objects = ()
-    """What they are drawn from."""
+    options: tuple[str, ...] = ("object", "object_pose", "joints", "state")  # of a reset
+    neighbours = 0  # most objects beside the one that is meant
+    around: Objects = ()  # what they are drawn from
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
         self.settings, self.views, robot = settings, CameraObserver(settings, number), settings.cell.robot
@@ -59,9 +56,8 @@ class Episodes(EpisodeInfos):
             target: Simulation(model, settings.cell, belt=settings.disturbance.moves)
             for target, model in settings.load_objects(settings.objects).items()
         }
-        if settings.disturbance.moves:
-            self.task_dtype = MOTION
-        self.records, self.task_records = np.zeros(number, EPISODE), np.zeros(number, self.task_dtype)
+        noted = MOTION if settings.disturbance.moves else self.task_dtype
+        self.records, self.task_records = np.zeros(number, EPISODE), np.zeros(number, noted)
         self.slots = [Slot() for _ in range(number)]
         self.one_model = number == 1
         """Whether episodes of an object share its scene's model, which is varied anew for each that is entered."""
@@ -222,7 +218,7 @@ class Episodes(EpisodeInfos):
 
     def _start_record(self, i: int, target: str, variation: Variation) -> None:
         model, record = self.simulations[target].object, self.records[i]
-        self.records[i], self.task_records[i] = np.zeros((), EPISODE), np.zeros((), self.task_dtype)
+        self.records[i], self.task_records[i] = np.zeros((), EPISODE), np.zeros((), self.task_records.dtype)
         record["half_extents"] = 0.5 * model.extents * variation.size
         record["mass"] = model.mass * variation.mass * variation.size**3
         record["size"] = variation.size
@@ -245,8 +241,7 @@ class Episodes(EpisodeInfos):
             step: control steps since the actions were given.
 
         Returns:
-            Rows (N, frame_skip, n) rad for the physics steps, and pushes (N, 3) N on the object, or its motion (N, 6),
-            `moving.moves_now`.
+            Rows (N, frame_skip, n) rad for the physics steps, and pushes (N, 3) N on the objects, or their `moves_now`.
 
         Raises:
             InputError: for an action that is not finite.
@@ -257,9 +252,8 @@ class Episodes(EpisodeInfos):
             self.device.set_points(actions)
         elif not set_points(self.records, self.commands, actions, self.control, self._rows, self._push):
             check_finite(actions)
-        if self.settings.disturbance.moves:
-            return self._rows, moves_now(self.task_records, self.records)
-        return self._rows, self._push
+        moves = self.settings.disturbance.moves
+        return self._rows, moves_now(self.task_records, self.records) if moves else self._push
 
     def conclude(
         self,
