@@ -124,9 +124,9 @@ class LiftEnv(SingleEnv):
     ## Episode End
 
     Terminates when the object leaves the workspace (`failure` is `object_lost`) or numbers go wrong
-    (`simulation_diverged`). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay up.
-    Pushes or shaking begin once the object has been held for 1 s, and success is then the 3 s hold after their end
-    with the object moved at most 6 cm in the palm's frame; that takes `disturbance_steps` (80 pushed, 40 shaken), by which the
+    (`simulation_diverged`). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay up. Pushes or
+    shaking begin once the object has been held for 1 s, and success is then the 3 s hold after their end with the
+    object moved at most 6 cm in the palm's frame; that takes `disturbance_steps` (80 pushed, 40 shaken), by which the
     time limit should grow: `LiftPushed-v2` has 380, elsewhere pass `max_episode_steps`; with the usual 300 a warning
     says what. It does so too where a `frame_skip` below 25 makes fewer seconds of 300 steps.
 
