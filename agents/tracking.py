@@ -8,21 +8,18 @@ import numpy as np
 
 from dexgrasp.agent import BY_CLOUD, Observation
 from dexgrasp.geometry.tracking import PlanarTracker
-from dexgrasp.grasp.grasp import Grasp
-from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, solve_palm
 from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.motion import arm_and_hand
 from dexgrasp.motion.move_until_contact import GuardedGrasp
 from dexgrasp.planning.plan_scene import plan_scene
-from dexgrasp.planning.result import PlanResult
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 from .bilevel import BilevelAgent
-from .stages import GoHome, LiftAndHold, Stage, TakeHold, way_home
+from .stages import GoHome, LiftAndHold, SlideToEdge, Stage, TakeHold, take_hold, way_home
 
 _OFF = np.array(
     [0.006, 0.006, 0.07]
@@ -31,7 +28,7 @@ _STILL = np.array([0.004, 0.004, 0.06])  # m and rad within `_RECENT` looks, les
 _RECENT = 4
 _EVEN = np.array([0.003, 0.003, 0.06])  # m and rad, by which what is on a belt is off an even motion
 _DISPLACED = 0.75  # s: what moves for longer is on a belt
-_LEAD = 1.75  # s that an approach takes, before it is planned
+_LEAD = 1.9  # s that an approach takes, and the arm behind it
 _LAG = 0.15  # s by which the arm is behind its set-points
 _JOINED = 0.6  # share of the approach after which the hand moves as the object does
 _BRAKE = 0.2  # s in which the lift comes to rest over the table
@@ -44,15 +41,20 @@ class FollowingGrasp(GuardedGrasp):
         shift: (3,) m, of the object from where the plan has it, when the arm gets there.
     """
 
-    def __init__(self, script: ActionScript, grasp: Grasp) -> None:
-        """Prepare; see `GuardedGrasp`."""
-        super().__init__(script, grasp)
+    def __init__(self, held: GuardedGrasp) -> None:
+        """Take the motion for an object that rests."""
+        super().__init__(held.script, held.grasp)
         self.shift = np.zeros(3)
 
     @property
     def approached(self) -> float:
         """Share of the approach that is done."""
         return self._step / len(self._approach)
+
+    @property
+    def free(self) -> bool:
+        """True until a finger touches, as far as the joints can tell."""
+        return not (self._touched.any() or self._settled)
 
     def _next(self, q: Array) -> Array:
         if not self.shift.any():
@@ -96,18 +98,18 @@ class Watch:
         self.since: float | None = None
         self._last: Array = np.zeros(0)
 
-    def look(self, observation: Observation) -> None:
-        """Let a control step pass, and take in the cloud where it is new."""
+    def look(self, observation: Observation, free: bool) -> None:
+        """Let a control step pass, and take in the cloud where it is new and no hand is on the object."""
         self.now += CONTROL_PERIOD
         cloud = observation["cloud"]
-        if not np.array_equal(cloud, self._last):
+        if free and not np.array_equal(cloud, self._last):
             self._last = cloud
             self.tracker.see(Scene.of_observation(observation).target.points, self.now)
 
     @property
     def moving(self) -> bool:
         """True while the last looks differ."""
-        recent = np.array(self.tracker.poses[-_RECENT:])
+        recent = np.array(self.tracker.poses)[-_RECENT:]
         return bool((np.ptp(recent, axis=0) > _STILL).any())
 
     def at(self, seconds: float) -> Scene:
@@ -125,7 +127,7 @@ class Follow(TakeHold):
         planned: (3,) pose that the plan has the object in.
         velocity: (3,) m/s of the belt; zeros on a table.
         renewals: plans since the first.
-        waits: where the arm waits, the action that keeps it there.
+        kept: the last action, in a list.
     """
 
     motion: FollowingGrasp
@@ -149,17 +151,14 @@ class Follow(TakeHold):
                 return super().next(observation)
             motion.stop(self.velocity)
             return LiftAndHold(self.state, GuardedCarry(motion))
-        if motion.approached == 1.0:  # from here on the hand hides it
-            watch.now += CONTROL_PERIOD
-        else:
-            watch.look(observation)
-        pose = watch.tracker.at(watch.now + _LAG) if self.velocity.any() else watch.tracker.pose
+        watch.look(observation, motion.free)
         if self.velocity.any():
-            motion.shift[:2] = (pose - self.planned)[:2]
+            motion.shift[:2] = (watch.tracker.at(watch.now + _LAG) - self.planned)[:2]
             return self
-        if motion.approached == 1.0:
-            return self
-        if watch.since is None and not (np.abs(pose - self.planned) > _OFF).any():
+        if not motion.free or (
+            watch.since is None and not (np.abs(watch.tracker.pose - self.planned) > _OFF).any()
+        ):
+            watch.since = None
             return self
         watch.since = watch.now if watch.since is None else watch.since
         if not watch.moving:
@@ -170,21 +169,14 @@ class Follow(TakeHold):
 
     def _renewed(self, observation: Observation, velocity: Array) -> Stage:
         """Return the stage with a plan for where the object is, or will be; the way home where there is none."""
-        episode, watch, lead = self.state.episode, self.watch, _LEAD
-        start = episode.start(observation)
-        plan: PlanResult | None = None
-        for _ in range(2 if velocity.any() else 1):
-            when = watch.now + (lead + _LAG if velocity.any() else 0.0)
-            plan = plan_scene(episode.planner, watch.at(when), episode.seed, start)
-            if not plan.found:
-                home = way_home(self.state, observation) if self.state.looks else None
-                watch.since = None
-                return self if home is None else GoHome(self.state, home)
-            lead = CONTROL_PERIOD * len(plan.found[0][1].phases["approach"])
-        watch.since = None
-        grasp, script = plan.found[0]
+        episode, watch = self.state.episode, self.watch
+        when, watch.since = watch.now + (_LEAD if velocity.any() else 0.0), None
+        plan = plan_scene(episode.planner, watch.at(when), episode.seed, episode.start(observation))
+        if not plan.found:
+            home = way_home(self.state, observation) if self.state.looks else None
+            return self if home is None else GoHome(self.state, home)
         return Follow(
-            self.state._replace(plan=plan), FollowingGrasp(script, grasp), watch=watch,
+            self.state._replace(plan=plan), FollowingGrasp(take_hold(plan)), watch=watch,
             planned=watch.tracker.at(when), velocity=velocity, renewals=self.renewals + 1,
         )  # fmt: skip
 
@@ -194,21 +186,16 @@ class TrackingAgent(BilevelAgent):
 
     env_settings = BY_CLOUD | {"observe": "10hz"}
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
-        """Plan from the cloud of the first observation, and watch from there."""
-        self._seen = self._scene(observation, info)
-        super().reset(observation, info)
-
-    def act(self, observation: Observation) -> Single:
-        """Return the next set-points."""
-        if isinstance(self._stage, GoHome):
-            self._seen = self._scene(observation, {})
-        return super().act(observation)
+    def _scene(self, observation: Observation, info: Mapping[str, Any]) -> Scene:
+        self._seen = super()._scene(observation, info)
+        return self._seen
 
     def _enter(self, stage: Stage | None) -> None:
-        if type(stage) is TakeHold and stage.rearrangement is None and len(self._seen.target):
-            motion = FollowingGrasp(stage.motion.script, stage.motion.grasp)
-            stage = Follow(stage.state, motion, news=stage.news, watch=Watch(self._seen), planned=np.zeros(3))
+        # No camera looks past the edge that an object was slid over.
+        seen = bool(len(self._seen.target)) and not isinstance(self._stage, SlideToEdge)
+        if seen and type(stage) is TakeHold and stage.rearrangement is None:
+            motion, watch = FollowingGrasp(stage.motion), Watch(self._seen)
+            stage = Follow(stage.state, motion, news=stage.news, watch=watch, planned=np.zeros(3))
         super()._enter(stage)
         if isinstance(stage, Follow) and stage.renewals:
             self.result, self.report.details["renewals"] = None, stage.renewals

@@ -12,6 +12,7 @@ _KEPT = 0.8  # share of the points, the nearest: others are of sides that were h
 _ROUNDS, _STILL = 30, 1e-5  # of a fit, and the change, m and rad, that ends it
 _FITS = 0.004  # m, mean distance of a fit that is one
 _TURNS = np.radians([-60, -40, -20, 20, 40, 60])  # tried where the object is not where it was going
+_BETTER = 3e-4  # m by which a fit has to be better than that at the last pose: what is round does not turn
 _SPAN = 5  # looks that a velocity is taken from
 
 
@@ -22,6 +23,7 @@ class PlanarTracker:
 
     Attributes:
         pose: at the last look.
+        poses: at the last looks.
         velocity: (3,) m/s and rad/s.
         unevenness: (3,) m and rad, by which the last poses are off those at this velocity.
         seconds: of the last look.
@@ -31,13 +33,8 @@ class PlanarTracker:
         """Take the cloud (N, 3) m that the others are compared with."""
         self._points, self._tree, self._middle = points, cKDTree(points), points[:, :2].mean(0)
         self.pose, self.velocity, self.seconds = np.zeros(3), np.zeros(3), seconds
-        self._times, self._poses = deque([seconds], _SPAN), deque([self.pose], _SPAN)
+        self._times, self.poses = deque([seconds], _SPAN), deque([self.pose], _SPAN)
         self.unevenness = np.full(3, np.inf)
-
-    @property
-    def poses(self) -> list[Array]:
-        """Poses at the last looks."""
-        return list(self._poses)
 
     def see(self, points: Array, seconds: float) -> bool:
         """Update the pose by a cloud (N, 3) m; return False where that is not of the object, or too little of it."""
@@ -49,17 +46,16 @@ class PlanarTracker:
         fits = [self._fit(points, start) for start in starts]
         if min(error for _, error in fits) > _FITS:
             fits += [self._fit(points, np.append(shift, self.pose[2] + turn)) for turn in _TURNS]
-        pose, error = min(fits, key=lambda fit: fit[1])
+        k = min(range(len(fits)), key=lambda k: fits[k][1] + _BETTER * (k > 0))
+        pose, error = fits[k]
         if error > 2.0 * _FITS:
             return False
         self.pose, self.seconds = pose, seconds
         self._times.append(seconds)
-        self._poses.append(pose)
-        times = np.array(self._times) - np.mean(self._times)
-        self.velocity = times @ np.array(self._poses) / (times @ times)
-        self.unevenness = np.abs(
-            self._poses - np.mean(self._poses, axis=0) - times[:, None] * self.velocity
-        ).max(0)
+        self.poses.append(pose)
+        times, poses = np.array(self._times) - np.mean(self._times), np.array(self.poses)
+        self.velocity = times @ poses / (times @ times)
+        self.unevenness = np.abs(poses - poses.mean(0) - times[:, None] * self.velocity).max(0)
         return True
 
     def at(self, seconds: float) -> Array:

@@ -28,21 +28,20 @@ def draw_motion(disturbance: Disturbance, pose: Array, frame_skip: int, rng: Gen
     A displacement is even in a disc, and mirrored where it would leave the area that objects are placed in; a belt runs
     along y, towards the far side.
     """
-    motion = np.zeros((), MOTION)
     u, size = rng.random(4), 0.01 * disturbance.size
     if disturbance.kind == "belt":
-        motion["twist"] = 0.0, -math.copysign(size, pose[1]), 0.0
-        motion["ends"], motion["steady"] = _FOREVER, True
-        return motion
-    far, direction = size * math.sqrt(u[0]), 2.0 * math.pi * u[1]
-    ways = [far * math.cos(direction), far * math.sin(direction)]
-    for k, (low, high) in enumerate((PLACE_X, PLACE_Y)):
-        ways[k] = ways[k] if low <= pose[k] + ways[k] <= high else -ways[k]
+        return np.array((0, _FOREVER, (0.0, -math.copysign(size, pose[1]), 0.0), True, np.zeros(3)), MOTION)
     seconds = MOVE_STEPS / 20
-    motion["twist"] = ways[0] / seconds, ways[1] / seconds, (2.0 * u[2] - 1.0) * _MOST_TURN / seconds
-    motion["starts"] = at_pace(round(_SOONEST + u[3] * (_LATEST - _SOONEST)), frame_skip)
-    motion["ends"] = motion["starts"] + at_pace(MOVE_STEPS, frame_skip)
-    return motion
+    speed, direction = size * math.sqrt(u[0]) / seconds, 2.0 * math.pi * u[1]
+    twist = [
+        speed * math.cos(direction),
+        speed * math.sin(direction),
+        (2.0 * u[2] - 1.0) * _MOST_TURN / seconds,
+    ]
+    for k, (low, high) in enumerate((PLACE_X, PLACE_Y)):
+        twist[k] *= 1.0 if low <= pose[k] + seconds * twist[k] <= high else -1.0
+    starts = at_pace(round(_SOONEST + u[3] * (_LATEST - _SOONEST)), frame_skip)
+    return np.array((starts, starts + at_pace(MOVE_STEPS, frame_skip), twist, False, np.zeros(3)), MOTION)
 
 
 def moves_now(motions: NDArray[np.void], records: NDArray[np.void]) -> Array:
