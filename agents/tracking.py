@@ -21,13 +21,9 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from .bilevel import BilevelAgent
 from .stages import GoHome, LiftAndHold, SlideToEdge, Stage, TakeHold, take_hold, way_home
 
-_OFF = np.array(
-    [0.006, 0.006, 0.07]
-)  # m and rad from where the plan has the object: from there on it has moved
-_STILL = np.array([0.004, 0.004, 0.06])  # m and rad within `_RECENT` looks, less than which is no motion
-_RECENT = 4
-_EVEN = np.array([0.003, 0.003, 0.06])  # m and rad, by which what is on a belt is off an even motion
-_DISPLACED = 0.75  # s: what moves for longer is on a belt
+_STILL = np.array([0.004, 0.004, 0.06])  # m and rad, less than which is no motion
+_RECENT = 4  # looks that show whether the object rests
+_DISPLACED = 0.75  # s: what moves evenly for longer is on a belt
 _LEAD = 1.9  # s that an approach takes, and the arm behind it
 _LAG = 0.15  # s by which the arm is behind its set-points
 _JOINED = 0.6  # share of the approach after which the hand moves as the object does
@@ -90,11 +86,15 @@ class Watch:
         tracker: of its object.
         now: s since then.
         since: s, when it began to move; None while it rests.
+        planned: (3,) pose that the plan has it in.
+        velocity: (3,) m/s of the belt that it was found to be on; zeros on a table.
+        renewals: plans since the first.
     """
 
     def __init__(self, scene: Scene) -> None:
         """Begin with a scene that has a target."""
         self.scene, self.tracker, self.now = scene, PlanarTracker(scene.target.points, 0.0), 0.0
+        self.planned, self.velocity, self.renewals = np.zeros(3), np.zeros(3), 0
         self.since: float | None = None
         self._last: Array = np.zeros(0)
 
@@ -105,17 +105,20 @@ class Watch:
         if free and not np.array_equal(cloud, self._last):
             self._last = cloud
             self.tracker.see(Scene.of_observation(observation).target.points, self.now)
+        off = (np.abs(self.tracker.pose - self.planned) > 1.5 * _STILL).any()
+        if not free or self.velocity.any():
+            self.since = None
+        elif self.since is None and off:
+            self.since = self.now
 
-    @property
-    def moving(self) -> bool:
-        """True while the last looks differ."""
-        recent = np.array(self.tracker.poses)[-_RECENT:]
-        return bool((np.ptp(recent, axis=0) > _STILL).any())
-
-    def at(self, seconds: float) -> Scene:
-        """Return the scene of the first look with the object where it will be then."""
-        T = self.tracker.matrix(self.tracker.at(seconds))
-        return replace(self.scene, target=self.scene.target.placed(T))
+    def outcome(self) -> Array | None:
+        """Return the velocity (3,) m/s with which what has moved goes on, zeros where it rests; None: not yet known."""
+        if self.since is None:
+            return None
+        if (np.ptp(np.array(self.tracker.poses)[-_RECENT:], axis=0) < _STILL).all():
+            return np.zeros(3)
+        even = (self.tracker.unevenness < _STILL).all() and self.now - self.since > _DISPLACED
+        return np.append(self.tracker.velocity[:2], 0.0) if even else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,17 +127,11 @@ class Follow(TakeHold):
 
     Attributes:
         watch: of the object.
-        planned: (3,) pose that the plan has the object in.
-        velocity: (3,) m/s of the belt; zeros on a table.
-        renewals: plans since the first.
         kept: the last action, in a list.
     """
 
     motion: FollowingGrasp
     watch: Watch = field(kw_only=True)
-    planned: Array = field(kw_only=True)
-    velocity: Array = field(default_factory=lambda: np.zeros(3), kw_only=True)
-    renewals: int = field(default=0, kw_only=True)
     kept: list[Single] = field(default_factory=list, kw_only=True)
 
     def act(self, observation: Observation) -> Single:
@@ -146,39 +143,29 @@ class Follow(TakeHold):
     def next(self, observation: Observation) -> Stage:
         """Return this stage, one of another plan, or the one that lifts."""
         motion, watch = self.motion, self.watch
+        if motion.done and not watch.velocity.any():
+            return super().next(observation)
         if motion.done:
-            if not self.velocity.any():
-                return super().next(observation)
-            motion.stop(self.velocity)
+            motion.stop(watch.velocity)
             return LiftAndHold(self.state, GuardedCarry(motion))
         watch.look(observation, motion.free)
-        if self.velocity.any():
-            motion.shift[:2] = (watch.tracker.at(watch.now + _LAG) - self.planned)[:2]
-            return self
-        if not motion.free or (
-            watch.since is None and not (np.abs(watch.tracker.pose - self.planned) > _OFF).any()
-        ):
-            watch.since = None
-            return self
-        watch.since = watch.now if watch.since is None else watch.since
-        if not watch.moving:
-            return self._renewed(observation, np.zeros(3))
-        if watch.now - watch.since > _DISPLACED and (watch.tracker.unevenness < _EVEN).all():
-            return self._renewed(observation, np.append(watch.tracker.velocity[:2], 0.0))
-        return self
+        if watch.velocity.any():
+            motion.shift[:2] = (watch.tracker.at(watch.now + _LAG) - watch.planned)[:2]
+        velocity = watch.outcome()
+        return self if velocity is None else self._renewed(observation, velocity)
 
     def _renewed(self, observation: Observation, velocity: Array) -> Stage:
         """Return the stage with a plan for where the object is, or will be; the way home where there is none."""
         episode, watch = self.state.episode, self.watch
-        when, watch.since = watch.now + (_LEAD if velocity.any() else 0.0), None
-        plan = plan_scene(episode.planner, watch.at(when), episode.seed, episode.start(observation))
-        if not plan.found:
-            home = way_home(self.state, observation) if self.state.looks else None
-            return self if home is None else GoHome(self.state, home)
-        return Follow(
-            self.state._replace(plan=plan), FollowingGrasp(take_hold(plan)), watch=watch,
-            planned=watch.tracker.at(when), velocity=velocity, renewals=self.renewals + 1,
-        )  # fmt: skip
+        planned = watch.tracker.at(watch.now + _LEAD) if velocity.any() else watch.tracker.pose
+        scene = replace(watch.scene, target=watch.scene.target.placed(watch.tracker.matrix(planned)))
+        plan = plan_scene(episode.planner, scene, episode.seed, episode.start(observation))
+        watch.since = None
+        if plan.found:
+            watch.planned, watch.velocity, watch.renewals = planned, velocity, watch.renewals + 1
+            return Follow(self.state._replace(plan=plan), FollowingGrasp(take_hold(plan)), watch=watch)
+        home = way_home(self.state, observation) if self.state.looks else None
+        return self if home is None else GoHome(self.state, home)
 
 
 class TrackingAgent(BilevelAgent):
@@ -194,8 +181,8 @@ class TrackingAgent(BilevelAgent):
         # No camera looks past the edge that an object was slid over.
         seen = bool(len(self._seen.target)) and not isinstance(self._stage, SlideToEdge)
         if seen and type(stage) is TakeHold and stage.rearrangement is None:
-            motion, watch = FollowingGrasp(stage.motion), Watch(self._seen)
-            stage = Follow(stage.state, motion, news=stage.news, watch=watch, planned=np.zeros(3))
+            watch = Watch(self._seen)
+            stage = Follow(stage.state, FollowingGrasp(stage.motion), news=stage.news, watch=watch)
         super()._enter(stage)
-        if isinstance(stage, Follow) and stage.renewals:
-            self.result, self.report.details["renewals"] = None, stage.renewals
+        if isinstance(stage, Follow) and stage.watch.renewals:
+            self.result, self.report.details["renewals"] = None, stage.watch.renewals

@@ -10,11 +10,9 @@ from trial_rows import row as trial_row
 import dexgrasp_env  # noqa: F401
 from dexgrasp.cli.main import main
 from dexgrasp.evaluation.protocol import (
-    FLOOR,
     GROUPS,
-    LEARNED,
-    PLANNERS,
     PROTOCOLS,
+    SHOWN,
     agent_settings,
     parts,
     protocol_names,
@@ -93,15 +91,16 @@ def test_figures_are_published_with_protocols_and_listed(capsys):
     assert {"lift", "varied", "moved@8", "belt@5", "kitchen", "gripper", "outside_one_view"} <= set(published)
     for figure in (figure for name in published for figure in PROTOCOLS[name].figures):
         assert all(0 <= count <= figure.trials for count in figure.agents.values())
-        assert {*figure.agents} <= {*FLOOR, *PLANNERS, *LEARNED}
+        assert {*figure.agents} <= {name for names in SHOWN.values() for name in names}
+        assert figure.counts in ("held", "clean")
         assert figure.command.startswith(("dexgrasp evaluate ", "python scripts/season.py "))
-    assert PROTOCOLS["kitchen"].figure_of("hardcoded", "bilevel") == "bilevel 66 of 81"
+    assert PROTOCOLS["lift"].shown("learned") == "bc_cloud 120 of 120 held"
     assert main(["list", "protocols", "--json"]) == 0
     rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)["protocols"]}
     assert rows["clutter_heap@mask"]["planner"] == "bilevel 9 of 20 clean"
     assert main(["list", "envs", "--json"]) == 0
     rows = {row["id"]: row for row in json.loads(capsys.readouterr().out)["envs"]}
-    assert rows["DexGrasp/LiftVaried-v0"]["varied"].startswith("constant ")
+    assert rows["DexGrasp/LiftVaried-v0"]["varied"].startswith("constant 5 of 200 held, hardcoded ")
 
 
 def test_the_constant_acts_as_the_environment_does_where_actions_are_whole_grasps():

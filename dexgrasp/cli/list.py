@@ -33,7 +33,7 @@ def list_envs() -> Rows:
     """Return the registered environments with the choices of their arguments, and the figures of their protocols."""
     import gymnasium as gym
 
-    from dexgrasp.evaluation.protocol import PROTOCOLS
+    from dexgrasp.evaluation.protocol import PROTOCOLS, SHOWN
     from dexgrasp_env.robot.cell import default_cell
     from dexgrasp_env.tasks.control import CONTROL_MODES
     from dexgrasp_env.tasks.settings import REWARD_MODES
@@ -44,7 +44,7 @@ def list_envs() -> Rows:
             "obs_mode": resolve_name(str(spec.entry_point)).obs_modes, "control_mode": CONTROL_MODES,
             "reward_mode": REWARD_MODES, "mount": default_cell().mounts,
             **{
-                name: ", ".join(filter(None, protocol.figure_line.values()))
+                name: ", ".join(filter(None, map(protocol.shown, SHOWN)))
                 for name, protocol in PROTOCOLS.items() if protocol.env_id == id and protocol.figures
             },
         }
@@ -62,16 +62,16 @@ def list_agents() -> Rows:
 
 def list_protocols() -> Rows:
     """Return the protocols: name, environment, what is special, and the figures published with them."""
-    from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS
+    from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, SHOWN
     from dexgrasp.evaluation.scoring.protocols import GRASP_PROTOCOLS
 
-    none = PROTOCOLS["place"].figure_line
     return [
-        {"name": name, "env": env, "description": text, **figures}
-        for name, env, text, figures in (
-            *((name, one.env_id, one.description, one.figure_line) for name, one in PROTOCOLS.items()),
-            *((name, "", f"the mean of {', '.join(of)}", none) for name, of in GROUPS.items()),
-            *((name, "grasp files", one.summary, none) for name, one in GRASP_PROTOCOLS.items()),
+        {"name": name, "env": env, "description": text}
+        | {kind: PROTOCOLS[name].shown(kind) if name in PROTOCOLS else "" for kind in SHOWN}
+        for name, env, text in (
+            *((name, protocol.env_id, protocol.description) for name, protocol in PROTOCOLS.items()),
+            *((name, "", f"the mean of {', '.join(of)}") for name, of in GROUPS.items()),
+            *((name, "grasp files", protocol.summary) for name, protocol in GRASP_PROTOCOLS.items()),
         )
     ]
 

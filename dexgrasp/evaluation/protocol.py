@@ -37,10 +37,10 @@ class Figure:
     counts: str = "held"
 
 
-PLANNERS = ("bilevel", "bilevel_tracking")
-LEARNED = ("bc_cloud", "bc", "rl")
-FLOOR = ("constant", "hardcoded")
-"""Agents that any other has to beat."""
+SHOWN = {
+    "floor": ("constant", "hardcoded"), "planner": ("bilevel", "bilevel_tracking"), "learned": ("bc_cloud", "bc", "rl")
+}  # fmt: skip
+"""Agents whose figures are shown, by kind: all of the floor, which others have to beat, and the best of the others."""
 
 
 @dataclass(frozen=True)
@@ -69,28 +69,19 @@ class Protocol:
     @property
     def floor_line(self) -> str:
         """The floor in a line for people; empty where none is published."""
-        objects = [figure.objects for figure in self.figures if {*FLOOR} & figure.agents.keys()]
-        return f"floor of {self.name} on {objects[0]}: {self.figure_line['floor']}" if objects else ""
+        floor = self.shown("floor")
+        return f"floor of {self.name} on {self.figures[0].objects}: {floor}" if floor else ""
 
-    def figure_of(self, *agents: str) -> str:
-        """Return the published figure of the best of some agents for people; empty where there is none."""
+    def shown(self, kind: str) -> str:
+        """Return the published figures of a kind of `SHOWN` for people; empty where there are none."""
         found = [
-            (figure.agents[name] / figure.trials, name, figure)
-            for name in agents
-            for figure in self.figures
-            if name in figure.agents
+            (one.agents[name] / one.trials, f"{name} {one.agents[name]} of {one.trials} {one.counts}")
+            for name in SHOWN[kind]
+            for one in self.figures
+            if name in one.agents
         ]
-        if not found:
-            return ""
-        _, name, figure = max(found, key=lambda one: one[0])
-        clean = " clean" if figure.counts == "clean" else ""
-        return f"{name} {figure.agents[name]} of {figure.trials}{clean}"
-
-    @property
-    def figure_line(self) -> Fields:
-        """The published figures for people, by kind of agent: floor, planner, learned; empty where there are none."""
-        floor = ", ".join(filter(None, map(self.figure_of, FLOOR)))
-        return {"floor": floor, "planner": self.figure_of(*PLANNERS), "learned": self.figure_of(*LEARNED)}
+        best = found if kind == "floor" else sorted(found, reverse=True)[:1]
+        return ", ".join(text for _, text in best)
 
 
 DEFAULT_PROTOCOL = "lift"
