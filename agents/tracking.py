@@ -169,7 +169,7 @@ class Follow(TakeHold):
 
 
 class TrackingAgent(BilevelAgent):
-    """The same with an eye on the object: its pose is followed in the clouds, and the plan renewed when it moves."""
+    """The planner with an eye on the object: its pose is followed in the clouds, and the plan renewed when it moves."""
 
     env_settings = BY_CLOUD | {"observe": "10hz"}
 

@@ -3,6 +3,7 @@
 from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dexgrasp_env.arrays import Array
@@ -26,13 +27,13 @@ class PlanarTracker:
         poses: at the last looks.
         velocity: (3,) m/s and rad/s.
         unevenness: (3,) m and rad, by which the last poses are off those at this velocity.
-        seconds: of the last look.
     """
 
     def __init__(self, points: Array, seconds: float) -> None:
         """Take the cloud (N, 3) m that the others are compared with."""
-        self._points, self._tree, self._middle = points, cKDTree(points), points[:, :2].mean(0)
-        self.pose, self.velocity, self.seconds = np.zeros(3), np.zeros(3), seconds
+        self._tree, self._middle = cKDTree(points), points[:, :2].mean(0)
+        self._flat = self._plane(points)
+        self.pose, self.velocity = np.zeros(3), np.zeros(3)
         self._times, self.poses = deque([seconds], _SPAN), deque([self.pose], _SPAN)
         self.unevenness = np.full(3, np.inf)
 
@@ -50,7 +51,7 @@ class PlanarTracker:
         pose, error = fits[k]
         if error > 2.0 * _FITS:
             return False
-        self.pose, self.seconds = pose, seconds
+        self.pose = pose
         self._times.append(seconds)
         self.poses.append(pose)
         times, poses = np.array(self._times) - np.mean(self._times), np.array(self.poses)
@@ -60,7 +61,7 @@ class PlanarTracker:
 
     def at(self, seconds: float) -> Array:
         """Return the pose (3,) at a time, at the velocity it has."""
-        return self.pose + (seconds - self.seconds) * self.velocity
+        return self.pose + (seconds - self._times[-1]) * self.velocity
 
     def matrix(self, pose: Array) -> Array:
         """Return a pose as what moves points (4, 4)."""
@@ -77,14 +78,15 @@ class PlanarTracker:
             T = self.matrix(pose)
             distance, near = self._tree.query((points - T[:3, 3]) @ T[:3, :3])
             kept = distance <= np.quantile(distance, _KEPT)
-            model, seen, error = self._points[near[kept], :2], points[kept, :2], float(distance[kept].mean())
-            spread = (model - model.mean(0)).T @ (seen - seen.mean(0))
-            turn = np.arctan2(spread[0, 1] - spread[1, 0], spread[0, 0] + spread[1, 1])
-            c, s = np.cos(turn), np.sin(turn)
-            moved = np.array([[c, -s], [s, c]]) @ (model.mean(0) - self._middle)
-            new = np.array([*(seen.mean(0) - moved - self._middle), turn])
-            new[2] += 2.0 * np.pi * np.round((pose[2] - turn) / (2.0 * np.pi))
-            change, pose = np.abs(new - pose).max(), new
-            if change < _STILL:
+            error = float(distance[kept].mean())
+            model, seen = self._flat[near[kept]], self._plane(points[kept])
+            turn = np.angle(np.vdot(model - model.mean(), seen - seen.mean()))
+            shift = seen.mean() - np.exp(1j * turn) * model.mean()
+            before, pose = pose, np.array([shift.real, shift.imag, np.unwrap([pose[2], turn])[1]])
+            if np.abs(pose - before).max() < _STILL:
                 break
         return pose, error
+
+    def _plane(self, points: Array) -> NDArray[np.complex128]:
+        """Return points (N, 3) m as seen from above, x + iy from the middle."""
+        return points[:, 0] - self._middle[0] + 1j * (points[:, 1] - self._middle[1])
