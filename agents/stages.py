@@ -240,7 +240,7 @@ def first_stage(
         info: as `Agent.reset` takes it.
     """
     # Only where the cameras look again: what they saw at first is no longer where the object is.
-    again = info.get("observe") in ("clear", "step")
+    again = info.get("observe") in ("clear", "step", "10hz")
     state = State(episode, plan, episode.looks, episode.moves) if again else State(episode, plan, 0)
     if plan.found:
         return TakeHold(state, take_hold(plan))

@@ -22,6 +22,7 @@ AGENTS: dict[str, str] = {
     "cvae": "dexgrasp.agents.ablations:CvaeAgent",
     "cvae_kinematics": "dexgrasp.agents.ablations:CvaeKinematicsAgent",
     "bilevel": "dexgrasp.agents.bilevel:BilevelAgent",
+    "bilevel_tracking": "dexgrasp.agents.tracking:TrackingAgent",
     "bilevel_alone": "dexgrasp.agents.bilevel:AloneAgent",
     "bc": "dexgrasp.agents.learned:BcAgent",
     "bc_cloud": "dexgrasp.agents.learned:BcCloudAgent",

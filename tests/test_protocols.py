@@ -1,16 +1,27 @@
 """Protocols: what they are made of, their scenes, and how parts are counted together."""
 
+import json
+
+import gymnasium as gym
 import pytest
 from refusals import refused
 from trial_rows import row as trial_row
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.cli.main import main
-from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, parts, protocol_names
+from dexgrasp.evaluation.protocol import (
+    GROUPS,
+    PROTOCOLS,
+    SHOWN,
+    agent_settings,
+    parts,
+    protocol_names,
+)
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.evaluation.summary import judged, protocol_counts
 from dexgrasp.evaluation.trial_runner import TrialRunner
+from dexgrasp.registry import make_agent
 
 
 def row(protocol, success, trial=0, agent="a"):
@@ -21,17 +32,10 @@ def test_robust_is_all_eight_and_their_parts():
     assert len(GROUPS["robust"]) == 8
     clutter = {name for name in PROTOCOLS if name.startswith("clutter_")}
     assert len(clutter) == 16
-    numbered = {"gentle@8", "clear@8", "clear@15"}
-    assert {
-        *parts("robust"),
-        "presented",
-        "varied",
-        "realistic",
-        "place",
-        "lift@warp",
-        *clutter,
-        *numbered,
-    } == set(PROTOCOLS)
+    moving = {"moved@4", "moved@8", "belt@2", "belt@5"}
+    hard = {"outside_one_view", "kitchen", "gripper", "gentle@8", "clear@8", "clear@15"}
+    others = {"presented", "varied", "realistic", "place", "lift@warp", *moving, *hard, *clutter}
+    assert {*parts("robust"), *others} == set(PROTOCOLS)
     assert parts("slippery") == GROUPS["slippery"]
     assert parts("lift") == ("lift",)
     assert EvaluationSettings.of(["random"], ["pear"], protocols=("robust", "lift")).parts == parts("robust")
@@ -83,11 +87,33 @@ def test_a_group_is_the_mean_of_its_parts():
     assert "robust" not in protocol_counts({"lift": rows["lift"]})
 
 
-def test_floors_are_published_with_protocols_and_printed(capsys, tmp_path):
-    floors = {name: protocol.floor for name, protocol in PROTOCOLS.items() if protocol.floor}
-    assert {"lift", "varied"} <= set(floors)
-    for floor in floors.values():
-        assert 0 <= min(floor["constant"], floor["hardcoded"]) <= floor["trials"]
+def test_figures_are_published_with_protocols_and_listed(capsys):
+    published = [name for name, protocol in PROTOCOLS.items() if protocol.figures]
+    assert {"lift", "varied", "moved@8", "belt@5", "kitchen", "gripper", "outside_one_view"} <= set(published)
+    for figure in (figure for name in published for figure in PROTOCOLS[name].figures):
+        assert all(0 <= count <= figure.trials for count in figure.agents.values())
+        assert {*figure.agents} <= {name for names in SHOWN.values() for name in names}
+        assert figure.counts in ("held", "clean")
+        assert figure.command.startswith(("dexgrasp evaluate ", "python scripts/season.py "))
+    assert PROTOCOLS["lift"].shown("learned") == "bc_cloud 120 of 120 held"
+    assert main(["list", "protocols", "--json"]) == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)["protocols"]}
+    assert rows["clutter_heap@mask"]["planner"] == "bilevel 9 of 20 clean"
+    assert main(["list", "envs", "--json"]) == 0
+    rows = {row["id"]: row for row in json.loads(capsys.readouterr().out)["envs"]}
+    assert rows["DexGrasp/LiftVaried-v0"]["varied"].startswith("constant 5 of 200 held, hardcoded ")
+
+
+def test_the_constant_acts_as_the_environment_does_where_actions_are_whole_grasps():
+    agent = make_agent("constant")
+    modes = {
+        name: agent_settings("constant", agent, gym.spec(PROTOCOLS[name].env_id).kwargs)["control_mode"]
+        for name in ("lift", "varied")
+    }
+    assert modes == {"lift": "grasp_once", "varied": "table_grasp_once"}
+
+
+def test_floors_are_printed(capsys, tmp_path):
     assert PROTOCOLS["place"].floor_line == ""
     asked = [
         "evaluate",

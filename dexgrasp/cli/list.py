@@ -30,9 +30,10 @@ def list_objects() -> Rows:
 
 
 def list_envs() -> Rows:
-    """Return the registered environments with the choices of their arguments."""
+    """Return the registered environments with the choices of their arguments, and the figures of their protocols."""
     import gymnasium as gym
 
+    from dexgrasp.evaluation.protocol import PROTOCOLS, SHOWN
     from dexgrasp_env.robot.cell import default_cell
     from dexgrasp_env.tasks.control import CONTROL_MODES
     from dexgrasp_env.tasks.settings import REWARD_MODES
@@ -42,6 +43,10 @@ def list_envs() -> Rows:
             "id": id, "max_episode_steps": spec.max_episode_steps, "preset": spec.kwargs,
             "obs_mode": resolve_name(str(spec.entry_point)).obs_modes, "control_mode": CONTROL_MODES,
             "reward_mode": REWARD_MODES, "mount": default_cell().mounts,
+            **{
+                name: ", ".join(filter(None, map(protocol.shown, SHOWN)))
+                for name, protocol in PROTOCOLS.items() if protocol.env_id == id and protocol.figures
+            },
         }
         for id, spec in sorted(gym.registry.items())
         if id.startswith("DexGrasp/")
@@ -56,12 +61,13 @@ def list_agents() -> Rows:
 
 
 def list_protocols() -> Rows:
-    """Return the protocols: name, environment, what is special."""
-    from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS
+    """Return the protocols: name, environment, what is special, and the figures published with them."""
+    from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, SHOWN
     from dexgrasp.evaluation.scoring.protocols import GRASP_PROTOCOLS
 
     return [
         {"name": name, "env": env, "description": text}
+        | {kind: PROTOCOLS[name].shown(kind) if name in PROTOCOLS else "" for kind in SHOWN}
         for name, env, text in (
             *((name, protocol.env_id, protocol.description) for name, protocol in PROTOCOLS.items()),
             *((name, "", f"the mean of {', '.join(of)}") for name, of in GROUPS.items()),

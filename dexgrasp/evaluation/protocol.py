@@ -20,6 +20,31 @@ AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode", "frame_skip"
 
 
 @dataclass(frozen=True)
+class Figure:
+    """Successes of agents on the same trials, published with a protocol.
+
+    Attributes:
+        objects: names, sets or files, with spaces between.
+        trials: of each agent.
+        agents: successes by name.
+        command: that made them.
+        counts: what a success is: `held`, or `clean`, nothing else moved either.
+    """
+
+    objects: str
+    trials: int
+    agents: Mapping[str, int]
+    command: str
+    counts: str = "held"
+
+
+SHOWN = {
+    "floor": ("constant", "hardcoded"), "planner": ("bilevel", "bilevel_tracking"), "learned": ("bc_cloud", "bc", "rl")
+}  # fmt: skip
+"""Agents whose figures are shown, by kind: all of the floor, which others have to beat, and the best of the others."""
+
+
+@dataclass(frozen=True)
 class Protocol:
     """One way of scoring.
 
@@ -28,14 +53,14 @@ class Protocol:
         description: one line for people.
         scene: settings of `gym.make` that make the scenes.
         env_id: the registered environment; its time limit and success criterion apply.
-        floor: successes of `constant` and `hardcoded` on a set, published with the protocol: what a policy has to beat.
+        figures: successes of agents, published with the protocol.
     """
 
     name: str
     description: str
     scene: Fields = field(default_factory=dict)
     env_id: str = "DexGrasp/Lift-v2"
-    floor: Fields = field(default_factory=dict)
+    figures: tuple[Figure, ...] = ()
 
     @property
     def places(self) -> bool:
@@ -45,12 +70,19 @@ class Protocol:
     @property
     def floor_line(self) -> str:
         """The floor in a line for people; empty where none is published."""
-        if not self.floor:
-            return ""
-        agents = (
-            f"{name} {self.floor[name]} of {self.floor['trials']}" for name in ("constant", "hardcoded")
-        )
-        return f"floor of {self.name} on {self.floor['objects']}: {', '.join(agents)}"
+        floor = self.shown("floor")
+        return f"floor of {self.name} on {self.figures[0].objects}: {floor}" if floor else ""
+
+    def shown(self, kind: str) -> str:
+        """Return the published figures of a kind of `SHOWN` for people; empty where there are none."""
+        found = [
+            (one.agents[name] / one.trials, f"{name} {one.agents[name]} of {one.trials} {one.counts}")
+            for name in SHOWN[kind]
+            for one in self.figures
+            if name in one.agents
+        ]
+        best = found if kind == "floor" else sorted(found, reverse=True)[:1]
+        return ", ".join(text for _, text in best)
 
 
 DEFAULT_PROTOCOL = "lift"
@@ -58,9 +90,11 @@ OTHER_PHYSICS = "lift@warp"
 """Stands beside the others' figures, and is averaged into none."""
 
 _CONTENT = yaml.safe_load(asset_path("protocols.yaml").read_text())
+_FIGURES = yaml.safe_load(asset_path("figures.yaml").read_text())
 
 PROTOCOLS: dict[str, Protocol] = {
-    name: Protocol(name, **words) for name, words in _CONTENT["protocols"].items()
+    name: Protocol(name, **words, figures=tuple(Figure(**figure) for figure in _FIGURES.get(name, ())))
+    for name, words in _CONTENT["protocols"].items()
 }
 """Every protocol by name; a published number names the one it was made with. No agent is told which it is in."""
 
@@ -138,19 +172,20 @@ def trial_seeds(seed: int, target: str, trial: int) -> TrialSeeds:
     return TrialSeeds(*np.random.SeedSequence([seed, trial, *words]).generate_state(2).tolist())
 
 
-def agent_settings(name: str, agent: Agent) -> Fields:
-    """Return the environment settings that an agent asks for.
+def agent_settings(name: str, agent: Agent, preset: Mapping[str, Any] | None = None) -> Fields:
+    """Return the environment settings that an agent asks for, in an environment of some preset.
 
     Raises:
         InputError: if it asks for something that is the protocol's to choose.
     """
-    for key in agent.env_settings:
+    asked = agent.settings_in(preset) if preset and hasattr(agent, "settings_in") else agent.env_settings
+    for key in asked:
         if key not in AGENT_KEYS:
             raise InputError(
                 f"agent {name!r} asks for env_settings {key!r}, which the protocol decides: "
                 f"valid are {', '.join(AGENT_KEYS)}"
             )
-    return dict(agent.env_settings)
+    return dict(asked)
 
 
 def agent_keywords(given: Mapping[str, Any] | Sequence[str]) -> Fields:

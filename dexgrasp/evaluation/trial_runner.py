@@ -85,8 +85,9 @@ class TrialRunner:
     def _env_arguments(self, spec: TrialSpec) -> Fields:
         """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
         env_id = get_protocol(spec.protocol).env_id
-        scene, own = self.settings.scene(spec.protocol), agent_settings(spec.agent, self.agent(spec))
-        limit: Any = scene.get("max_episode_steps") or gym.spec(env_id).max_episode_steps
+        scene, preset = self.settings.scene(spec.protocol), gym.spec(env_id)
+        own = agent_settings(spec.agent, self.agent(spec), preset.kwargs)
+        limit: Any = scene.get("max_episode_steps") or preset.max_episode_steps
         pace, hold = own.get("frame_skip", CONTROL_STEPS), own.get("hold", 1)
         if limit and (
             pace != CONTROL_STEPS or hold != 1

@@ -32,3 +32,17 @@ def add_arena(spec: mujoco.MjSpec, base: float) -> None:
 def add_furniture(spec: mujoco.MjSpec, name: str) -> None:
     """Stand a `bin` on the table around where all may be in clutter, or a `tray` beside that; cameras see them."""
     attach(spec, mujoco.MjSpec.from_file(str(asset_path("scene", f"{name}.xml"))), spec.worldbody.add_frame())
+
+
+def add_belt(spec: mujoco.MjSpec, base: str) -> None:
+    """Lay a belt in the table, which then is only seen: so heavy that what stands on it does not slow it.
+
+    `base` is the robot's first body.
+    """
+    table = spec.geom("table")
+    table.name, table.contype, table.conaffinity = "table_seen", 0, 0
+    belt = spec.worldbody.add_body(name="belt", pos=spec.body("table").pos, gravcomp=1.0)
+    belt.add_freejoint(name="belt")
+    belt.add_geom(name="table", type=table.type, size=table.size, pos=table.pos, group=3, mass=1000.0)
+    spec.add_exclude(bodyname1="belt", bodyname2=base)  # as between bodies that stand still
+    spec.option.tolerance = 1e-12  # of the solver, relative to masses

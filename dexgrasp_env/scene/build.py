@@ -15,7 +15,7 @@ from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, robot_spec
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.scene.arena import add_arena, add_furniture
+from dexgrasp_env.scene.arena import add_arena, add_belt, add_furniture
 from dexgrasp_env.scene.constants import FRICTION
 from dexgrasp_env.scene.sensors import add_sensors
 
@@ -45,6 +45,7 @@ def scene_spec(
     friction: float = FRICTION,
     cameras: tuple[Camera, ...] = (),
     furniture: str = "",
+    belt: bool = False,
 ) -> mujoco.MjSpec:
     """Return the editable scene: robot base above or below the origin, table top at z = 0, free objects.
 
@@ -55,6 +56,7 @@ def scene_spec(
         friction: sliding friction coefficient of every contact.
         cameras: depth cameras to add, in the world frame.
         furniture: what else stands on the table: a `bin` around the objects, a `tray` beside them, or nothing.
+        belt: whether the table's top is a belt that can move, the last body.
     """
     spec = robot_spec(cell)
     spec.modelname = f"dexgrasp {model.name}"
@@ -63,6 +65,8 @@ def scene_spec(
         add_furniture(spec, furniture)
     parts = [_add_object(spec, "object", model)]
     parts += [_add_object(spec, f"neighbour_{k}", shape) for k, shape in enumerate(neighbours)]
+    if belt:
+        add_belt(spec, cell.robot.bodies[0])
     for geom in spec.geoms:
         if geom.contype or geom.conaffinity:
             geom.friction = [friction, 0.005, 0.0001]  # torsion, m: for users who raise condim

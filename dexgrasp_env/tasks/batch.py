@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.cores import usable_cores
+from dexgrasp_env.tasks.moving import drive_belt
 from dexgrasp_env.tasks.simulation import CONTROL, PhysicsState, Simulation
 
 if TYPE_CHECKING:
@@ -114,7 +115,11 @@ class BatchPhysics:
         if group.changed:
             batch.set_models(group.models)
             group.changed = False
-        if push is not None:
+        if scene.belt and push is not None:
+            qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
+            for row, i in zip(own, ids, strict=True):
+                drive_belt(qpos[row], qvel[row], scene.cell.robot.dof, push[i])
+        elif push is not None:
             batch.bind("xfrc_applied")[own, scene.body, :3] = push[ids]
         before = batch.warning[own, :, 1]  # (n, 7): the batch counts on, after the last info of each
         record = ("sensordata",) if scene.neighbours or scene.watches_forces else ()

@@ -99,6 +99,8 @@ class ClutterEpisodes(Episodes):
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
         assert isinstance(settings, ClutterSettings)
+        if settings.disturbance.moves:
+            raise InputError("Clutter has no moving objects: valid disturbances are none, pushed, shaken")
         self._clutter, self.furniture = settings, "bin" if settings.bin else ""
         self.neighbours = settings.neighbours[1]
         first = next(iter(self.simulations.values())).base

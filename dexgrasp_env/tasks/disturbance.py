@@ -1,6 +1,6 @@
-"""Disturbances of a held object: pushes in six directions, or shaking of the arm.
+"""Disturbances: pushes of the held object in six directions, shaking of the arm, motion of the object beforehand.
 
-They begin once the object has been held for 1 s, while the agent acts on.
+Pushes and shaking begin once the object has been held for 1 s, while the agent acts on; motion is in `moving`.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from dexgrasp_env.tasks.constants import at_pace
 from dexgrasp_env.valid import number, one_of, read
 
-KINDS = ("none", "pushed", "shaken")
+KINDS = ("none", "pushed", "shaken", "moved", "belt")
 PUSH_STEPS = 10  # control steps of one push, 0.5 s
 PAUSE_STEPS = 4  # control steps between pushes, 0.2 s
 SHAKE_STEPS = 40  # control steps, 2 s
@@ -18,22 +18,30 @@ SHAKE_STEPS = 40  # control steps, 2 s
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Disturbance of a held object: its kind and size.
+    """Disturbance of an object: its kind and size.
 
     Attributes:
         kind: `none`; `pushed`: along +x, -x, +y, -y, +z, -z of the world, 0.5 s each and 0.2 s apart; `shaken`: 2 s of
-            sines on the set-points of panda_joint1 (0.06 rad, 3 Hz) and panda_joint4 (0.04 rad, 2.4 Hz).
-        size: of a push, in multiples of the object's true weight; of the shaking, a factor on its amplitudes.
+            sines on the set-points of panda_joint1 (0.06 rad, 3 Hz) and panda_joint4 (0.04 rad, 2.4 Hz); `moved`:
+            displaced within 0.5 s, 0.2 to 1.5 s after the start, by up to `size` and turned by up to 60 deg, unless the
+            hand touches it; `belt`: carried along y all the time.
+        size: of a push, in multiples of the object's true weight; of the shaking, a factor on its amplitudes; cm of a
+            displacement; cm/s of a belt.
     """
 
     kind: Annotated[str, one_of(KINDS)] = "none"
     size: Annotated[float, number(ge=0, le=10)] = 1.0
 
+    @property
+    def moves(self) -> bool:
+        """Flag: the object moves before it is grasped."""
+        return self.kind in ("moved", "belt")
+
     def steps_at(self, frame_skip: int) -> int:
         """Return how long it lasts, control steps of so many physics steps."""
         push, pause = at_pace(PUSH_STEPS, frame_skip), at_pace(PAUSE_STEPS, frame_skip)
         shaken = at_pace(SHAKE_STEPS, frame_skip)
-        return {"none": 0, "pushed": 6 * push + 5 * pause, "shaken": shaken}[self.kind]
+        return {"pushed": 6 * push + 5 * pause, "shaken": shaken}.get(self.kind, 0)
 
     @classmethod
     def of(cls, value: "Disturbance | Mapping[str, Any] | str") -> "Disturbance":

@@ -24,6 +24,7 @@ from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
 from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
 from dexgrasp_env.tasks.grasps import Grasps
 from dexgrasp_env.tasks.infos import EpisodeInfos
+from dexgrasp_env.tasks.moving import MOTION, draw_motion, moves_now
 from dexgrasp_env.tasks.observations import FLAT, knows_state, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
@@ -52,10 +53,12 @@ class Episodes(EpisodeInfos):
     def __init__(self, settings: LiftSettings, number: int) -> None:
         self.settings, self.views, robot = settings, CameraObserver(settings, number), settings.cell.robot
         self.simulations = {
-            target: Simulation(model, settings.cell)
+            target: Simulation(model, settings.cell, belt=settings.disturbance.moves)
             for target, model in settings.load_objects(settings.objects).items()
         }
-        self.records, self.task_records = np.zeros(number, EPISODE), np.zeros(number, self.task_dtype)
+        motion = MOTION.descr if settings.disturbance.moves else []
+        notes = np.dtype([(name, self.task_dtype[name]) for name in self.task_dtype.names or ()] + motion)
+        self.records, self.task_records = np.zeros(number, EPISODE), np.zeros(number, notes)
         self.info_fields = self.records[[field for field, _ in INFOS.values()]]
         self.slots = [Slot() for _ in range(number)]
         self.one_model = number == 1 or settings.backend == "warp"
@@ -172,6 +175,10 @@ class Episodes(EpisodeInfos):
             simulation.place(pose, self.slots[i].joints)
             simulation.check_free()
         self._start_record(i, target, variation)
+        if settings.disturbance.moves:
+            motion = draw_motion(settings.disturbance, pose, settings.frame_skip, rng)
+            for name in MOTION.names or ():
+                self.task_records[name][i] = motion[name]
         return self._set_out(i, pose, rng, given is not None)
 
     def _draw_pose(self, model: ObjectModel, variation: Variation, rng: Generator) -> Array:
@@ -220,7 +227,7 @@ class Episodes(EpisodeInfos):
 
     def _start_record(self, i: int, target: str, variation: Variation) -> None:
         model, record = self.simulations[target].object, self.records[i]
-        self.records[i], self.task_records[i] = np.zeros((), EPISODE), np.zeros((), self.task_dtype)
+        self.records[i], self.task_records[i] = np.zeros((), EPISODE), np.zeros((), self.task_records.dtype)
         record["half_extents"] = 0.5 * model.extents * variation.size
         record["mass"] = model.mass * variation.mass * variation.size**3
         record["size"] = variation.size
@@ -230,7 +237,7 @@ class Episodes(EpisodeInfos):
         joints = self.slots[i].joints
         self.commands[i] = self.settings.cell.robot.home if joints is None else joints
         record["grip_quat"][0] = 1.0
-        record["phase"] = PHASES.index("none" if self.settings.disturbance.kind == "none" else "before")
+        record["phase"] = PHASES.index("before" if self.settings.disturbance_steps else "none")
 
     def set_points(self, actions: Array, where: Physics, step: int = 0) -> tuple[Array, Array]:
         """Move the set-points by one control step.
@@ -241,7 +248,7 @@ class Episodes(EpisodeInfos):
             step: control steps since the actions were given.
 
         Returns:
-            Rows (N, frame_skip, n) rad for the physics steps, and pushes (N, 3) N on the object.
+            Rows (N, frame_skip, n) rad for the physics steps, and pushes (N, 3) N on the objects, or their `moves_now`.
 
         Raises:
             InputError: for an action that is not finite.
@@ -250,7 +257,8 @@ class Episodes(EpisodeInfos):
             actions = self._grasps.moves(actions, step, self.commands, where)
         if not set_points(self.records, self.commands, actions, self.control, self._rows, self._push):
             check_finite(actions)
-        return self._rows, self._push
+        moves = self.settings.disturbance.moves
+        return self._rows, moves_now(self.task_records, self.records) if moves else self._push
 
     def conclude(
         self,
@@ -321,7 +329,7 @@ class Episodes(EpisodeInfos):
             rngs: theirs; None for those that do not run.
             running: indices, ascending.
         """
-        everything, pushed = slice(None), self.settings.disturbance.kind == "pushed"
+        everything, pushed = slice(None), self.settings.disturbance.kind not in ("none", "shaken")
         going, rngs, gained = running, list(rngs), np.zeros(len(self.slots))
         rows = self.records, self.task_records, self.commands
         kept = {}

@@ -124,9 +124,9 @@ class LiftEnv(SingleEnv):
     ## Episode End
 
     Terminates when the object leaves the workspace (`failure` is `object_lost`) or numbers go wrong
-    (`simulation_diverged`). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay up. A
-    `disturbance` begins once the object has been held for 1 s, and success is then the 3 s hold after its end with the
-    object moved at most 6 cm in the palm's frame; it takes `disturbance_steps` (80 pushed, 40 shaken), by which the
+    (`simulation_diverged`). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay up. Pushes or
+    shaking begin once the object has been held for 1 s, and success is then the 3 s hold after their end with the
+    object moved at most 6 cm in the palm's frame; that takes `disturbance_steps` (80 pushed, 40 shaken), by which the
     time limit should grow: `LiftPushed-v2` has 380, elsewhere pass `max_episode_steps`; with the usual 300 a warning
     says what. It does so too where a `frame_skip` below 25 makes fewer seconds of 300 steps.
 
@@ -151,13 +151,13 @@ class LiftEnv(SingleEnv):
     | `friction` | `None` | sliding friction of every contact, above 0 and up to 2; None: 0.7, or a set file's |
     | `mass` | `1.0` | factor on the object's mass, above 0 and up to 100 |
     | `presentation` | `'rest'` | `rest`; `upright`: standing as built where that is stable, else at rest |
-    | `disturbance` | `None` | `none`, `pushed`, `shaken`, or `kind` and `size` (of the weight; of the shaking) |
+    | `disturbance` | `None` | `none`, `pushed`, `shaken`, `moved`, `belt`, or `kind` and `size`: `Disturbance` |
     | `object_pose` | `None` | ranges `x`, `y`, `yaw`, and `rest_pose` (`any`, `each`, `likely`, a number) |
     | `randomisation` | `None` | ranges of `mass`, `size`, `gain` (factors), `friction`, `latency` s, `joint_noise` |
     | `views` | `4` | names of the cameras that look, in the order of the images, or how many to draw at reset |
     | `calibration` | `None` | `position` m and `rotation` rad: one rigid error of all cameras, drawn at reset |
     | `sensor` | `'realistic'` | `realistic`, `captured`, `none`, or settings of `SensorModel` |
-    | `observe` | `'step'` | `step`; `reset`: cameras look once; `clear`: and whenever the arm is home |
+    | `observe` | `'step'` | `step`; `10hz`; `reset`: cameras look once; `clear`: and whenever the arm is home |
     | `mesh_scale` | `1.0` | factor from a mesh file's unit to metres; of mesh files alone |
     | `mesh_mass` | `None` | kg of a mesh file's object; None for 400 kg/m3; of mesh files alone |
     | `render_mode` | `None` | `human`, `rgb_array`, `depth_array` |

@@ -66,7 +66,7 @@ class LiftSettings:
     sensor: Annotated[
         SensorModel, Rule(f"{', '.join(SENSORS)}, or settings of SensorModel", SensorModel.of)
     ] = field(default_factory=SensorModel.realistic)
-    observe: Annotated[str, one_of(("step", "reset", "clear"))] = "step"
+    observe: Annotated[str, one_of(("step", "reset", "clear", "10hz"))] = "step"
     mesh_scale: Positive = 1.0
     mesh_mass: Mass | None = None
     render_mode: Annotated[str | None, one_of(("human", *PICTURES))] = None
@@ -158,6 +158,8 @@ class LiftSettings:
             raise InputError(
                 "backend='warp' has one action a control step, of joints or of the palm: valid is mujoco"
             )
+        if self.backend == "warp" and self.disturbance.moves:
+            raise InputError(f"backend='warp' has no disturbance {self.disturbance.kind!r}: valid is mujoco")
 
     @property
     def sees(self) -> bool:

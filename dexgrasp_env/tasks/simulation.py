@@ -18,6 +18,7 @@ from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.scene.sensors import reading_columns
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
+from dexgrasp_env.tasks.moving import drive_belt
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
 from dexgrasp_env.tasks.rules import PRESSES
 
@@ -40,9 +41,9 @@ _TOUCH = 1e-4  # m of penetration between object and robot that a pose may have
 
 
 @lru_cache(maxsize=64)
-def compiled_scene(model: ObjectModel, cell: Cell) -> mujoco.MjModel:
+def compiled_scene(model: ObjectModel, cell: Cell, belt: bool = False) -> mujoco.MjModel:
     """Compile the scene of an object once; callers copy it before they write to it."""
-    return build_scene(model, cell, cameras=cell.make_cameras())
+    return build_scene(model, cell, cameras=cell.make_cameras(), belt=belt)
 
 
 class PhysicsState(NamedTuple):
@@ -77,7 +78,7 @@ class Physics(Protocol):
 
         Args:
             rows: (N, frame_skip, n) set-points of the physics steps, rad.
-            push: (N, 3) forces on the objects, N, or None where nobody pushes.
+            push: (N, 3) forces on the objects, N, or their motion (N, 6) where belts carry them; None for neither.
             which: indices of those that advance, ascending.
 
         Returns:
@@ -93,13 +94,14 @@ class Simulation:
     """
 
     def __init__(
-        self, model: ObjectModel, cell: Cell, neighbours: Sequence[ObjectModel] = (), *, furniture: str = ""
-    ) -> None:
-        self.object, self.cell, self.neighbours = model, cell, tuple(neighbours)
+        self, model: ObjectModel, cell: Cell, neighbours: Sequence[ObjectModel] = (), *, furniture: str = "",
+        belt: bool = False,
+    ) -> None:  # fmt: skip
+        self.object, self.cell, self.neighbours, self.belt = model, cell, tuple(neighbours), belt
         self.base = (
             build_scene(model, cell, neighbours=neighbours, cameras=cell.make_cameras(), furniture=furniture)
             if neighbours
-            else compiled_scene(model, cell)
+            else compiled_scene(model, cell, belt)
         )
         self.model = copy.copy(self.base)
         self.data = data = mujoco.MjData(self.model)
@@ -135,7 +137,7 @@ class Simulation:
         robot = self.cell.robot
         begin = robot.home if joints is None else joints
         self.data.qpos[: robot.dof] = begin
-        self.data.qpos[robot.dof :] = poses.ravel()
+        self.data.qpos[robot.dof : robot.dof + poses.size] = poses.ravel()
         self.data.ctrl[:] = begin
 
     def object_pose(self) -> Array:
@@ -144,7 +146,7 @@ class Simulation:
 
     def poses(self) -> Array:
         """Return the poses of the object and its neighbours (k, 7): position m and quaternion wxyz."""
-        return self.data.qpos[self.cell.robot.dof :].reshape(-1, 7).copy()
+        return self.data.qpos[self.cell.robot.dof :].reshape(-1, 7)[: 1 + len(self.neighbours)].copy()
 
     def settle(self, steps: int = SETTLE_STEPS) -> None:
         """Advance so many physics steps to let objects come to rest; what depends on the state is current then."""
@@ -171,7 +173,9 @@ class Simulation:
         Applied forces in `data` act on. A step in which MuJoCo warns is cut short.
         """
         model, data = self.model, self.data
-        if push is not None:
+        if self.belt and push is not None:
+            drive_belt(data.qpos, data.qvel, self.cell.robot.dof, push[0])
+        elif push is not None:
             data.xfrc_applied[self.body, :3] = push[0]
         if self.physics is not None:
             return self.physics.advance(self, rows)
