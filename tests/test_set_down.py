@@ -76,7 +76,7 @@ def test_the_judge_refuses_another_goal_and_a_changed_way(content):
     ],
 )
 def test_a_goal_that_cannot_be_is_refused_with_its_reason(goal, reason):
-    plan = asked(*goal, seconds=20.0)
+    plan = asked(*goal, seconds=5.0)
     assert plan.reason == f"no_grasp:{reason}"
 
 

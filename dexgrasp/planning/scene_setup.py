@@ -14,7 +14,6 @@ from dexgrasp.grasp.planned_record import ObjectPose
 from dexgrasp_env.arrays import Array, Fields, Mask
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import has_own_size
-from dexgrasp_env.objects.user_mesh import read_mesh
 from dexgrasp_env.poses import placed, pose_matrix
 
 _SAMPLES = 3000  # points of marked faces
@@ -41,6 +40,8 @@ class Look(NamedTuple):
         Raises:
             InputError: where the object is no mesh file, or has other faces.
         """
+        from dexgrasp_env.objects.user_mesh import read_mesh
+
         lift: Any = self.env.unwrapped
         if has_own_size(lift.target):
             raise InputError("a mask of a region is of the points of a cloud, or of the faces of a mesh file")
