@@ -180,7 +180,7 @@ class TrackingAgent(BilevelAgent):
     def _enter(self, stage: Stage | None) -> None:
         # No camera looks past the edge that an object was slid over.
         seen = bool(len(self._seen.target)) and not isinstance(self._stage, SlideToEdge)
-        if seen and type(stage) is TakeHold and stage.rearrangement is None:
+        if seen and type(stage) is TakeHold and "set_down" not in stage.motion.script.phases:
             watch = Watch(self._seen)
             stage = Follow(stage.state, FollowingGrasp(stage.motion), news=stage.news, watch=watch)
         super()._enter(stage)
