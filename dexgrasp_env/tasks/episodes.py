@@ -81,8 +81,7 @@ class Episodes(EpisodeInfos):
         self.rules = rules_of(settings, first.columns, np.concatenate(hulls), NO_PHYSICS)
         self.truncating = np.zeros(len(FAILURES), bool)
         """Which of `FAILURES` truncate an episode; the others terminate it."""
-        self.whole = settings.control_mode in ONCE_MODES
-        """Whether an action is a whole episode."""
+        self.whole = settings.control_mode in ONCE_MODES  # an action is a whole episode
         self.span = longest_grasp(settings) if self.whole else settings.hold
         """Control steps of an action, at most."""
         self._grasps = Grasps(settings, first, number) if settings.control_mode in GRASP_MODES else None
@@ -177,8 +176,7 @@ class Episodes(EpisodeInfos):
         self._start_record(i, target, variation)
         if settings.disturbance.moves:
             motion = draw_motion(settings.disturbance, pose, settings.frame_skip, rng)
-            for name in MOTION.names or ():
-                self.task_records[name][i] = motion[name]
+            self.task_records[list(MOTION.names or ())][i] = motion
         return self._set_out(i, pose, rng, given is not None)
 
     def _draw_pose(self, model: ObjectModel, variation: Variation, rng: Generator) -> Array:
