@@ -99,7 +99,7 @@ class Watch:
         self._last: Array = np.zeros(0)
 
     def look(self, observation: Observation, free: bool) -> None:
-        """Let a control step pass, and take in the cloud where it is new and no hand is on the object."""
+        """Pass a control step, and take in the cloud where it is new and no hand is on the object."""
         self.now += CONTROL_PERIOD
         cloud = observation["cloud"]
         if free and not np.array_equal(cloud, self._last):

@@ -1,4 +1,4 @@
-"""What a season scores and what its seeds are drawn with: its file, the commitment beside it, entropy."""
+"""Contents of a season and of its commitment, and the entropy that its seeds are drawn with."""
 
 import hashlib
 from collections.abc import Mapping

@@ -229,7 +229,7 @@ class GraspRecord:
 
     @property
     def goal(self) -> Goal | None:
-        """Where the object is set down; None where it is held."""
+        """Place that the object is set down at; None where it is held."""
         return None if self.request is None else self.request.goal
 
     @property

@@ -54,7 +54,7 @@ class ClearSettings(ClutterSettings):
 
     @property
     def agent_info(self) -> dict[str, Any]:
-        """What an agent may know, by name."""
+        """Facts that an agent may know, by name."""
         return super().agent_info | {"tray": TRAY.copy()}
 
     @property

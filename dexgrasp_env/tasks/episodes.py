@@ -139,7 +139,7 @@ class Episodes(EpisodeInfos):
     def look(
         self, i: int, qpos: Array, scene: Callable[[], Simulation], rng: Generator, begins: bool = False
     ) -> None:
-        """Have the cameras of episode `i` look, where there are any and it is time; see `CameraObserver.observe`."""
+        """Look with the cameras of episode `i`, where there are any and it is time; see `CameraObserver.observe`."""
         slot = self.slots[i]
         if self.settings.sees:
             fresh = begins and not (slot.resumed and slot.view.seen)

@@ -40,7 +40,7 @@ class GentleSettings(LiftSettings):
 
     @property
     def agent_info(self) -> dict[str, Any]:
-        """What an agent may know, by name."""
+        """Facts that an agent may know, by name."""
         return super().agent_info | {"max_force": self.max_force}
 
 

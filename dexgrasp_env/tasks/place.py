@@ -34,7 +34,7 @@ _LOWEST, _HIGHEST = np.array([*WORKSPACE_LOW, -1.0]), np.array([*WORKSPACE_HIGH,
 
 @dataclass(frozen=True)
 class GoalSettings:
-    """Where goals are drawn, and what reaching one means.
+    """Ranges that goals are drawn from, and what reaching one means.
 
     Attributes:
         highest: m above the table.

@@ -178,7 +178,7 @@ class LiftSettings:
 
     @property
     def agent_info(self) -> dict[str, Any]:
-        """What an agent may know, by name."""
+        """Facts that an agent may know, by name."""
         names = "mount", "cell", "obs_mode", "control_mode", "observe"
         return {"control_period": CONTROL_PERIOD, **{name: getattr(self, name) for name in names}}
 
