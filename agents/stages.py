@@ -262,7 +262,7 @@ def take_hold(plan: PlanResult, **how: float) -> GuardedGrasp:
     """Return the motion that takes hold by the firmest grasp of a plan."""
     grasp, script = plan.found[0]
     assert script is not None  # every plan here begins where the robot stands
-    return GuardedGrasp(script, grasp, pace=min(1.0, plan.settings.max_force / _FIRM), **how)
+    return GuardedGrasp(script, grasp, pace=min(1.0, (plan.settings.max_force or _FIRM) / _FIRM), **how)
 
 
 def way_home(state: State, observation: Observation) -> Played | None:

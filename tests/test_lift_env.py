@@ -66,7 +66,9 @@ def test_registrations_know_how_long_disturbances_take():
         env = gym.make(name, objects="sugar_box", disable_env_checker=True)
         if env.unwrapped.settings.hold > 1:
             continue  # whose limit is in decisions
-        own = 1800 if "ClutterHeap" in name else 600 if "Clutter" in name else 300
+        own = {"ClutterHeap-v1": 1800, "ClutterSparse-v1": 600, "ClutterDense-v1": 600, "Clear-v0": 3200}.get(
+            name.removeprefix("DexGrasp/"), 300
+        )
         assert env.unwrapped.settings.usual_steps == own
         assert gym.spec(name).max_episode_steps == own + env.unwrapped.disturbance_steps
         gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))

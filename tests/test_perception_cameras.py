@@ -64,7 +64,7 @@ def test_bad_cameras_are_refused_in_one_line():
         RayCameras(model, (CELL.make_cameras()[0], Camera("b", np.eye(4), small)))
     with refused("one or more"):
         RayCameras(model, ())
-    with refused("dropout = 2"):
+    with refused("dropout is 2"):
         SensorModel(dropout=2)
 
 

@@ -1,6 +1,5 @@
 """The squeeze of a grasp: forces at its contacts that bear the largest push, were its surface a little elsewhere."""
 
-from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -128,9 +127,9 @@ def _firmest_at(contacts: Contacts, friction: Array, settings: PlannerSettings, 
     return firmest_squeeze(_no_firmer(counted, settings.max_force), settings.least_press, ENOUGH)
 
 
-def _no_firmer(contacts: Contacts, most: float) -> Contacts:
+def _no_firmer(contacts: Contacts, most: float | None) -> Contacts:
     """Return contacts none of which is pressed with more than `most` N: that is the torque of one more joint each."""
-    if most == inf:
+    if most is None:
         return contacts
     count, parts, joints = contacts.jacobians.shape
     J, each = np.zeros((count, parts, joints + count)), np.arange(count)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Collection, Iterator
 from copy import copy
 from dataclasses import replace
 from itertools import islice, product
-from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -125,8 +124,8 @@ class Planner:
         if not (request or self.request):
             return self
         there = copy(self._with_fingers(request.fingers) if request.fingers else self)
-        settings, most = there.settings, inf if request.max_force is None else request.max_force
-        if most <= settings.least_press:
+        settings, most = there.settings, request.max_force
+        if most is not None and most <= settings.least_press:
             raise InputError(
                 f"max_force is {most:g} N, and fingers press with {settings.least_press:g} N at least: valid is more"
             )
@@ -327,7 +326,7 @@ class Search:
             if self._start is not None:
                 target = self._problem.target
                 among = target.around is not None
-                gently = planner.settings.max_force < inf
+                gently = planner.settings.max_force is not None
                 script = make_script(
                     self._start,
                     grasp.motion,

@@ -42,7 +42,7 @@ class PlannerSettings(Thresholds):
         initial_orientations: starting postures a proposal (six in section 3.3).
         iterations: steps of the SQP, for one posture.
         seconds: time after which no further posture is tried; None for results that do not depend on the machine.
-        max_force: N that each finger presses with at most.
+        max_force: N that each finger presses with at most; None: as the joints allow.
         loads: levels that the dataset sorts grasps by, firmest first: share of the assumed mass, and push in any
             direction that is borne, in weights.
         friction_squeeze: coefficient that the squeeze is made for, and grasps are ranked by: less than is counted on.
@@ -68,7 +68,7 @@ class PlannerSettings(Thresholds):
     initial_orientations: int = 6
     iterations: int = 40
     seconds: float | None = None
-    max_force: float = inf
+    max_force: float | None = None
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
     friction_squeeze: float = 0.42
     place_error: float = 0.003
