@@ -10,6 +10,7 @@ import pytest
 from project_scripts import load_script
 
 from dexgrasp.cli.commands import run_command
+from dexgrasp.evaluation.protocol import PROTOCOLS
 
 ROOT = Path(__file__).parents[1]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
@@ -36,6 +37,15 @@ def commands(text: str) -> list[str]:
     """Return the command lines of a block of bash, comments apart."""
     lines = (re.sub(r"(^|\s)#.*", "", line).strip() for line in text.replace("\\\n", " ").splitlines())
     return [line for line in lines if line]
+
+
+@pytest.fixture(autouse=True)
+def _protocols():
+    """Take away what a tutorial adds."""
+    before = set(PROTOCOLS)
+    yield
+    for name in set(PROTOCOLS) - before:
+        del PROTOCOLS[name]
 
 
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
