@@ -1,6 +1,6 @@
 """SAC of Stable-Baselines3 with demonstrations in its replay buffer, on `LiftFromGrasp`: palm and hand step by step.
 
-`python examples/train_sac_lift_from_grasp.py --episodes 3000` generates demonstrations of `bilevel` in `out/demos`
+`python examples/train_sac_lift_from_grasp.py --episodes 3000` generates demonstrations of `bilevel` in `out/lift_demos`
 where there are none, and writes `out/sac_demos.zip` and its curve beside it.
 """
 
@@ -20,7 +20,7 @@ from dexgrasp.learning.reinforcement.demo_replay import add_demonstrations
 
 PARSER = argparse.ArgumentParser(description=__doc__)
 PARSER.add_argument("--objects", nargs="+", default=["tomato_soup_can"], help="names, sets, mesh files")
-PARSER.add_argument("--demos", type=Path, default=Path("out/demos"), help="of `dexgrasp demos generate`")
+PARSER.add_argument("--demos", type=Path, default=Path("out/lift_demos"), help="of `dexgrasp demos generate`")
 PARSER.add_argument("--episodes", type=int, default=1000, help="80 actions each; a tenth of it demonstrated")
 PARSER.add_argument("--every", type=int, default=100, help="episodes from one look to the next")
 PARSER.add_argument("--trials", type=int, default=100, help="fresh scenes in the end")
