@@ -234,7 +234,8 @@ def test_a_single_environment_is_advanced_alike():
 def test_a_policy_learns_here(tmp_path):
     learn = ["--objects", "sugar_box", "--backend", "warp", "--num-envs", "2", "--steps", "600"]
     assert main(["train", "ppo", *learn, "--out", str(tmp_path)]) == 0
-    assert make_agent(str(tmp_path)).env_settings == {"obs_mode": "state", "control_mode": "joint_delta"}
+    told = {"obs_mode": "features", "control_mode": "joint_delta", "hold": 1}
+    assert make_agent(str(tmp_path)).env_settings == told
 
 
 def test_evaluation_and_comparison_show_the_gap(tmp_path, printed, capsys):
