@@ -39,7 +39,7 @@ class FollowingGrasp(GuardedGrasp):
 
     def __init__(self, held: GuardedGrasp) -> None:
         """Take the motion for an object that rests."""
-        super().__init__(held.script, held.grasp)
+        super().__init__(held.script, held.grasp, held._overtravel, held._pace)
         self.shift = np.zeros(3)
 
     @property
