@@ -52,10 +52,8 @@ class LevelPinch:
     """Pinch of a hand from above, along a level axis."""
 
     def __init__(self, cell: Cell) -> None:
-        self._pinch, self._lowest = (
-            Pinch(cell),
-            robot_tree(cell).tip_radius + 0.006,
-        )  # m, tips above the table
+        self._pinch = Pinch(cell)
+        self._lowest = robot_tree(cell).tip_radius + 0.006  # m, tips above the table
 
     def hands(self, points: Array, axis: Array) -> list[Array]:
         """Return hands (h,) rad: open, with pads at points (N, 3) m along `axis` (3,), and closed."""

@@ -12,11 +12,12 @@ import numpy as np
 from dexgrasp.agent import BY_CLOUD, Agent, Observation, Report, cell_of
 from dexgrasp.agents.hand_postures import hand_postures
 from dexgrasp.geometry.completion import NO_VOLUME, NoTarget, target_of
+from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.motion import NoPath
-from dexgrasp.motion.to_pose import arm_at, plan_to_pose
+from dexgrasp.motion.to_pose import arm_at, plan_with_arm
 from dexgrasp.planning.plan_scene import start_of
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
@@ -85,34 +86,31 @@ class HardcodedAgent(Agent):
         return normalise(targets, self._cell.robot).astype(np.float32)
 
     def _plan(self, start: Array, points: Array) -> ActionScript:
-        """Return the script of the first palm pose that has one."""
+        """Return the script of the first arm that has one."""
         hands = hand_postures(self._cell).hands(points, short_axis(points))
+        try:
+            obstacle = standing_hull(points)
+        except InputError as flat:
+            raise NoPath(NO_VOLUME, str(flat)) from None
         blocked = NoPath("out_of_reach", "the arm reaches neither of the two turns of the wrist")
-        for palm in self._palms(start, points):
+        for arm in self._arms(start, points):
             try:
-                return plan_to_pose(palm, hands, points, start, self._cell)
-            except InputError as flat:
-                raise NoPath(NO_VOLUME, str(flat)) from None
+                return plan_with_arm(arm, hands, obstacle, start, self._cell)
             except NoPath as reason:
                 blocked = reason
         raise blocked
 
-    def _palms(self, start: Array, points: Array) -> list[tuple[Array, Array]]:
-        """Return the poses of the palm to try, of both wrist turns, nearer to `start` first."""
+    def _arms(self, start: Array, points: Array) -> list[Array]:
+        """Return the configurations (a,) rad to try, of both wrist turns, nearer to `start` first."""
         axis = short_axis(points)
-        reached = self._reached(start, points, [axis, -axis])
-        return [
-            palm
-            for palm, _ in sorted(reached, key=lambda found: np.abs(found[1] - start[: len(found[1])]).max())
-        ]
+        arms = self._reached(start, points, [axis, -axis])
+        return sorted(arms, key=lambda arm: np.abs(arm - start[: len(arm)]).max())
 
-    def _reached(
-        self, start: Array, points: Array, axes: list[Array]
-    ) -> list[tuple[tuple[Array, Array], Array]]:
-        """Return pose of the palm and arm (a,) rad of grips along axes (3,), those that the arm reaches."""
+    def _reached(self, start: Array, points: Array, axes: list[Array]) -> list[Array]:
+        """Return the configurations (a,) rad of the arm for grips along axes (3,), those that it reaches."""
         postures, tree = hand_postures(self._cell), robot_tree(self._cell)
-        palms = [postures.palm(points, axis) for axis in axes]
-        return [(palm, arm) for palm in palms if (arm := arm_at(palm, start, tree)) is not None]
+        arms = (arm_at(postures.palm(points, axis), start, tree) for axis in axes)
+        return [arm for arm in arms if arm is not None]
 
 
 class HardcodedCompletedAgent(HardcodedAgent):

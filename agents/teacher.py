@@ -22,7 +22,7 @@ class Teacher(HardcodedAgent):
     the least turn of the wrist is taken.
     """
 
-    def _palms(self, start: Array, points: Array) -> list[tuple[Array, Array]]:
+    def _arms(self, start: Array, points: Array) -> list[Array]:
         """Return those of grips along the narrowest directions, least turn of the wrist first."""
         widths = np.ptp(points[:, :2] @ np.stack([np.cos(_TURNS), np.sin(_TURNS)]), axis=0)
         narrow = _TURNS[widths <= widths.min() * _WIDER[0] + _WIDER[1]]
@@ -34,7 +34,7 @@ class Teacher(HardcodedAgent):
         best = turns[np.argmin(np.abs(turns))]
         other = best - np.sign(best) * np.pi if best else np.pi
         axes = [np.array([np.cos(a), np.sin(a), 0.0]) for a in straight + np.array([best, other])]
-        return [palm for palm, _ in self._reached(start, points, axes)]
+        return self._reached(start, points, axes)
 
 
 class PlansOnce(BilevelAgent):

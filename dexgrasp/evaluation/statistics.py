@@ -100,16 +100,17 @@ def paired_comparison(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields
     fewer = _design_effect(units.values(), cells, difference)
 
     def interval(quantile: float) -> Interval:
+        """Return the interval of the difference at a quantile."""
         both, only_a, only_b, neither = (n / fewer for n in cells)
         return paired_difference_interval(both, only_a, only_b, neither, quantile)
 
     def above_zero(quantile: float) -> float:
+        """Return how far the end of the interval that is nearer to 0 is beyond it."""
         low, high = interval(quantile)
         return low if difference > 0 else -high
 
-    if not difference:
-        ends_at_zero = 0.0
-    else:
+    ends_at_zero = 0.0
+    if difference:
         ends_at_zero = brentq(above_zero, 0.0, _FARTHEST) if above_zero(_FARTHEST) < 0.0 else _FARTHEST
     p_value = 2.0 * float(t.sf(ends_at_zero, max(len(units) - 1, 1)))
     return dict(zip(("both", "only_a", "only_b", "neither"), cells, strict=True)) | {

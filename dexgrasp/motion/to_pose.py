@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.trajectory import ActionScript
@@ -37,8 +38,19 @@ def plan_to_pose(
     arm = arm_at(palm, start, robot_tree(cell))
     if arm is None:
         raise NoPath("out_of_reach", "the arm does not reach the palm's pose")
+    return plan_with_arm(arm, hands, standing_hull(points), start, cell)
+
+
+def plan_with_arm(
+    arm: Array, hands: Sequence[Array], obstacle: ConvexDistance, start: Array, cell: Cell
+) -> ActionScript:
+    """Return `plan_to_pose`'s set-points for an arm (a,) rad that is at the pose, and the object's hull.
+
+    Raises:
+        NoPath: where something is in the way, which the reason says.
+    """
     motion = GraspMotion(*(np.concatenate([arm, hand]) for hand in hands))
-    return make_script(start, motion, standing_hull(points), cell, margin=0.002)
+    return make_script(start, motion, obstacle, cell, margin=0.002)
 
 
 def arm_at(palm: tuple[Array, Array], start: Array, tree: RobotTree) -> Array | None:
