@@ -8,20 +8,19 @@ class LiftEnv(SingleEnv):
 
     ## Description
 
-    A robot stands at a table, a Franka Emika Panda with an Allegro hand where `robot` names no other. One object lies
+    A robot stands at a table, a Franka Emika Panda with an Allegro hand where `robot` names no other; one object lies
     on it. The task is solved when the object's lowest point has been at least 10 cm above the table for the last 3 s,
     nothing but the hand has touched it meanwhile, and it is grasped: at the end and for 90 % of that time the thumb and
     the index, middle or ring finger press it with at least 0.5 N each, from opposite sides (more than 90 deg between
-    the forces). Control runs at 20 Hz, physics at 500 Hz. Quantities are in metres, radians, kilograms and newtons, in
-    the world frame: x forward, z up, table top at z = 0.
+    the forces). Control runs at 20 Hz, physics at 500 Hz; m, rad, kg, N, in the world frame: x forward, z up, table top
+    at z = 0.
 
     ## Action Space
 
     A `Box(-1, 1, (n,), float32)`; entries outside are clipped, NaN and wrong shapes raise `InputError`. Actions become
     set-points of the 23 joint servos, which move evenly within the control step, at most at the joints' velocity
-    limits. Joints are in the order panda_joint1-7, then index, middle, ring and thumb with four each. Of another robot
-    with n joints, a of them the arm's, and F fingers, 23 stands for n, 22 for 6 + n - a and 12 for 3 F, in the order of
-    its file: `dexgrasp list envs --robot FILE` says which.
+    limits: panda_joint1-7, then index, middle, ring and thumb with four each. Of another robot with n joints, a of them
+    the arm's, and F fingers, 23 stands for n, 22 for 6 + n - a and 12 for 3 F (`dexgrasp list envs --robot FILE`).
 
     | control_mode | n | Entries | Meaning |
     | --- | --- | --- | --- |
@@ -37,16 +36,15 @@ class LiftEnv(SingleEnv):
     | `grasp_once` | 7 | 0-6 | a whole grasp there: the hand opens, comes down, closes, lifts 200 mm and holds |
     | `table_grasp_once` | 7 | 0-6 | the same, palm anywhere: x, y, height, any turn within 90 deg, tilt, closing |
 
-    The last three are of the grasp space, set-points that a low level goes to by `ee_delta`; what lies beyond -1 and 1
-    is mirrored there. They go to where the object truly is, so they are for `state` and `features`. Thumb, index,
-    middle and ring finger have to be the Allegro hand's. After a whole grasp the episode has terminated: it ends once
-    held for 3 s, or 1.5 s after closing with the object not up. `table_grasp_once` has x in 0.39-0.63, y in +-0.23,
-    palms 120 to 250 mm above the table. `hold` repeats an action for so many control steps; `step` returns what they
-    gained together.
+    The last three are of the grasp space, for the Allegro hand: set-points that a low level goes to by `ee_delta`,
+    about where the object truly is, so they are for `state` and `features`; what lies beyond -1 and 1 is mirrored
+    there. A whole grasp ends the episode: once held for 3 s, or 1.5 s after closing with the object not up.
+    `table_grasp_once` has x in 0.39-0.63, y in +-0.23, palms 120 to 250 mm above the table. `hold` repeats an action
+    for so many control steps; `step` returns what they gained together.
 
     ## Observation Space
 
-    A `Dict`. Every mode has what the robot knows of itself:
+    A `Dict`. Every mode has:
 
     | Key | Shape | Type | Meaning |
     | --- | --- | --- | --- |
@@ -56,7 +54,7 @@ class LiftEnv(SingleEnv):
     | `fingertip_positions` | (12,) | float32 | m, centres of the tips: index, middle, ring, thumb |
     | `palm_pose` | (7,) | float32 | position m and quaternion wxyz of the palm frame |
 
-    `state` adds what no camera tells, `pointcloud`, `depth` and `rgbd` what four simulated depth cameras see:
+    `state` adds what no camera tells, the others what four simulated depth cameras see:
 
     | Key | Shape | Type | obs_mode | Meaning |
     | --- | --- | --- | --- | --- |
@@ -74,21 +72,21 @@ class LiftEnv(SingleEnv):
     | `depth` | (4, 120, 160) | float32 | `depth`, `rgbd` | m along the optical axis, 0 where nothing was measured |
     | `rgb` | (4, 120, 160, 3) | uint8 | `rgbd` | colours, drawn without shadows |
 
-    `grasp_state`, (7,) float32, joins the state where actions are of the grasp space: the action that would leave palm
-    and hand where they are. `obs_mode="features"` is one array instead, a `Box(-10, 10, (92,))`: set-points rad, tips
-    and palm about the object (10 is 1 m), palm's rotation, time (1 is 5 s), forces (tanh of 5 N), height, share held,
-    way since the start; in spreads, of the object as it first lay, azimuth, distance, reach in 12 level directions,
-    height, top, rotation, sides, mass, and friction; with `grasp` the 7 of `grasp_state`. Where an action is a whole
-    grasp, what is of the object alone: 30 numbers. Directions are seen from the arm's base turned to where it lay.
+    `grasp_state`, (7,) float32, joins the state in the grasp space: the action that would leave palm and hand where
+    they are. `obs_mode="features"` is one array instead, a `Box(-10, 10, (92,))`, seen from the arm's base turned to
+    where the object lay: set-points rad, tips and palm about the object (10 is 1 m), palm's rotation, time (1 is 5 s),
+    forces (tanh of 5 N), height, share held, way since the start; in spreads, of the object as it first lay, azimuth,
+    distance, reach in 12 level directions, height, top, rotation, sides, mass, and friction; with `grasp` the 7 of
+    `grasp_state`. Where an action is a whole grasp it is the 30 of the object alone.
 
-    With fewer `views` the first axis of the images is as long as they are many. Keys are in alphabetical order. `info`
-    has at reset and at every step, always of one type each: `is_success`, `is_grasped`, `is_stable` (less than 2.5 cm
-    and 15 deg of motion in the hand's frame since the object left the table), `stage` (untouched, touched, lifted,
-    dropped, held), `failure` (empty while there is none), `object`, `object_height` m, `object_slip` m, `object_tilt`
-    rad, `object_shift` m (in the palm's frame since the disturbance began), `held_seconds`, `disturbance` (none,
-    before, running, over), `variation` (what was drawn), `mujoco_warnings` (names with spaces between), `reward_terms`.
-    With cameras it has, in the order of the images, `perception_cameras` (names), `perception_T_world_camera` (as
-    calibrated) and `perception_intrinsics` (fx, fy, cx, cy in pixels), and `perception_failure`.
+    With fewer `views` the images are fewer. Keys are in alphabetical order. `info` has at reset and at every step,
+    always of one type each: `is_success`, `is_grasped`, `is_stable` (less than 2.5 cm and 15 deg of motion in the
+    hand's frame since the object left the table), `stage` (untouched, touched, lifted, dropped, held), `failure` (empty
+    while there is none), `object`, `object_height` m, `object_slip` m, `object_tilt` rad, `object_shift` m (in the
+    palm's frame since the disturbance began), `held_seconds`, `disturbance` (none, before, running, over), `variation`
+    (what was drawn), `mujoco_warnings` (names with spaces between), `reward_terms`. With cameras, in the order of the
+    images: `perception_cameras` (names), `perception_T_world_camera` (as calibrated), `perception_intrinsics` (fx, fy,
+    cx, cy in pixels), and `perception_failure`.
 
     ## Rewards
 
@@ -105,38 +103,34 @@ class LiftEnv(SingleEnv):
     | `hold` | 10.0 | time held in a grasp, of the last 3 s; a disturbance must be over |
     | `success` | 50.0 | 1 from the first success on |
 
-    The object's box has the sides `object_size`, about the centre of mass: of `all20` the middle of the object itself
-    is up to 28 mm off that.
-
-    The return of an episode is therefore the sum at its end less that at its start: at most 50 without success,
-    whatever is done and for however long; at least 50 with it, about 100 where the object is still held at the end. An
-    episode that fails (see below) loses all but `success`. `reward_weights` replaces weights, by term.
+    The object's box has the sides `object_size`, about the centre of mass. The return of an episode is the sum at its
+    end less that at its start: at most 50 without success, for however long; at least 50 with it, about 100 where the
+    object is still held at the end. An episode that fails (see below) loses all but `success`.
 
     ## Starting State
 
-    The arm at its ready posture, the hand open. An object of `objects` is drawn, then its rest pose by probability, its
-    place (x in 0.42-0.60, y in +-0.20) and its turn about the vertical; it settles for 0.2 s. Objects that the
-    catalogue presents in one pose always lie in that.
+    The arm at its ready posture, the hand open. An object of `objects` is drawn, then its rest pose by probability (or
+    the one in which the catalogue presents it), its place (x in 0.42-0.60, y in +-0.20) and its turn about the
+    vertical; it settles for 0.2 s.
     `reset(options={"object": NAME, "object_pose": [x, y, z, qw, qx, qy, qz]})` sets them; the pose must be over the
     table, not inside it, free of the robot and in reach. `joints` (n,) rad beside a pose begin with the robot there.
-    Observation and info of the reset show this state.
 
     ## Episode End
 
     Terminates when the object leaves the workspace (`failure` is `object_lost`) or numbers go wrong
-    (`simulation_diverged`). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay up. Pushes or
+    (`simulation_diverged`); truncates after 300 steps, 15 s. Success ends nothing: the object is to stay up. Pushes or
     shaking begin once the object has been held for 1 s, and success is then the 3 s hold after their end with the
-    object moved at most 6 cm in the palm's frame; that takes `disturbance_steps` (80 pushed, 40 shaken), by which the
-    time limit should grow: `LiftPushed-v2` has 380, elsewhere pass `max_episode_steps`; with the usual 300 a warning
-    says what. It does so too where a `frame_skip` below 25 makes fewer seconds of 300 steps.
+    object moved at most 6 cm in the palm's frame. That takes `disturbance_steps` (80 pushed, 40 shaken), by which
+    `max_episode_steps` should grow: `LiftPushed-v2` has 380. With the usual 300, or a `frame_skip` below 25, a warning
+    says what.
 
     ## States
 
     `get_state()` returns everything the episode's future depends on, `set_state(state)` goes on from there bit for bit,
-    also in another environment of the same settings; `copy.deepcopy` and `pickle` keep the episode as well. `observe()`
-    returns observation and info of the present. `reset(options={"state": state})` begins an episode there, with as much
-    time as any. Gymnasium's `TimeLimit` wrapper keeps a count of its own, which `set_state` does not touch; the vector
-    environment's `set_state` restores its count. `model`, `data` and `dt` are MuJoCo's.
+    also in another environment of the same settings; so do `copy.deepcopy` and `pickle`. `observe()` returns
+    observation and info of the present. `reset(options={"state": state})` begins an episode there, with as much time as
+    any. Gymnasium's `TimeLimit` keeps a count of its own, which the vector environment's `set_state` restores and a
+    single one's does not. `model`, `data` and `dt` are MuJoCo's.
 
     ## Arguments
 
@@ -146,9 +140,9 @@ class LiftEnv(SingleEnv):
     | `obs_mode` | `'state'` | `state`, `features`, `pointcloud`, `depth`, `rgbd`, or `state+` one of the last three |
     | `control_mode` | `'joint_delta'` | `joint_position`, `joint_delta`, `ee_delta`, `grasp`, `[table_]grasp_once` |
     | `reward_mode` | `'dense'` | `dense`, `sparse` |
-    | `robot` | `None` | a cell, a robot, or the path of a file of either; None: the simulated cell |
-    | `mount` | `None` | `palm_normal`, `fingers_along`: how the hand sits on the flange; None: the robot's own |
-    | `friction` | `None` | sliding friction of every contact, above 0 and up to 2; None: 0.7, or a set file's |
+    | `robot` | `None` | a cell, a robot, or a file of either; None: the simulated cell |
+    | `mount` | `None` | `palm_normal`, `fingers_along`; None: the robot's own |
+    | `friction` | `None` | sliding, of every contact, above 0 and up to 2; None: 0.7, or a set file's |
     | `mass` | `1.0` | factor on the object's mass, above 0 and up to 100 |
     | `presentation` | `'rest'` | `rest`; `upright`: standing as built where that is stable, else at rest |
     | `disturbance` | `None` | `none`, `pushed`, `shaken`, `moved`, `belt`, or `kind` and `size`: `Disturbance` |
@@ -158,22 +152,22 @@ class LiftEnv(SingleEnv):
     | `calibration` | `None` | `position` m and `rotation` rad: one rigid error of all cameras, drawn at reset |
     | `sensor` | `'realistic'` | `realistic`, `captured`, `none`, or settings of `SensorModel` |
     | `observe` | `'step'` | `step`; `10hz`; `reset`: cameras look once; `clear`: and whenever the arm is home |
-    | `mesh_scale` | `1.0` | factor from a mesh file's unit to metres; of mesh files alone |
-    | `mesh_mass` | `None` | kg of a mesh file's object; None for 400 kg/m3; of mesh files alone |
+    | `mesh_scale` | `1.0` | factor from a mesh file's unit to metres |
+    | `mesh_mass` | `None` | kg of a mesh file's object; None for 400 kg/m3 |
     | `render_mode` | `None` | `human`, `rgb_array`, `depth_array` |
     | `render_size` | `(480, 640)` | rows and columns of pictures |
     | `render_camera` | `'front'` | `front`; `grasp`: follows the hand, close by; or one of the depth cameras |
-    | `reward_weights` | `None` | weights by term, from 0 on; terms that are not named keep theirs |
-    | `frame_skip` | `25` | physics steps of a control step, 5 to 125; what lasts seconds still does; limits are steps |
+    | `reward_weights` | `None` | weights by term, from 0 on, in place of those above |
+    | `frame_skip` | `25` | physics steps of a control step, 5 to 125; limits are steps |
     | `action_scale` | `1.0` | factor, above 0 and up to 1, on what 1 means in actions that are changes |
     | `hold` | `1` | control steps that an action stands for |
     | `reward_scale` | `1.0` | factor on rewards, above 0 |
-    | `starts` | `None` | `pregrasps`, or a file of `scripts/pregrasps.py`: episodes begin on the way to these |
-    | `backend` | `'mujoco'` | `mujoco`; `warp`: mujoco_warp, the extra `gpu`; see the vector environment |
+    | `starts` | `None` | `pregrasps`, or a file of `scripts/pregrasps.py`, on whose way episodes begin |
+    | `backend` | `'mujoco'` | `mujoco`; `warp`: mujoco_warp, the extra `gpu` |
     | `device` | `None` | of `warp`: `cuda:0`, `cuda:1`, ..., `cpu`; None: a GPU where there is one |
 
     ## Version History
 
-    * v2: a dense reward that leads to a grasp and that nothing but success earns in full; physics and success are v1's.
+    * v2: a dense reward that leads to a grasp and that nothing but success earns in full.
     * v1: withdrawn for its dense reward, much of which was earned by hovering.
     """

@@ -39,9 +39,9 @@ class ClosedError(InputError, ClosedEnvironmentError):
 class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
     """N environments like `LiftEnv` that step together: `gym.make_vec("DexGrasp/Lift-v2", num_envs=N)`.
 
-    Each has its own object, place, variation and random generator. Seeds, resets, time limits, autoreset and infos are
-    those of `gymnasium.vector.SyncVectorEnv` over N single environments, and so is every number, to the last bit,
-    whatever the number of threads.
+    Each has its own object, place, variation and random generator. Seeds, resets, time limits, autoreset, infos and
+    every number are those of `gymnasium.vector.SyncVectorEnv` over N single environments, to the last bit, whatever the
+    number of threads.
 
     ## Arguments, beside those of `LiftEnv`
 
@@ -55,19 +55,17 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
     ## Physics on a GPU
 
     `backend="warp"` has mujoco_warp advance all worlds of `Lift` and `Place` at once, on `device`; progress, rewards
-    and observations are computed on the host. Keys, types, options, disturbances, randomisation and autoreset are the
-    same, the scenes of a seed too; what differs:
+    and observations are computed on the host, and scenes of a seed are the same. What differs:
 
-    - Nothing is equal to the last bit: numbers have single precision, the solver stops at 1e-6 where MuJoCo does at
-      1e-8, and a face that meets a box may have a corner more or less. Episodes agree until something collides, and
-      grasps that hold here hold there; publish what `backend="mujoco"` gives.
-    - A drawn object comes to rest within the episode: it begins 0.7 mm above where it would have settled.
-    - A world without room for its contacts ends as one whose numbers go wrong: `simulation_diverged`, with MuJoCo's
-      `mjWARN_CONTACTFULL` or `mjWARN_CNSTRFULL`.
-    - Worlds share meshes: `randomisation` of `size` is for objects of boxes, cylinders, spheres and capsules.
+    - Nothing is equal to the last bit: numbers have single precision, the solver stops at 1e-6, not 1e-8, and a face
+      that meets a box may have a corner more or less. Episodes agree until something collides.
+    - A drawn object begins 0.7 mm above where it would have settled, and comes to rest within the episode.
+    - A world without room for its contacts ends in `simulation_diverged`, with MuJoCo's `mjWARN_CONTACTFULL` or
+      `mjWARN_CNSTRFULL`.
+    - `randomisation` of `size` is for objects of boxes, cylinders, spheres and capsules: worlds share meshes.
     - An object that leaves the table falls through the floor.
 
-    Colours of `obs_mode="rgbd"` want a GL, which draws one picture at a time; depth is by rays and wants none.
+    Colours of `obs_mode="rgbd"` want a GL; depth is by rays and wants none.
     """
 
     _env_type: type[LiftEnv] = LiftEnv

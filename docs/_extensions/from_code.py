@@ -87,11 +87,20 @@ def settings_table(name: str) -> str:
 
 
 def _default(field: "dataclasses.Field[Any]") -> str:
-    if field.default is dataclasses.MISSING:
-        return (
-            "" if field.default_factory is dataclasses.MISSING else _in_cell(f"`{field.default_factory()}`")
-        )
-    return _in_cell(f"`{field.default}`")
+    if field.default is not dataclasses.MISSING:
+        return _in_cell(f"`{_shown(field.default)}`")
+    if field.default_factory is dataclasses.MISSING:
+        return ""
+    return _in_cell(f"`{_shown(field.default_factory())}`")
+
+
+def _shown(value: Any) -> str:
+    """Return a default as text: of settings that differ from their own defaults, the difference."""
+    if not dataclasses.is_dataclass(value):
+        return str(value)
+    usual = {field.name: field.default for field in dataclasses.fields(value)}
+    differing = [f"{name}={getattr(value, name)}" for name, own in usual.items() if getattr(value, name) != own]
+    return f"{type(value).__name__}({', '.join(differing)})" if differing else str(value)
 
 
 def _in_cell(text: str) -> str:
@@ -100,11 +109,12 @@ def _in_cell(text: str) -> str:
 
 def _modules(*names: str) -> str:
     """Modules with their first lines, as links from a page of docs/api."""
-    rows = [
-        f"| [`{name}`](../../{name.replace('.', '/')}.py) | {_in_cell(_docstring_line(name))} |"
-        for name in names
-    ]
+    rows = [f"| [`{_file(name)}`](../../{_file(name)}) | {_in_cell(_docstring_line(name))} |" for name in names]
     return "\n".join(["| module | what it is |", "| --- | --- |", *rows])
+
+
+def _file(name: str) -> str:
+    return f"{name.replace('.', '/')}.py"
 
 
 def _docstring_line(name: str) -> str:
@@ -146,8 +156,13 @@ def _protocols() -> str:
     """What `dexgrasp list protocols` says, as a table."""
     from dexgrasp.cli.list import list_protocols
 
-    rows = [f"| `{row['name']}` | {row['env']} | {row['description']} |" for row in list_protocols()]
-    return "\n".join(["| name | of | what is special |", "| --- | --- | --- |", *rows])
+    of, rows = None, []
+    for row in list_protocols():
+        if row["env"] != of:
+            of = row["env"]
+            rows.append(f"| **{of or 'means'}** | |")
+        rows.append(f"| `{row['name']}` | {row['description']} |")
+    return "\n".join(["| name | what is special |", "| --- | --- |", *rows])
 
 
 _KINDS: dict[str, Callable[..., str]] = {
