@@ -17,10 +17,10 @@ class LiftEnv(SingleEnv):
 
     ## Action Space
 
-    A `Box(-1, 1, (n,), float32)`; entries outside are clipped, NaN and wrong shapes raise `InputError`. Actions become
-    set-points of the 23 joint servos, which move evenly within the control step, at most at the joints' velocity
-    limits: panda_joint1-7, then index, middle, ring and thumb with four each. Of another robot with n joints, a of them
-    the arm's, and F fingers, 23 stands for n, 22 for 6 + n - a and 12 for 3 F (`dexgrasp list envs --robot FILE`).
+    A `Box(-1, 1, (n,), float32)`; entries outside are clipped. They become
+    set-points of the 23 joint servos, which move evenly within the control step, within the joints' velocity limits:
+    panda_joint1-7, then index, middle, ring and thumb with four each. Another robot has sizes of its own:
+    `dexgrasp list envs --robot FILE`.
 
     | control_mode | n | Entries | Meaning |
     | --- | --- | --- | --- |
@@ -50,19 +50,19 @@ class LiftEnv(SingleEnv):
     | --- | --- | --- | --- |
     | `joint_positions` | (23,) | float32 | rad |
     | `joint_velocities` | (23,) | float32 | rad/s |
-    | `joint_targets` | (23,) | float32 | rad, set-points of the servos |
+    | `joint_targets` | (23,) | float32 | rad, set-points |
     | `fingertip_positions` | (12,) | float32 | m, centres of the tips: index, middle, ring, thumb |
-    | `palm_pose` | (7,) | float32 | position m and quaternion wxyz of the palm frame |
+    | `palm_pose` | (7,) | float32 | m and quaternion wxyz of the palm frame |
 
     `state` adds what no camera tells, the others what four simulated depth cameras see:
 
     | Key | Shape | Type | obs_mode | Meaning |
     | --- | --- | --- | --- | --- |
-    | `object_pose` | (7,) | float32 | `state` | position of the centre of mass m and quaternion wxyz |
+    | `object_pose` | (7,) | float32 | `state` | centre of mass m and quaternion wxyz |
     | `object_velocity` | (6,) | float32 | `state` | m/s, and rad/s in the object frame |
-    | `object_size` | (3,) | float32 | `state` | m, sides of the box around the object, along its own axes |
+    | `object_size` | (3,) | float32 | `state` | m, sides of its box along its own axes |
     | `object_mass` | (1,) | float32 | `state` | kg |
-    | `fingertip_forces` | (12,) | float32 | `state` | N, contact force between each tip and the object |
+    | `fingertip_forces` | (12,) | float32 | `state` | N, contact force of each tip on the object |
     | `progress` | (2,) | float32 | `state` | m, lowest point above the table; share of the 3 s held, 0 to 1 |
     | `variation` | (6,) | float32 | `state` | mass factor, friction, size factor, gain factor, latency s, noise rad |
     | `cloud` | (1024, 3) | float32 | `pointcloud` | m, points of the object |
@@ -120,17 +120,16 @@ class LiftEnv(SingleEnv):
     Terminates when the object leaves the workspace (`failure` is `object_lost`) or numbers go wrong
     (`simulation_diverged`); truncates after 300 steps, 15 s. Success ends nothing: the object is to stay up. Pushes or
     shaking begin once the object has been held for 1 s, and success is then the 3 s hold after their end with the
-    object moved at most 6 cm in the palm's frame. That takes `disturbance_steps` (80 pushed, 40 shaken), by which
-    `max_episode_steps` should grow: `LiftPushed-v2` has 380. With the usual 300, or a `frame_skip` below 25, a warning
-    says what.
+    object moved at most 6 cm in the palm's frame. That takes `disturbance_steps` (80 pushed, 40 shaken):
+    `LiftPushed-v2` has 380 steps; elsewhere, as with a `frame_skip` below 25, a warning names a `max_episode_steps`.
 
     ## States
 
-    `get_state()` returns everything the episode's future depends on, `set_state(state)` goes on from there bit for bit,
-    also in another environment of the same settings; so do `copy.deepcopy` and `pickle`. `observe()` returns
-    observation and info of the present. `reset(options={"state": state})` begins an episode there, with as much time as
-    any. Gymnasium's `TimeLimit` keeps a count of its own, which the vector environment's `set_state` restores and a
-    single one's does not. `model`, `data` and `dt` are MuJoCo's.
+    `get_state()` returns everything the episode's future depends on; `set_state(state)` goes on from there bit for bit,
+    also in another environment of the same settings, as `copy.deepcopy` and `pickle` do.
+    `reset(options={"state": state})` begins an episode there. Gymnasium's `TimeLimit` keeps a count of its own, which
+    a vector environment restores and a single one does not. `observe()` returns observation and info of the present.
+    `model`, `data` and `dt` are MuJoCo's.
 
     ## Arguments
 
@@ -169,5 +168,5 @@ class LiftEnv(SingleEnv):
     ## Version History
 
     * v2: a dense reward that leads to a grasp and that nothing but success earns in full.
-    * v1: withdrawn for its dense reward, much of which was earned by hovering.
+    * v1: withdrawn: hovering earned much.
     """

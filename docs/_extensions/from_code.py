@@ -99,7 +99,9 @@ def _shown(value: Any) -> str:
     if not dataclasses.is_dataclass(value):
         return str(value)
     usual = {field.name: field.default for field in dataclasses.fields(value)}
-    differing = [f"{name}={getattr(value, name)}" for name, own in usual.items() if getattr(value, name) != own]
+    differing = [
+        f"{name}={getattr(value, name)}" for name, own in usual.items() if getattr(value, name) != own
+    ]
     return f"{type(value).__name__}({', '.join(differing)})" if differing else str(value)
 
 
@@ -109,7 +111,9 @@ def _in_cell(text: str) -> str:
 
 def _modules(*names: str) -> str:
     """Modules with their first lines, as links from a page of docs/api."""
-    rows = [f"| [`{_file(name)}`](../../{_file(name)}) | {_in_cell(_docstring_line(name))} |" for name in names]
+    rows = [
+        f"| [`{_file(name)}`](../../{_file(name)}) | {_in_cell(_docstring_line(name))} |" for name in names
+    ]
     return "\n".join(["| module | what it is |", "| --- | --- |", *rows])
 
 
