@@ -204,9 +204,9 @@ class ClutterEnv(LiftEnv):
 
     ## Description
 
-    The robot, the physics, the task and its success of `LiftEnv`. Around the object stand others, its neighbours, on
-    the open table with gaps between their outlines, or the object lies with them in a heap where all were dropped.
-    A success is clean if no neighbour's centre has ever been more than 2 cm from where it would be without the robot.
+    The robot, the physics, the task and its success of `LiftEnv`, among other objects: on the open table with gaps
+    between their outlines, or in a heap where all were dropped. A success is clean if no neighbour's centre has ever
+    been more than 2 cm from where it would be without the robot.
 
     | id | Neighbours | Scene |
     | --- | --- | --- |
@@ -230,15 +230,13 @@ class ClutterEnv(LiftEnv):
     | `around_normals` | (4096, 3) | float32 | `pointcloud` | unit normals |
     | `around_labels` | (4096,) | int16 | `pointcloud` | object by number from 1; -1 of none, 0 no point |
 
-    The object is pointed at. With `mask="true"` every pixel is told whether it shows the object; with
-    `mask="perceived"` a point on it is, the middle one of those that the cameras see, and the points that perception
-    holds for one thing with it are the object's.
+    With `mask="true"` every pixel says whether it shows the object; with `mask="perceived"` one point on it is given,
+    the middle one of those that the cameras see, and perception holds what it does for one thing with it.
 
     `info` has more than that of `LiftEnv`: `is_clean`, `neighbours` (how many), `neighbours_moved` (m, the farthest
-    that the centre of any has been from where it would be), `neighbours_hit` (how many the robot has touched, looked
-    at in every physics step), `neighbours_hit_names` (theirs, with spaces between),
-    `neighbours_toppled` (how many have turned their vertical by 30 deg). With a point cloud, `perception_doubtful`:
-    whether what is held for the object may be two things, or a part of the next.
+    that any centre has been from where it would be), `neighbours_hit` (how many the robot has touched, at any physics
+    step), `neighbours_hit_names` (theirs, with spaces between), `neighbours_toppled` (how many have turned their
+    vertical by 30 deg); with a point cloud `perception_doubtful`: the object may be two, or a part of the next.
 
     ## Rewards
 
@@ -246,19 +244,17 @@ class ClutterEnv(LiftEnv):
 
     ## Starting State
 
-    The object is drawn and placed as in `LiftEnv`. With gaps each neighbour is drawn, in a rest pose, and slid from the
+    The object is drawn and placed as in `LiftEnv`. With gaps each neighbour, in a drawn rest pose, is slid from the
     object outwards to the first place where the nearest outline, from above, is as far as the gap drawn. In a heap all
-    are laid down in a drawn order, turned at random, three at a time on what lies there, about the drawn place or the
-    nearest with room for all; what does not stay is laid down again. A scene is drawn again unless all of it comes to
-    rest on the table (x in 0.30-0.76, y in +-0.38) and free of the robot, and nothing pierces another by 2 mm, sinks
-    by 3 mm or, with gaps, floats, topples or slides by 3 mm. With gaps a scene without the robot then stays
-    as it is (0.1 mm in 0.5 s); a heap creeps, by less than 2 cm in 15 s, and that way is no motion of a neighbour.
+    are dropped in a drawn order, turned at random, three at a time, about the drawn place or the nearest with room;
+    what does not stay is laid down again. A scene is drawn again unless all of it rests on the table (x in 0.30-0.76,
+    y in +-0.38), free of the robot, and nothing pierces another by 2 mm, sinks by 3 mm or, with gaps, floats, topples
+    or slides by 3 mm. A heap creeps, by less than 2 cm in 15 s, which is no motion of a neighbour.
     `reset(options=...)` takes those of `LiftEnv`; a heap has no `object_pose`.
 
     ## Episode End
 
-    As `LiftEnv`; the time limit is 600 control steps, so that a lost object can be grasped again, and 1,800 in a heap,
-    so that neighbours can be set aside first.
+    As `LiftEnv`; the time limit is 600 control steps, 30 s, and in a heap 1,800, 90 s.
 
     ## Arguments
 
