@@ -110,19 +110,12 @@ def _in_cell(text: str) -> str:
 
 
 def _modules(*names: str) -> str:
-    """Modules with their first lines, as links from a page of docs/api."""
-    rows = [
-        f"| [`{_file(name)}`](../../{_file(name)}) | {_in_cell(_docstring_line(name))} |" for name in names
-    ]
-    return "\n".join(["| module | what it is |", "| --- | --- |", *rows])
+    """Modules as links from a page of docs/api; the site shows them whole."""
+    return "\n".join(f"- [`{_file(name)}`](../../{_file(name)})" for name in names)
 
 
 def _file(name: str) -> str:
     return f"{name.replace('.', '/')}.py"
-
-
-def _docstring_line(name: str) -> str:
-    return str(inspect.getdoc(importlib.import_module(name))).partition("\n")[0]
 
 
 def _whole_modules(*names: str) -> str:
