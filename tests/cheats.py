@@ -1,4 +1,4 @@
-"""What looks like lifting and is none, against honest grasps: the table of docs/environments/lift.md.
+"""What looks like lifting and is none, against honest grasps: as docs/environments/lift.md sums up.
 
 python tests/cheats.py --seed 5 --trials 5 [--objects all20] [--presets Lift LiftPushed]
 """
