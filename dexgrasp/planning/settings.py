@@ -27,30 +27,29 @@ class PlannerSettings(Thresholds):
     """Limits of every grasp, and budgets of the search; lengths in m, angles in rad.
 
     Attributes:
-        closure_aim: margin that the optimiser works towards before it settles for the least.
+        closure_aim: margin that the optimiser works towards first.
         surface_points: samples of the surface that triples are made of.
         table_clearance: proposed contacts are at least this high above the table.
         triples: triples that are turned into hand postures.
         neighbours: postures of the hand's atlas looked at for each.
-        postures: postures that are tried by the optimiser before the planner gives up.
+        postures: postures tried by the optimiser before the planner gives up.
         candidates: feasible configurations among which the firmest is carried out.
-        breadths: rounds of the search; each multiplies the samples, and follows only where the last found nothing firm.
-        patience: rounds more, looked at whole, where there are grasps and none bears the assumed weight with
-            `friction_squeeze` and `place_error`.
-        rises: of the tips, besides backing off, as the hand opens; those after the first only for grasps not firm.
+        breadths: factors on the samples of each round, which follows only where the last found nothing firm.
+        patience: rounds more where there are grasps and none bears the assumed weight with `friction_squeeze` and
+            `place_error`.
+        rises: of the tips as the hand opens, m; those after the first only for grasps not firm.
         most_parts: convex parts of an object's cloud that are planned on; 1: its hull.
         initial_orientations: starting postures a proposal (six in section 3.3).
         iterations: steps of the SQP, for one posture.
-        seconds: time after which no further posture is tried; None for results that do not depend on the machine.
+        seconds: time after which no further posture is tried; None: results do not depend on the machine.
         max_force: N that each finger presses with at most; None: as the joints allow.
-        loads: levels that the dataset sorts grasps by, firmest first: share of the assumed mass, and push in any
-            direction that is borne, in weights.
-        friction_squeeze: coefficient that the squeeze is made for, and grasps are ranked by: less than is counted on.
+        loads: levels that the dataset sorts grasps by, firmest first: share of the assumed mass, push borne, weights.
+        friction_squeeze: coefficient that the squeeze is made for, and grasps are ranked by.
         place_error: how far the surface may be from where it was seen, m.
         fingers: of a grasp, as the hand has them.
         torsion: radius of their soft tips, m; 0: points.
         widest: m between contacts that two fingers open beyond.
-        min_success_probability: probability of being lifted and held that a grasp must have; 0 asks for none.
+        min_success_probability: of being lifted and held; 0 asks for none.
         firm_load: load under `friction_squeeze` and `place_error` with which the search ends.
     """
 

@@ -61,10 +61,9 @@ class SensorModel:
         focal_px: focal length of the stereo pair at its own resolution, pixels.
         baseline: between the two imagers, metres.
         subpixel_rms: RMS disparity noise, pixels of the stereo pair.
-        correlated: share of the noise variance that neighbouring pixels share, 0 to 1 (matching windows
-            overlap).
+        correlated: share of the noise variance that neighbouring pixels share, 0 to 1.
         window: side of the squares over which they share it, pixels, odd.
-        smear: side of the squares over which disparity is averaged where no edge is within, pixels; 0 for none.
+        smear: side of the squares over which disparity is averaged, but at edges, pixels; 0 for none.
         disparity_step: quantum of disparity, pixels of the stereo pair.
         grazing_start: incidence from the surface normal at which pixels begin to drop out, radians.
         grazing_end: incidence from which none is left, radians; zero turns grazing dropouts off.
@@ -72,9 +71,9 @@ class SensorModel:
         edge_dropout: probability that a pixel at an edge drops out.
         edge_flying: probability that a pixel at an edge lies between the two sides.
         dropout: probability that any other pixel drops out.
-        hidden_dropout: probability that a pixel drops out which the other imager, to the right, does not see.
-        hole_share: share of the image that is lost in holes, as on what is dark or gloss.
-        hole_size: width of the holes, pixels (the standard deviation of the field that they are cut from).
+        hidden_dropout: probability that a pixel drops out which the other imager does not see.
+        hole_share: share of the image that is lost in holes.
+        hole_size: width of the holes, pixels.
         calibration_position: RMS length of the error of a camera's position, metres.
         calibration_rotation: RMS angle of the error of its orientation, radians.
     """

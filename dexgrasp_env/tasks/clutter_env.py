@@ -216,7 +216,7 @@ class ClutterEnv(LiftEnv):
 
     ## Action Space
 
-    As `LiftEnv`: a `Box(-1, 1, (n,), float32)` by `control_mode`.
+    As `LiftEnv`.
 
     ## Observation Space
 

@@ -95,7 +95,7 @@ class GentleEnv(LiftEnv):
 
     ## Action Space
 
-    As `LiftEnv`: a `Box(-1, 1, (n,), float32)` by `control_mode`.
+    As `LiftEnv`.
 
     ## Observation Space
 

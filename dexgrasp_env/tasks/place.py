@@ -194,13 +194,13 @@ class PlaceEnv(GoalRewards, LiftEnv):
     ## Description
 
     The scene, the robot and the physics of `LiftEnv`. Half of the goals are in the air, from 5 cm above where the
-    object lies to 35 cm above the table, if that is higher; half are on the table, at least 10 cm away; all are inside
-    the area where objects are put. The task is solved when for the last 1 s the object's centre has been within 3 cm of
-    the goal and the hand has touched it, for goals in the air, or has let go of it, for goals on the table.
+    object lies to 35 cm above the table; half are on the table, at least 10 cm away; all inside the area where objects
+    are put. The task is solved when for the last 1 s the object's centre has been within 3 cm of the goal and the hand
+    has touched it, for goals in the air, or has let go of it, for goals on the table.
 
     ## Action Space
 
-    As `LiftEnv`: a `Box(-1, 1, (n,), float32)` by `control_mode`.
+    As `LiftEnv`.
 
     ## Observation Space
 
@@ -213,7 +213,7 @@ class PlaceEnv(GoalRewards, LiftEnv):
     | `observation` | (125,) | float32 | the `state` observation of `LiftEnv`, its keys one after the other |
 
     With cameras it is that of `LiftEnv` and `desired_goal`. An object counts as moved once it has been 3 cm from where
-    it lay: a goal that hindsight takes from one that was not touched is never reached.
+    it lay.
 
     ## Rewards
 
@@ -231,7 +231,7 @@ class PlaceEnv(GoalRewards, LiftEnv):
     ## Episode End
 
     Terminates when numbers go wrong, truncates after 300 steps and when the object is lost: no reward is above 0, so
-    an end that counts as one would pay for throwing the object away. Success ends nothing.
+    an end that counts as one would pay for throwing it away. Success ends nothing.
 
     ## Arguments
 
@@ -239,9 +239,8 @@ class PlaceEnv(GoalRewards, LiftEnv):
 
     ## Version History
 
-    * v2: goals on the table, and what the hand is to do; cameras; the space of goals holds all that are achieved;
-      a lost object truncates.
-    * v1: withdrawn; goals in the air alone, without what the hand is to do.
+    * v2: goals on the table, and what the hand is to do; cameras; a lost object truncates.
+    * v1: withdrawn; goals in the air alone.
     """
 
     episodes_type = PlaceEpisodes

@@ -27,11 +27,11 @@ class RlSettings:
         objects: objects, sets or mesh files to learn on.
         algorithm: `ppo` or `sac`, of Stable-Baselines3.
         env_id: what is learned, from its features.
-        control_mode: of the environments (default: what the environment is registered with); grasp: set-points of the
-            palm about the object and of the hand's closing; grasp_once: a whole grasp, and a look an episode.
+        control_mode: of the environments (default: as registered); grasp: set-points of the palm about the object and
+            of the hand's closing; grasp_once: a whole grasp.
         hold: control steps that an action stands for (default: as registered); limits count actions.
         max_episode_steps: actions of an episode (default: as registered).
-        backend: their physics: mujoco; warp: mujoco_warp on the device (extra gpu). Trials are MuJoCo's.
+        backend: their physics: mujoco; warp: mujoco_warp on the device (extra gpu).
         randomise: what every episode draws: friction, mass, size, gain, latency, joint_noise (default: as registered).
         resets: demonstrations that episodes begin along, backwards from success.
         steps: actions, of all environments together.
@@ -40,14 +40,13 @@ class RlSettings:
         net_arch: widths of the layers of every network.
         learning_rate: of Adam.
         gamma: discount of a reward an action later.
-        log_std_init: logarithm of the standard deviation that exploration begins with (`ppo`).
-        log_std_final: what that logarithm is brought to by the last step (`ppo`; default: it is learned).
-        n_steps: actions of every environment between two updates: at most, where an episode has more, which is cut
-            into equal parts (`ppo`).
+        log_std_init: logarithm of the standard deviation of exploration at first (`ppo`).
+        log_std_final: the same at the last step (`ppo`; default: it is learned).
+        n_steps: actions of every environment between two updates, at most (`ppo`).
         n_epochs: over a rollout in an update (`ppo`).
         target_kl: KL at which an update stops (`ppo`; default: never).
         buffer_size: actions that `sac` remembers.
-        learning_starts: random actions, of all environments together, before `sac` learns.
+        learning_starts: random actions before `sac` learns.
         gradient_steps: of `sac` after an action of every environment.
         threads: of torch on the CPU; results differ in the last bits with it.
     """
