@@ -1,5 +1,5 @@
 """Evaluation: protocols, trials, statistics, reports, scores of grasp files.
 
-Takes agents by name, objects, seeds and protocols (`assets/protocols.yaml`); gives rows of trials and intervals. It never
-changes what an agent sees.
+Takes agents by name, objects, seeds and protocols (`assets/protocols.yaml`); gives rows of trials and intervals. It
+never changes what an agent sees.
 """

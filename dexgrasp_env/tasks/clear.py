@@ -120,9 +120,9 @@ class ClearEnv(ClutterEnv):
 
     ## Observation Space
 
-    That of `ClutterEnv`: `object_pose` is the first object's, `cloud` has the points of the one nearest to the middle of
-    the table, `around` those of the others. Cameras do not see into the tray. The info of a reset has `tray`, (2, 3) m,
-    the lowest and highest corner of its inside.
+    That of `ClutterEnv`: `object_pose` is the first object's, `cloud` has the points of the one nearest to the middle
+    of the table, `around` those of the others. Cameras do not see into the tray. The info of a reset has `tray`,
+    (2, 3) m, the lowest and highest corner of its inside.
 
     `info` has more than that of `LiftEnv`: `objects` (how many), `in_tray`, `off_table` (pushed off it), `touched`
     (how many the robot has touched, looked at in every physics step).

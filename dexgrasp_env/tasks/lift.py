@@ -74,10 +74,10 @@ class LiftEnv(SingleEnv):
 
     `grasp_state`, (7,) float32, joins the state in the grasp space: the action that would leave palm and hand where
     they are. `obs_mode="features"` is one array instead, a `Box(-10, 10, (92,))`, seen from the arm's base turned to
-    where the object lay: set-points rad, tips and palm about the object (10 is 1 m), palm's rotation, time (1 is 5 s),
-    forces (tanh of 5 N), height, share held, way since the start; in spreads, of the object as it first lay, azimuth,
-    distance, reach in 12 level directions, height, top, rotation, sides, mass, and friction; with `grasp` the 7 of
-    `grasp_state`. Where an action is a whole grasp it is the 30 of the object alone.
+    where the object lay: set-points, tips and palm about the object (10 is 1 m), palm's rotation, time (1 is 5 s),
+    forces, height, share held; and in spreads, of the object as it first lay, place, reach in 12 level directions,
+    height, rotation, sides, mass, friction; with `grasp` also `grasp_state`. Where an action is a whole grasp it is the
+    30 of the object alone.
 
     With fewer `views` the images are fewer. Keys are in alphabetical order. `info` has at reset and at every step,
     always of one type each: `is_success`, `is_grasped`, `is_stable` (less than 2.5 cm and 15 deg of motion in the

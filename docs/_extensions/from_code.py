@@ -127,8 +127,8 @@ def _commands() -> str:
     """What `dexgrasp --help` lists, as a table."""
     from dexgrasp.cli.commands import COMMANDS
 
-    rows = [f"| `dexgrasp {name}` | {_in_cell(line)} |" for name, line in COMMANDS.items()]
-    return "\n".join(["| command | does |", "| --- | --- |", *rows])
+    rows = [f"| `{name}` | {_in_cell(line)} |" for name, line in COMMANDS.items()]
+    return "\n".join(["| `dexgrasp` ... | does |", "| --- | --- |", *rows])
 
 
 def _whole_commands() -> str:
@@ -155,6 +155,8 @@ def _protocols() -> str:
 
     of, rows = None, []
     for row in list_protocols():
+        if row["env"] == "grasp files":
+            break  # those of `score` have a page
         if row["env"] != of:
             of = row["env"]
             rows.append(f"| **{of or 'means'}** | |")

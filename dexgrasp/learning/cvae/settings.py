@@ -23,7 +23,7 @@ class TrainingSettings:
         wrench_weight: of that residual.
         held_out_object: an object that is tested on and not trained on.
         held_out_poses: whether a rest pose of every other object is kept apart.
-        threads: of torch on the CPU; results differ in the last bits with it.
+        threads: of torch on the CPU; the last bits depend on it.
         network: sizes.
     """
 

@@ -55,7 +55,7 @@ class BcSettings:
         learning_rate: of Adam at first; it goes down by a cosine.
         execute: control steps of a chunk that are carried out before the policy looks again (`state`).
         held_out: share of the demonstrations that the loss is tested on.
-        threads: of torch on the CPU; results differ in the last bits with it.
+        threads: of torch on the CPU; the last bits depend on it.
         network: sizes (`state`).
         grasps: sizes (`cloud`).
     """

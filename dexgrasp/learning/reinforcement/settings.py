@@ -48,7 +48,7 @@ class RlSettings:
         buffer_size: actions that `sac` remembers.
         learning_starts: random actions before `sac` learns.
         gradient_steps: of `sac` after an action of every environment.
-        threads: of torch on the CPU; results differ in the last bits with it.
+        threads: of torch on the CPU; the last bits depend on it.
     """
 
     objects: Annotated[Objects, "OBJECT"]
