@@ -233,10 +233,10 @@ class ClutterEnv(LiftEnv):
     With `mask="true"` every pixel says whether it shows the object; with `mask="perceived"` one point on it is given,
     the middle one of those that the cameras see, and perception holds what it does for one thing with it.
 
-    `info` has more than that of `LiftEnv`: `is_clean`, `neighbours` (how many), `neighbours_moved` (m, the farthest
-    that any centre has been from where it would be), `neighbours_hit` (how many the robot has touched, at any physics
-    step), `neighbours_hit_names` (theirs, with spaces between), `neighbours_toppled` (how many have turned their
-    vertical by 30 deg); with a point cloud `perception_doubtful`: the object may be two, or a part of the next.
+    `info` has also `is_clean`, `neighbours` (how many), `neighbours_moved` (m, the farthest that any centre has been
+    from where it would be), `neighbours_hit` (how many the robot has touched, at any physics step),
+    `neighbours_hit_names` (theirs, with spaces between), `neighbours_toppled` (how many have turned their vertical by
+    30 deg); with a point cloud `perception_doubtful`: the object may be two, or a part of the next.
 
     ## Rewards
 

@@ -79,14 +79,14 @@ class LiftEnv(SingleEnv):
     height, rotation, sides, mass, friction; with `grasp` also `grasp_state`. Where an action is a whole grasp it is the
     30 of the object alone.
 
-    With fewer `views` the images are fewer. Keys are in alphabetical order. `info` has at reset and at every step,
-    always of one type each: `is_success`, `is_grasped`, `is_stable` (less than 2.5 cm and 15 deg of motion in the
-    hand's frame since the object left the table), `stage` (untouched, touched, lifted, dropped, held), `failure` (empty
-    while there is none), `object`, `object_height` m, `object_slip` m, `object_tilt` rad, `object_shift` m (in the
-    palm's frame since the disturbance began), `held_seconds`, `disturbance` (none, before, running, over), `variation`
-    (what was drawn), `mujoco_warnings` (names with spaces between), `reward_terms`. With cameras, in the order of the
-    images: `perception_cameras` (names), `perception_T_world_camera` (as calibrated), `perception_intrinsics` (fx, fy,
-    cx, cy in pixels), and `perception_failure`.
+    Keys are in alphabetical order. `info` has at reset and at every step: `is_success`, `is_grasped`, `is_stable`
+    (less than 2.5 cm and 15 deg of motion in the hand's frame since the object left the table), `stage` (untouched,
+    touched, lifted, dropped, held), `failure` (empty while there is none), `object`, `object_height` m, `object_slip`
+    m, `object_tilt` rad, `object_shift` m (in the palm's frame since the disturbance began), `held_seconds`,
+    `disturbance` (none, before, running, over), `variation` (what was drawn), `mujoco_warnings` (names with spaces
+    between), `reward_terms`. With cameras, in the order of the images: `perception_cameras` (names),
+    `perception_T_world_camera` (as calibrated), `perception_intrinsics` (fx, fy, cx, cy in pixels), and
+    `perception_failure`.
 
     ## Rewards
 
