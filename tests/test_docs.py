@@ -53,6 +53,11 @@ def test_a_page_names_what_exists(page):
     assert [name for name in dotted if not named(name)] == []
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_a_page_is_read_in_one_sitting(page):
+    assert len(re.findall(r"\w[\w'/-]*", page.read_text())) <= 2000
+
+
 def linked(page):
     """Return the pages of this repository that a page links to."""
     tokens = [child for token in MarkdownIt().parse(page.read_text()) for child in token.children or ()]
