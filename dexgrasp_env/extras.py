@@ -20,11 +20,15 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "demos": ("h5py", "minari", "pyarrow"),
     "formats": ("collada", "laspy", "lxml", "rosbags"),
     "lerobot": ("lerobot",),
+    "engines": ("pybullet", "pydrake"),
     "season": ("py_ecc",),
     "gpu": ("mujoco_warp", "warp"),
 }  # fmt: skip
 """Extra -> the modules that it brings and the plain installation lacks."""
-NO_WHEEL: dict[str, tuple[tuple[int, int], str]] = {"dm": ((3, 13), "labmaze, which dm_control wants,")}
+NO_WHEEL: dict[str, tuple[tuple[int, int], str]] = {
+    "dm": ((3, 13), "labmaze, which dm_control wants,"),
+    "engines": ((3, 12), "pybullet"),
+}
 """Extra -> the first Python on which it leaves out what has no wheel there, and what that is."""
 
 

@@ -5,6 +5,7 @@
     python scripts/season.py verify seasons/2027-01.json --trials 20         check it: seeds, trials made again
     python scripts/season.py show 2027-01/robust                             one of its tables, from its trials
     python scripts/season.py write                                           put the tables of all into README and docs
+    python scripts/season.py archive seasons/2027-01.json --out 2027-01.tar.gz   all of it in one file, for a repository
 
 Run it in the repository's root. The season's file says what is scored. `commit` writes SEASON.commit.json beside it:
 settings and hashes of code, weights, cell, meshes and versions of each entry, and a round of a public randomness beacon
@@ -16,11 +17,13 @@ committed to, goes on where it was interrupted, and keeps every start and its --
 """
 
 import gzip
+import io
 import os
 import random
 import secrets
 import shutil
 import sys
+import tarfile
 import tempfile
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -177,6 +180,28 @@ def publish(folder: Path, out: Path) -> None:
     write_atomically(out / f"{TRIALS}.gz", gzip.compress(trials, mtime=0))
 
 
+def archive(path: Path, out: Path, root: Path = ROOT) -> None:
+    """Write a season, its trials, citation and licence to one file, of the same bytes each time.
+
+    Raises:
+        InputError: if it was not scored.
+    """
+    season = read_season(path)
+    results = root / "docs" / "results" / season.name
+    if not results.is_dir():
+        raise InputError(f"{results} is not there: score season {season.name} first")
+    own = [file for file in (season.path, season.commitment) if file.is_file()]
+    files = [root / "CITATION.cff", root / "LICENSE", *own, *sorted(results.rglob("*"))]
+    packed = io.BytesIO()
+    with tarfile.open(fileobj=packed, mode="w") as tar:
+        for file in (file for file in files if file.is_file()):
+            name = file.relative_to(root) if file.is_relative_to(root) else Path("seasons") / file.name
+            entry, content = tarfile.TarInfo(f"dexgrasp-{season.name}/{name}"), file.read_bytes()
+            entry.size = len(content)
+            tar.addfile(entry, io.BytesIO(content))
+    write_atomically(out, gzip.compress(packed.getvalue(), mtime=0))
+
+
 class Commit(Script):
     """Says what is scored, before there are seeds.
 
@@ -242,6 +267,23 @@ class Verify(Script):
         return int(not all(found))
 
 
+class Archive(Script):
+    """Packs a season with its trials, for a repository that gives it an identifier.
+
+    Attributes:
+        season: a file of seasons/.
+        out: file to write, .tar.gz.
+    """
+
+    season: Argument[File]
+    out: File
+
+    def run(self) -> int:
+        archive(self.season, self.out)
+        print(f"{file_hash(self.out)}  {self.out}")
+        return 0
+
+
 class Show(Script):
     """Prints the table of an entry, from its trials.
 
@@ -266,4 +308,15 @@ class Write(Script):
 
 
 if __name__ == "__main__":
-    sys.exit(run_script({"commit": Commit, "play": Play, "verify": Verify, "show": Show, "write": Write}))
+    sys.exit(
+        run_script(
+            {
+                "commit": Commit,
+                "play": Play,
+                "verify": Verify,
+                "show": Show,
+                "write": Write,
+                "archive": Archive,
+            }
+        )
+    )

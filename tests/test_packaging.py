@@ -33,6 +33,7 @@ OWNERS = {
     "warp": ["warp-lang"],
     "PIL": ["pillow"],
     "collada": ["pycollada"],
+    "pydrake": ["drake"],
 }
 """Of modules that CI installs last, in no aggregate, or that are called otherwise."""
 
@@ -108,6 +109,7 @@ def test_extras_say_what_they_bring(project):
     assert set(everything.removeprefix("dexgrasp[").removesuffix("]").split(",")) == set(extras) - {
         "all",
         "fit",
+        "engines",
         "gpu",
         "lerobot",
     }

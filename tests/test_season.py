@@ -3,6 +3,7 @@
 import dataclasses
 import gzip
 import json
+import tarfile
 from datetime import UTC, datetime
 
 import pytest
@@ -109,6 +110,12 @@ def test_a_season_is_played_once_shown_by_its_trials_and_verified(house):
     assert [right for right, _ in found] == [True] * 4
     with pytest.raises(InputError, match="needs --again REASON"):
         season.play(path, 1, SIGNATURE, root=root)
+    first, second = root / "first.tar.gz", root / "second.tar.gz"
+    for packed in (first, second):
+        season.archive(path, packed, root)
+    assert first.read_bytes() == second.read_bytes()
+    with tarfile.open(first) as tar:
+        assert "dexgrasp-2027-01/docs/results/2027-01/small-0/trials.jsonl.gz" in tar.getnames()
     rows = gzip.decompress((out / "small-0" / "trials.jsonl.gz").read_bytes()).replace(
         b'"success": false', b'"success": true'
     )

@@ -1,37 +1,20 @@
-"""Plays an exported trajectory in Bullet (PyBullet), whose solver and contacts share no code with MuJoCo's.
+"""A scene of the environments in Bullet (PyBullet), whose solver and contacts share no code with MuJoCo's.
 
-    pip install -c constraints.txt pybullet
-    dexgrasp export grasps/pear/grasp.json --format mjcf --out robot/pear
-    python scripts/replay_bullet.py robot/pear --replay 5
-
-The bodies are those of `scene.xml` as MuJoCo compiles it: shapes, inertias, joints, friction, servos, torque limits.
 Bullet has no rotor inertia at the joints: that of the scene is added to the link's own about the joint's axis. It slows
-motions, and has no part in the forces of a grasp at rest. A replay takes ten seconds. Exit code 0 if every one holds.
+motions, and has no part in the forces of a grasp at rest.
 """
 
-import contextlib
-import importlib.util
-import sys
-import tempfile
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import mujoco
 import numpy as np
-import trimesh
-from tqdm import tqdm
 
-from dexgrasp.cli.command import Argument, Folder, InCell, Script
-from dexgrasp.cli.commands import run_script
-from dexgrasp.export.read import Recording, read_trajectory
-from dexgrasp.export.replay import HEIGHT, HOLD, Replay, displace, load_scene, set_points
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
-from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate
-from dexgrasp_env.valid import Count, Natural
+from dexgrasp_env.poses import matrix_to_quat, quat_to_matrix
+from engines.scene import Pose, colliding, compose, excluded_pairs, inverse, mesh_file
 
-Pose = tuple[Array, Array]
-"""A position (3,), m, and a unit quaternion (4,) wxyz."""
 # No drag, no bounce, and convex hulls as they are: Bullet would swell them by a millimetre. NB: with drag or margin
 # named, `changeDynamics` sets the base, whatever link it is given.
 _EXACT = {"linearDamping": 0.0, "angularDamping": 0.0, "restitution": 0.0, "collisionMargin": 0.0}
@@ -44,32 +27,10 @@ _PENETRATION_TIME = 0.02
 _ITERATIONS = 100
 
 
-def replay_in_bullet(recording: Recording, scene: Path, rng: np.random.Generator | None = None) -> Replay:
-    """Play a trajectory, as `replay` does, in Bullet.
+class Bullet:
+    """A scene in Bullet: the robot under its servos, the object free; the joints in the order of the model's."""
 
-    The servos are the scene's: stiffness, damping, torque limits, weight of the links compensated.
-
-    Args:
-        recording: as read.
-        scene: `scene.xml` of `export --format mjcf`; the object starts at the keyframe `start`.
-        rng: draws the object's error; None leaves the object where it is.
-
-    Raises:
-        InputError: if the scene is none, or PyBullet is not installed.
-    """
-    if importlib.util.find_spec("pybullet") is None:
-        raise InputError("replay in Bullet needs pybullet: pip install -c constraints.txt pybullet")
-    model, data = load_scene(scene, recording)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    pose = data.qpos[int(model.joint("object").qposadr[0]) :][:7].copy()
-    if rng is not None:
-        displace(pose, rng)
-    with contextlib.closing(World(model, set_points(recording, 0.0), pose)) as world:
-        return world.play(recording)
-
-
-class World:
-    """A scene in Bullet; the joints in the order of the model's."""
+    step_seconds = STEP
 
     def __init__(self, model: mujoco.MjModel, start: Array, pose: Array) -> None:
         """Set the robot at joint angles (23,), rad, and the object at a pose (7,): position, quaternion wxyz."""
@@ -105,22 +66,15 @@ class World:
         zero = [0.0] * len(angles)
         return np.array(self.client.calculateInverseDynamics(self.robot, angles.tolist(), zero, zero))
 
-    def height(self) -> float:
-        """Return z of the object's frame, m."""
+    def position(self) -> Array:
+        """Return the place of the object's frame (3,), m."""
         position, (x, y, z, w) = self.client.getBasePositionAndOrientation(self.object)
-        placed = compose((np.array(position), np.array([w, x, y, z])), inverse(self._inertial))
-        return float(placed[0][2])
+        place, _ = compose((np.array(position), np.array([w, x, y, z])), inverse(self._inertial))
+        return place
 
-    def play(self, recording: Recording) -> Replay:
-        """Carry a trajectory out, hold, and say what came of it."""
-        start, least, time = self.height(), np.inf, 0.0
-        end = float(recording.arm.times[-1])
-        for step in range(round((end + HOLD) / STEP)):
-            time = step * STEP
-            self.step(set_points(recording, time))
-            if time >= end:
-                least = min(least, self.height() - start)
-        return Replay(least >= HEIGHT, least)
+    def joints(self) -> Array:
+        """Return the robot's joint angles (n,), rad."""
+        return np.array([state[0] for state in self.client.getJointStates(self.robot, self._joints)])
 
     def step(self, target: Array) -> None:
         """One step under the scene's servos (23,)."""
@@ -147,7 +101,7 @@ def add_bodies(client: Any, model: mujoco.MjModel) -> tuple[int, int]:
     Returns:
         The ids of the robot, whose link k is body k + 2 of the model, and of the object, whose frame is its inertia's.
     """
-    with tempfile.TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder:
         table = model.body("table").id
         _add_free(client, model, table, Path(folder), fixed=True)
         robot = _add_robot(client, model, table, Path(folder))
@@ -202,7 +156,7 @@ def _add_robot(client: Any, model: mujoco.MjModel, end: int, folder: Path) -> in
         if model.body_jntnum[body]:
             lower, upper = model.jnt_range[model.body_jntadr[body]].tolist()
             client.changeDynamics(robot, body - 2, jointLowerLimit=lower, jointUpperLimit=upper)
-    for first, second in _strangers(model, end):
+    for first, second in excluded_pairs(model, end):
         client.setCollisionFilterPair(robot, robot, first - 2, second - 2, 0)
     return int(robot)
 
@@ -228,22 +182,9 @@ def _with_rotor(model: mujoco.MjModel, body: int) -> tuple[Array, Array]:
     return moments, matrix_to_quat(frame * [1.0, 1.0, np.sign(np.linalg.det(frame))])
 
 
-def _strangers(model: mujoco.MjModel, end: int) -> list[tuple[int, int]]:
-    """Pairs of the robot's bodies that never touch, as MuJoCo has it: excluded, neighbours, welded together."""
-    excluded = {(int(code) >> 16, int(code) & 0xFFFF) for code in model.exclude_signature}
-    weld, above = model.body_weldid, model.body_weldid[model.body_parentid[model.body_weldid]]
-
-    def apart(a: int, b: int) -> bool:
-        """Return True for two bodies that are not to collide."""
-        near = weld[a] and weld[b] and (weld[a] == above[b] or weld[b] == above[a])
-        return bool(weld[a] == weld[b] or near or (a, b) in excluded or (b, a) in excluded)
-
-    return [(a, b) for a in range(1, end) for b in range(a + 1, end) if apart(a, b)]
-
-
 def _collision_shape(client: Any, model: mujoco.MjModel, body: int, folder: Path, frame: Pose) -> int:
     """All that collides of a body as one shape, seen from a frame of the body."""
-    geoms = [int(g) for g in np.flatnonzero(model.geom_bodyid == body) if model.geom_contype[g]]
+    geoms = colliding(model, body)
     sizes = model.geom_size
     kinds = {
         mujoco.mjtGeom.mjGEOM_SPHERE: client.GEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE: client.GEOM_CAPSULE,
@@ -257,7 +198,7 @@ def _collision_shape(client: Any, model: mujoco.MjModel, body: int, folder: Path
             radii=[float(sizes[g, 0]) for g in geoms],
             lengths=[2.0 * float(sizes[g, 1]) for g in geoms],
             halfExtents=[sizes[g].tolist() for g in geoms],
-            fileNames=[_mesh_file(model, g, folder) for g in geoms],
+            fileNames=[mesh_file(model, g, folder) for g in geoms],
             meshScales=[[1.0, 1.0, 1.0] for _ in geoms],
             collisionFramePositions=[position.tolist() for position, _ in places],
             collisionFrameOrientations=[_xyzw(quat) for _, quat in places],
@@ -265,58 +206,6 @@ def _collision_shape(client: Any, model: mujoco.MjModel, body: int, folder: Path
     )
 
 
-def _mesh_file(model: mujoco.MjModel, geom: int, folder: Path) -> str:
-    """Write a mesh, of which both simulators take the convex hull; '' for other shapes."""
-    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
-        return ""
-    mesh, path = int(model.geom_dataid[geom]), folder / f"{geom}.obj"
-    corner, face = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
-    corners = model.mesh_vert[corner : corner + model.mesh_vertnum[mesh]]
-    faces = model.mesh_face[face : face + model.mesh_facenum[mesh]]
-    trimesh.Trimesh(corners, faces, process=False).export(path)
-    return str(path)
-
-
 def _xyzw(quat_wxyz: Array) -> list[float]:
     w, x, y, z = quat_wxyz.tolist()
     return [x, y, z, w]
-
-
-def compose(a: Pose, b: Pose) -> Pose:
-    """Return the pose of b's frame, which is stated in a's."""
-    return a[0] + rotate(a[1], b[0]), quat_multiply(a[1], b[1])
-
-
-def inverse(a: Pose) -> Pose:
-    """Return the pose of the outer frame in the inner one."""
-    back = quat_conjugate(a[1])
-    return -rotate(back, a[0]), back
-
-
-class Bullet(Script, InCell):
-    """Replays, prints how often it held; 1 unless always, 2 for bad input.
-
-    Attributes:
-        trajectory: a folder of `dexgrasp export --format mjcf`.
-        replay: times.
-        seed: of the object's errors: 3 mm and 1 degree.
-    """
-
-    trajectory: Argument[Folder]
-    replay: Count = 1
-    seed: Natural = 0
-
-    def run(self) -> int:
-        recording, scene = read_trajectory(self.trajectory, self.cell), self.trajectory / "scene.xml"
-        held = [
-            replay_in_bullet(recording, scene, np.random.default_rng([self.seed, k])).success
-            for k in tqdm(range(self.replay), unit="replay", leave=False)
-        ]
-        print(
-            f"held in {sum(held)} of {len(held)} open-loop replays in Bullet, the object 3 mm and 1 deg off"
-        )
-        return int(sum(held) < len(held))
-
-
-if __name__ == "__main__":
-    sys.exit(run_script(Bullet))

@@ -1,0 +1,111 @@
+"""What engines take from a compiled scene: shapes, pairs that may touch, meshes; and a trajectory played in one."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import mujoco
+import numpy as np
+import trimesh
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import quat_conjugate, quat_multiply, rotate
+
+Pose = tuple[Array, Array]
+"""A position (3,), m, and a unit quaternion (4,) wxyz."""
+HEIGHT = 0.10
+"""m that the object must stay up."""
+
+
+class World(Protocol):
+    """A scene in an engine: built from MuJoCo's model, the robot's joint angles (n,) and the object's pose (7,).
+
+    Attributes:
+        step_seconds: s, of its physics.
+    """
+
+    step_seconds: float
+
+    def step(self, target: Array) -> None:
+        """Advance one step under servos with set-points (n,), rad."""
+
+    def position(self) -> Array:
+        """Return the place of the object's frame (3,), m."""
+
+    def joints(self) -> Array:
+        """Return the robot's joint angles (n,), rad."""
+
+    def close(self) -> None:
+        """Give its memory back."""
+
+
+@dataclass(frozen=True, eq=False)
+class SetPoints:
+    """Set-points of a robot of n joints over time, each row held until the next.
+
+    Attributes:
+        times: (T,) s.
+        rows: (T, n) rad.
+        judged: s from which on the object has to be up.
+        end: s.
+    """
+
+    times: Array
+    rows: Array
+    judged: float
+    end: float
+
+    def at(self, time: float) -> Array:
+        """Return the set-points (n,) that hold at a time."""
+        return self.rows[np.searchsorted(self.times, time + 1e-9, side="right") - 1]
+
+
+def play(world: World, points: SetPoints) -> float:
+    """Play set-points; return the object's least height, m, above its start from `points.judged` on."""
+    start, least, dt = world.position()[2], np.inf, world.step_seconds
+    for step in range(round(points.end / dt)):
+        world.step(points.at(step * dt))
+        if step * dt >= points.judged:
+            least = min(least, world.position()[2] - start)
+    return float(least)
+
+
+def colliding(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the geoms of a body that collide."""
+    return [int(g) for g in np.flatnonzero(model.geom_bodyid == body) if model.geom_contype[g]]
+
+
+def excluded_pairs(model: mujoco.MjModel, end: int) -> list[tuple[int, int]]:
+    """Return the pairs of bodies 1 to `end` - 1 that never touch: excluded, neighbours, welded together."""
+    excluded = {(int(code) >> 16, int(code) & 0xFFFF) for code in model.exclude_signature}
+    weld, above = model.body_weldid, model.body_weldid[model.body_parentid[model.body_weldid]]
+
+    def apart(a: int, b: int) -> bool:
+        """Return True for two bodies that are not to collide."""
+        near = weld[a] and weld[b] and (weld[a] == above[b] or weld[b] == above[a])
+        return bool(weld[a] == weld[b] or near or (a, b) in excluded or (b, a) in excluded)
+
+    return [(a, b) for a in range(1, end) for b in range(a + 1, end) if apart(a, b)]
+
+
+def mesh_file(model: mujoco.MjModel, geom: int, folder: Path) -> str:
+    """Write a mesh, of which every engine takes the convex hull; return its file's path, '' for other shapes."""
+    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
+        return ""
+    mesh, path = int(model.geom_dataid[geom]), folder / f"{geom}.obj"
+    corner, face = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
+    corners = model.mesh_vert[corner : corner + model.mesh_vertnum[mesh]]
+    faces = model.mesh_face[face : face + model.mesh_facenum[mesh]]
+    trimesh.Trimesh(corners, faces, process=False).export(path)
+    return str(path)
+
+
+def compose(a: Pose, b: Pose) -> Pose:
+    """Return the pose of b's frame, which is stated in a's."""
+    return a[0] + rotate(a[1], b[0]), quat_multiply(a[1], b[1])
+
+
+def inverse(a: Pose) -> Pose:
+    """Return the pose of the outer frame in the inner one."""
+    back = quat_conjugate(a[1])
+    return -rotate(back, a[0]), back
