@@ -155,7 +155,7 @@ class Drake:
         self._plant.RegisterCollisionGeometry(added, place, shape, f"geom{geom}", properties)
 
     def _exclude(self, scene: Any) -> None:
-        """Let bodies pass through each other that do so in the model."""
+        """Exclude contacts of the pairs of bodies that pass through each other in the model."""
         drake, manager = self._drake, scene.collision_filter_manager()
         for a, b in excluded_pairs(self._model, self._model.body("table").id):
             sets = [

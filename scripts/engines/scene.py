@@ -1,4 +1,4 @@
-"""What engines take from a compiled scene: shapes, pairs that may touch, meshes; and a trajectory played in one."""
+"""Content of a compiled scene that engines take: shapes, pairs that may touch, meshes; and set-points played in one."""
 
 from dataclasses import dataclass
 from pathlib import Path
