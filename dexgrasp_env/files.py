@@ -34,7 +34,6 @@ _LARGEST = {
 of memory at most."""
 _DIGEST = 32  # bytes of a SHA-256
 _HEADER = 1 << 16  # bytes that an npy file of version 1.0 can have in front of its data, and some
-_DIGITS = 40  # of a whole number in JSON: no seed, count or hash of ours has as many
 
 
 def check_file(path: Path, kind: str = "") -> int:
@@ -351,7 +350,7 @@ def _finite(text: str) -> float:
 
 
 def _whole(text: str) -> int:
-    return int(text) if len(text) <= _DIGITS else int(_refused(text))
+    return int(text) if len(text) <= 40 else int(_refused(text))  # no seed, count or hash of ours has more
 
 
 def printable_stem(path: Path) -> str:

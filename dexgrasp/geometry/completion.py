@@ -19,7 +19,6 @@ from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 NO_CLOUD, NO_VOLUME = "empty_cloud", "cloud_has_no_volume"
 _LEAST_POINTS = 4
-_LEAST_INSIDE = 0.003 / UNIT  # radius of the largest ball inside, below which there is no volume to speak of
 
 
 class NoTarget(Exception):  # noqa: N818  (it is an outcome, not a defect)
@@ -118,7 +117,8 @@ def _corners(support: Array) -> Array | None:
     most = np.append(support, 0.0)
     # The centre of the largest ball inside: half-spaces are cut around it.
     ball = linprog([0.0, 0.0, 0.0, -1.0], np.c_[normals, np.ones(len(normals))], most, bounds=(None, None))
-    if not ball.success or ball.x[3] < _LEAST_INSIDE:
+    # Where the largest ball inside has a radius below 3 mm, there is no volume to speak of.
+    if not ball.success or ball.x[3] < 0.003 / UNIT:
         return None
     try:
         corners = HalfspaceIntersection(np.c_[normals, -most], ball.x[:3]).intersections

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 PART_FACES = 80  # of each part where there are several
-HAND_REACH = 0.15  # m from an object that parts of a hand are which grasps it
-MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
 
 
 Parts = tuple[Array, ...]
@@ -162,7 +160,8 @@ class GraspTarget:
         if self.around is None:
             return None
         corners = self.distance.triangles.reshape(-1, 3)
-        low, high = corners.min(0) - HAND_REACH, corners.max(0) + HAND_REACH
+        reach = 0.15  # m from an object that parts of a hand are which grasps it
+        low, high = corners.min(0) - reach, corners.max(0) + reach
         return field_of(self.around, np.append(low[:2], 0.0), high)
 
     @cached_property
@@ -240,4 +239,4 @@ def assumed_mass(volume: float) -> float:
     Also where parts are known: what fills little of its hull is seldom packed goods, and denser.
     """
     # kg/m3: nobody weighs the object; common packed goods are lighter
-    return float(np.clip(900.0 * volume, *MASS_RANGE))
+    return float(np.clip(900.0 * volume, 0.08, 0.65))

@@ -10,8 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from dexgrasp_env.arrays import Array
 
-TURN = 0.15  # m that a radian of the palm counts as
-
 
 @dataclass(frozen=True)
 class ActionScript:
@@ -66,7 +64,7 @@ def stray(positions: Array, rotations: Array) -> float:
     """Return how far, m, a palm at `positions` (T, 3), `rotations` (T, 3, 3) strays from straight up without a turn."""
     aside = np.linalg.norm(positions[:, :2] - positions[0, :2], axis=1)
     turn = Rotation.from_matrix(rotations @ rotations[0].T).magnitude()
-    return float(np.hypot(aside, TURN * turn).max())
+    return float(np.hypot(aside, 0.15 * turn).max())  # a radian counts as 0.15 m
 
 
 def jerkiness(rows: Array) -> float:

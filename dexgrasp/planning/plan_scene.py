@@ -31,8 +31,6 @@ from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.valid import POSITIVE, check
 
-_BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
-
 
 def plan_scene(
     planner: Planner, scene: Scene, seed: int, start: Array, *,
@@ -90,7 +88,8 @@ def start_of(observation: Observation, robot: Robot) -> Array:
         InputError: where the robot cannot be there: planning from such a start takes minutes to fail.
     """
     start = np.asarray(observation["joint_targets"], dtype=float)
-    low, high = robot.lower - _BEYOND, robot.upper + _BEYOND
+    beyond = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
+    low, high = robot.lower - beyond, robot.upper + beyond
     if start.shape != low.shape or not ((start > low) & (start < high)).all():
         raise InputError(f"joint_targets must be {len(low)} set-points within the joint ranges, in rad")
     return start

@@ -19,8 +19,6 @@ from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.robot.robot import Robot
 
-_SOFT = 8  # daqp's mark of a soft constraint
-_SOFTNESS = 1e-7  # weight of a step against violations: so small that a feasible one is found if there is one
 # A step costs (fingertips' slide / 0.5 m)^2 + 0.001 (joints' turn / 1 rad)^2.
 _SLIDE, _TURN = 0.5, 1e-3
 _TRUST, _LEAST_TRUST, _MOST_TRUST = 0.10, 2e-3, 0.25  # rad
@@ -127,10 +125,11 @@ class _Solver:
         n, m = len(self._moved), len(now.values)
         H = now.metric[self._block] / _SLIDE**2 + self._turn
         sense = np.zeros(n + m, dtype=np.int32)
-        sense[n:] = _SOFT
+        sense[n:] = 8  # daqp's mark of a soft constraint
+        # Violations weigh so much more than a step that a feasible one is found if there is one.
         x, _, flag, _ = daqp.solve(
             H, np.zeros(n), A, np.concatenate([upper, np.full(m, 1e30)]),
-            np.concatenate([lower, -now.values]), sense, rho_soft=_SOFTNESS, iter_limit=500,
+            np.concatenate([lower, -now.values]), sense, rho_soft=1e-7, iter_limit=500,
         )  # fmt: skip
         if not np.isfinite(x).all():
             return np.zeros(n)

@@ -29,7 +29,6 @@ _CELL = 0.004  # m, to which points are thinned
 _TOUCH = 0.004  # m between points of one thing
 _HIGH = 0.02  # m over the table of what hangs, or was seen from above alone
 _LOW = 0.02  # quantile of a thing's lowest, and highest, points
-_LEVEL = 0.004  # m, height of a level
 TOP_ONLY = "was seen from above alone: its walls are taken to go straight down"
 HIDDEN = "is hidden in part by another"
 TOUCHES = "touches the next, or is one with it"
@@ -140,11 +139,12 @@ def may_be_two(points: Array, heights: Array) -> bool:
 
 def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index:
     """Return labels (N,) in which what stands on a level top of a thing is another."""
-    steps = np.floor(heights[mine] / _LEVEL).astype(int)
+    level = 0.004  # m, height of a level
+    steps = np.floor(heights[mine] / level).astype(int)
     counts = np.bincount(steps)
     best, least = labels, 0.05  # share of either part that may be deep
     for step in np.flatnonzero(counts > 2.5 * counts.mean()):  # a top fills its level
-        upper = mine & (heights > (step + 2.5) * _LEVEL)
+        upper = mine & (heights > (step + 2.5) * level)
         lower = mine & ~upper
         if min(upper.sum(), lower.sum()) < LEAST_POINTS or np.ptp(heights[upper]) < LEAST_EXTENT:
             continue

@@ -19,7 +19,6 @@ from dexgrasp_env.robot.table import SeenTable
 
 REST = -1
 """The label of points that belong to no object."""
-_LONGEST = 1.001  # of a unit vector in single precision
 
 
 def _none() -> Array:
@@ -52,7 +51,8 @@ class ObjectCloud:
             raise InputError("the points of an object must be finite numbers")
         normals = np.nan_to_num(normals, posinf=0.0, neginf=0.0)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
-        normals = np.where(length > _LONGEST, normals / np.maximum(length, 1.0), normals)
+        # 1.001: the longest unit vector in single precision.
+        normals = np.where(length > 1.001, normals / np.maximum(length, 1.0), normals)
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "normals", normals)
 

@@ -15,7 +15,6 @@ from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.rebuilt import FLANGE, about, placed
 
-_CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
 WRIST = 3
 """Joints before the palm: more are an arm's."""
 
@@ -319,12 +318,13 @@ class HandMaker(Part):
             }
             for own in self.tendons().values()
         ]
+        curled = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
         for tendon in tendons:
             last = joints.index(tendon["joints"][-1])
-            limits["upper"][last] = min(limits["upper"][last], _CURLED)
+            limits["upper"][last] = min(limits["upper"][last], curled)
         narrow(joints, limits, self.couplings)
         if tendons:
-            self.notes.append(f"hand upper: last joints of tendons end at {_CURLED} rad")
+            self.notes.append(f"hand upper: last joints of tendons end at {curled} rad")
         if self.couplings:
             pairs = ", ".join(f"{own.joint} = {own.ratio:.4g} {own.follows}" for own in self.couplings)
             self.notes.append(f"hand couplings: {pairs}")

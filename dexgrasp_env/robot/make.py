@@ -26,8 +26,6 @@ from dexgrasp_env.robot.rebuilt import about, compiled
 from dexgrasp_env.robot.recipes import Recipe
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 
-_FEWEST = 4  # joints of an arm: fewer bring no palm over a table
-
 
 def _gripper_entry(maker: HandMaker, entry: Fields) -> Fields:
     """Return what a gripper's file says: open nearly as far as it opens, rods collide with no part of it."""
@@ -100,8 +98,9 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     bodies, joints = part.names(chain)
     if any(m.joint(name).type[0] != mujoco.mjtJoint.mjJNT_HINGE for name in joints):
         raise InputError(f"{path} has an arm whose joints slide: valid is an arm of hinges")
-    if len(joints) < _FEWEST:
-        raise InputError(f"{path} is an arm of {len(joints)} joints: valid are {_FEWEST} or more")
+    fewest = 4  # joints of an arm: fewer bring no palm over a table
+    if len(joints) < fewest:
+        raise InputError(f"{path} is an arm of {len(joints)} joints: valid are {fewest} or more")
     if root[0] in chain:
         raise InputError(
             f"{path}: the first body turns: valid is a base that stands still, and the arm on it"

@@ -18,7 +18,6 @@ from dexgrasp_env.valid import number
 
 TRAY = np.array([[0.20, 0.41, 0.0], [0.76, 0.595, 0.08]])
 """Lowest and highest corner, m, of the space between the tray's walls, as assets/scene/tray.xml has them."""
-_LOST = FAILURES.index("object_lost")
 _FALLEN, _HEAPED = -0.05, 0.25  # m: centres so low are off the table; so high they are not in the tray
 _DERIVED = ("neighbours", "mask", "bin")
 
@@ -63,14 +62,11 @@ class ClearSettings(ClutterSettings):
         return CLEAR_STEPS * self.count
 
 
-_COUNTS = np.dtype([*NEIGHBOURS.descr, ("in_tray", "i8"), ("off_table", "i8")])
-
-
 class ClearEpisodes(ClutterEpisodes):
     """Episodes in which everything goes into the tray."""
 
     task = "clear"
-    task_dtype = _COUNTS
+    task_dtype = np.dtype([*NEIGHBOURS.descr, ("in_tray", "i8"), ("off_table", "i8")])
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
@@ -94,7 +90,7 @@ class ClearEpisodes(ClutterEpisodes):
     def endings(self) -> tuple[Mask, Mask]:
         """Return which episodes have terminated, as numbers went wrong, and which are truncated, (N,) each."""
         terminated, truncated = super().endings()
-        return terminated & (self.records["failure"] != _LOST), truncated
+        return terminated & (self.records["failure"] != FAILURES.index("object_lost")), truncated
 
     def more_infos(self) -> Arrays:
         """Return the columns of infos about the objects."""

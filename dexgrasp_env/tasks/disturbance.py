@@ -13,7 +13,6 @@ from dexgrasp_env.valid import number, one_of, read
 KINDS = ("none", "pushed", "shaken", "moved", "belt")
 PUSH_STEPS = 10  # control steps of one push, 0.5 s
 PAUSE_STEPS = 4  # control steps between pushes, 0.2 s
-SHAKE_STEPS = 40  # control steps, 2 s
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Disturbance:
     def steps_at(self, frame_skip: int) -> int:
         """Return how long it lasts, control steps of so many physics steps."""
         push, pause = at_pace(PUSH_STEPS, frame_skip), at_pace(PAUSE_STEPS, frame_skip)
-        shaken = at_pace(SHAKE_STEPS, frame_skip)
+        shaken = at_pace(40, frame_skip)  # control steps, 2 s
         return {"pushed": 6 * push + 5 * pause, "shaken": shaken}.get(self.kind, 0)
 
     @classmethod

@@ -13,8 +13,6 @@ from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Physics
 from dexgrasp_env.valid import Positive
 
-_CRUSHED = 1.2  # times the largest force that is asked for
-
 
 @dataclass(frozen=True, kw_only=True)
 class GentleSettings(LiftSettings):
@@ -53,7 +51,7 @@ class GentleEpisodes(Episodes):
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
         assert isinstance(settings, GentleSettings)
-        self._most = _CRUSHED * settings.max_force
+        self._most = 1.2 * settings.max_force  # with more an object is crushed
         for simulation in self.simulations.values():
             simulation.watches_forces = True
 

@@ -23,7 +23,6 @@ from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 
 _ID = "DexGrasp/Lift-v2"
-_TURN = 5  # control steps
 _ENVS = 16
 
 
@@ -187,12 +186,13 @@ def _round(recording: Recording) -> list[float]:
     env.reset(seed=recording.seed)
     sides = (partial(_run_env, env), actions), (raw.run, recording.controls)
     seconds = [0.0, 0.0]
-    for turn, first in enumerate(range(0, len(actions), _TURN)):
+    turn_steps = 5  # control steps
+    for turn, first in enumerate(range(0, len(actions), turn_steps)):
         # Who comes first finds the caches cold: that alternates too.
         for which in (0, 1) if turn % 2 else (1, 0):
             run_part, rows = sides[which]
             start = time.process_time()
-            run_part(rows[first : first + _TURN])
+            run_part(rows[first : first + turn_steps])
             seconds[which] += time.process_time() - start
     raw.check(env)
     return seconds

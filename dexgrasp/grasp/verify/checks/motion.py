@@ -10,7 +10,6 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-TIPS_BESIDE = 0.004  # m that tips may be beside them, where fingers have too few joints
 SETPOINT = 1e-6  # rad: what two ways to compute a set-point may differ by
 _DENSE = 0.01  # rad of any joint between two states checked for collisions
 
@@ -45,11 +44,11 @@ def _closing_checks(case: Case) -> list[Check]:
 
 
 def _mendable(case: Case, missed: Array) -> Array:
-    """Return what joints could mend of a miss (N, 3) m below `TIPS_BESIDE`; with three a finger that is all of it."""
+    """Return what joints could mend of a miss (N, 3) m below 4 mm; with three a finger that is all of it."""
     case.scene.place(case.record.grasp)
     J = case.scene.jacobians(case.touch.tips, case.touch.normals)[:, :3].reshape(missed.size, -1)
     J = J[:, J.any(0)]
-    if J.shape[1] >= missed.size or _farthest(missed) > TIPS_BESIDE:
+    if J.shape[1] >= missed.size or _farthest(missed) > 0.004:
         return missed
     return (J @ np.linalg.pinv(J) @ missed.ravel()).reshape(missed.shape)
 

@@ -13,10 +13,8 @@ from dexgrasp.grasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.poses import inverse, placed, rigid
 
-DROP = 0.006  # m above the table from which an object may be let go of
 _OFF, _TURNED = 0.01, 2.0  # m and degrees that it may be set down beside its goal
 _DENSE = 0.01  # rad of any joint between two states checked for collisions
-_SAME_BEND = 1e-8  # rad
 
 
 def placing_checks(case: Case) -> list[Check]:
@@ -50,7 +48,7 @@ def placing_checks(case: Case) -> list[Check]:
 
 
 def _bend(phase: Phase) -> Check:
-    return same(f"{phase.name}: bend", abs(bend(phase.setpoints) - phase.measure), _SAME_BEND, "rad")
+    return same(f"{phase.name}: bend", abs(bend(phase.setpoints) - phase.measure), 1e-8, "rad")
 
 
 def _goal_checks(case: Case, T: Array) -> list[Check]:
@@ -64,7 +62,7 @@ def _goal_checks(case: Case, T: Array) -> list[Check]:
         at_most("goal: off its place", np.linalg.norm((placed(T, foot) - place)[:2]), _OFF, "m"),
         at_most("goal: off its heading", abs(off), _TURNED, "degrees"),
         at_most("goal: leaning", np.degrees(np.arccos(min(T[2, 2], 1.0))), _TURNED, "degrees"),
-        at_most("goal: let go above the table", lowest, DROP, "m"),
+        at_most("goal: let go above the table", lowest, 0.006, "m"),
         at_least("goal: let go above the table", lowest, 0.0, "m", 1e-3),
         at_most("goal: height of its place", abs(place[2]), _OFF, "m"),
     ]
