@@ -128,7 +128,7 @@ def test_what_stands_around_is_seen(rng):
     assert np.allclose(middles, [0.38, 0.5], atol=0.01)
     assert len(found.rest) > 200  # the wall is no object, and it is there
     assert found.rest.points[:, 1].min() > 0.29
-    arrays = found.as_observation(1024, around=2048)
+    arrays = found.as_observation(1024, neighbour_rows=2048)
     again = Scene.of_observation(arrays)
     assert [len(one) for one in again.neighbours] == [len(one) for one in found.neighbours]
     assert np.array_equal(again.rest.points, found.rest.points)

@@ -100,7 +100,7 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:
         "quality": record.certificate.closure_margin,
         "lift_height": 0.0 if record.script is None else record.script.lift_height,
         "parts": [placed(T, part) for part in record.parts],
-        "around": [placed(T, part) for part in record.around],
+        "around": [placed(T, part) for part in record.neighbour_parts],
         "up": T[:3, 2],
         "any_heading": record.goal is not None and record.goal.yaw is None,
         "placed": None if record.goal is None else T @ _set_down(record, cell) @ cell.T_world_base,
@@ -123,7 +123,7 @@ def _scene(record: GraspRecord, cell: Cell, folder: Path) -> list[Path]:
     model, pose = record.object.load(), record.T_world_object
     if model is None or pose is None:
         model, pose = _seen(record)
-    return write_scene(folder, model, pose, cell, record.around)
+    return write_scene(folder, model, pose, cell, record.neighbour_parts)
 
 
 def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:

@@ -31,7 +31,7 @@ Parts = tuple[Array, ...]
 """Corners (N, 3) m of convex parts of one thing."""
 
 
-class Spread(NamedTuple):
+class Uncertainty(NamedTuple):
     """Expected error of a surface that was guessed, by direction."""
 
     directions: Array  # (K, 3) unit, world frame
@@ -52,7 +52,7 @@ class GraspTarget:
         distance: signed distance to the union of the parts, world frame, m.
         centre: (3,) m, centre of mass, taken to be that of the parts' volumes unless it is known.
         mass: kg, assumed unless it is known.
-        spread: how far the surface may be off where it was guessed; None where it was seen all round.
+        uncertainty: how far the surface may be off where it was guessed; None where it was seen all round.
         neighbours: what stands around it and must not be touched.
         seen: (N, 3) m, points of its surface, where the parts hold air: a cup's mouth is none. None where all of their
             surface is the object's, as far as is known.
@@ -64,7 +64,7 @@ class GraspTarget:
     distance: ConvexDistance
     centre: Array
     mass: float
-    spread: Spread | None = None
+    uncertainty: Uncertainty | None = None
     neighbours: tuple[Parts, ...] = ()
     seen: Array | None = None
     demand: Demand | None = None
@@ -83,7 +83,7 @@ class GraspTarget:
         corners: Sequence[ArrayLike],
         mass: float | None = None,
         centre: Array | None = None,
-        spread: Spread | None = None,
+        uncertainty: Uncertainty | None = None,
     ) -> "GraspTarget":
         """Take the union of the convex hulls of points in the world frame.
 
@@ -91,7 +91,7 @@ class GraspTarget:
             corners: (N, 3) m of each part.
             mass: kg; assumed from the hull's volume if None.
             centre: (3,) m; the centroid of the parts' volumes if None.
-            spread: of a surface that was guessed in part.
+            uncertainty: of a surface that was guessed in part.
 
         Raises:
             InputError: for a part without volume or a mass that is not positive.
@@ -102,7 +102,7 @@ class GraspTarget:
         distance = ConvexDistance.union([ConvexDistance.from_points(some, faces) for some in corners])
         middle = np.asarray(volume_centre(distance) if centre is None else centre, dtype=float)
         known = assumed_mass(hull_volume(distance)[0]) if mass is None else float(mass)
-        return cls(distance, middle, known, spread)
+        return cls(distance, middle, known, uncertainty)
 
     @property
     def weight(self) -> Array:
@@ -116,7 +116,7 @@ class GraspTarget:
 
     def guessed(self, normals: Array) -> float:
         """Return the largest error, m, expected of surfaces with normals (N, 3); 0 where all sides were seen."""
-        return 0.0 if self.spread is None else float(self.spread.along(normals).max())
+        return 0.0 if self.uncertainty is None else float(self.uncertainty.along(normals).max())
 
     def gap(self, contacts: Array) -> float:
         """Return how far, m, the surface may lie behind contacts (N, 3) m, where its nearest guess is true."""

@@ -106,7 +106,7 @@ def _pushing(tree: RobotTree) -> Array:
 
 
 def _way(push: Push, cell: Cell) -> Array | None:
-    """Return configurations (m, n) rad of a push, the tips 2 cm before the object at first; None where there is none."""
+    """Return configurations (m, n) rad of a push that begins 2 cm before the object; None where there is none."""
     tree = robot_tree(cell)
     q = _pushing(tree)
     R0, p0 = palm_frame(q, tree)

@@ -52,8 +52,8 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
     around = tips[:, None] + settings.place_error * np.stack([t1, -t1, t2, -t2], axis=1)
     turned = target.distance.distance_gradient(around)[1].reshape(around.shape)
     turn = np.arccos(np.clip((turned * normals[:, None]).sum(-1), -1.0, 1.0)).max(1)
-    if target.spread is not None:
-        turn += np.maximum(target.spread.along(normals) - settings.place_error, 0.0) / 0.03
+    if target.uncertainty is not None:
+        turn += np.maximum(target.uncertainty.along(normals) - settings.place_error, 0.0) / 0.03
     # 0.02 rad is left of a cone that has been narrowed to nothing.
     return np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, 0.02))
 

@@ -43,7 +43,7 @@ def plan_slide(planner: Planner, target: GraspTarget, seed: int, start: Array) -
         seed: of the proposals.
         start: (n,) rad, set-points now.
     """
-    guessed = target.spread is not None or target.neighbours
+    guessed = target.uncertainty is not None or target.neighbours
     if guessed or not planner.settings.is_low(target.top) or not can_push(planner.cell):
         return None
     slides = list(islice(_slides(start, target, planner), 8))  # pushes that the arm can make

@@ -14,7 +14,7 @@ from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp.geometry.request import ANYHOW, Demand, GraspRequest
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.diverse import plan_many, with_success_probability
-from dexgrasp.planning.planner import Planner, warm_up
+from dexgrasp.planning.planner import Planner, compile_ahead
 from dexgrasp.planning.relaxation import nearest_relaxation
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.settings import GRASPS, PlannerSettings
@@ -172,5 +172,5 @@ def _shape(cell: Cell) -> RobotShape:
 def default_planner(cell: Cell, settings: PlannerSettings | None = None, proposals: str = "auto") -> Planner:
     """Return the planner of agent `bilevel`, its compiled code loaded; `proposals` are of a source of that name."""
     source = make_source(proposals, cell.robot)
-    warm_up(cell, source)
+    compile_ahead(cell, source)
     return Planner(settings, source, cell)

@@ -350,7 +350,7 @@ class Search:
 _WARM: set[tuple[str, type]] = set()  # cells and kinds of source that this process has planned with
 
 
-def warm_up(cell: Cell, source: ProposalSource | None = None) -> None:
+def compile_ahead(cell: Cell, source: ProposalSource | None = None) -> None:
     """Load compiled code and atlas by planning for a small box, once a process: planning times are then times.
 
     On a machine where nothing is compiled yet, that takes a minute.

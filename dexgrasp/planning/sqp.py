@@ -104,13 +104,13 @@ class _Solver:
 
     def _descend(self, q: Array, goal: Bounds, budget: int) -> tuple[Array, Evaluation, int]:
         now, trust, steps = self.evaluate(q, goal), _TRUST, 0
-        merit = _merit(now.values)
+        merit = _total_violation(now.values)
         while steps < budget and merit > TOLERANCE and trust > _LEAST_TRUST:
             steps += 1
             trial = q.copy()
             trial[self._moved] = np.clip(q[self._moved] + self._step(q, now, trust), self._low, self._high)
             evaluation = self.evaluate(trial, goal)
-            reached = _merit(evaluation.values)
+            reached = _total_violation(evaluation.values)
             if reached < merit - 1e-9:
                 trust = min(2.0 * trust, _MOST_TRUST) if reached < 0.5 * merit else trust
                 q, now, merit = trial, evaluation, reached
@@ -151,7 +151,7 @@ class _Solver:
         return Solution(q, now._replace(values=values), feasible, blocking, violation, steps)
 
 
-def _merit(values: Array) -> float:
+def _total_violation(values: Array) -> float:
     return -np.minimum(values, 0.0).sum()
 
 

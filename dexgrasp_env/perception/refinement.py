@@ -52,7 +52,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances
     numbers = objects_in(cloud.points, labels)
     things = {k: (cloud.points[labels == k], heights[labels == k]) for k in numbers}
     marked = np.where(np.isin(labels, numbers), labels, -1)
-    hidden = _hidden(cloud, everything, plane, marked) if len(things) > 1 else set()
+    hidden = _occluded(cloud, everything, plane, marked) if len(things) > 1 else set()
     doubts = [""] * (labels.max(initial=-1) + 1)
     for k, (points, high) in things.items():
         others = [other for j, (other, _) in things.items() if j != k]
@@ -67,7 +67,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances
     return Instances(labels, tuple(doubts))
 
 
-def _hidden(cloud: Cloud, everything: Cloud, plane: Plane, labels: Index) -> set[int]:
+def _occluded(cloud: Cloud, everything: Cloud, plane: Plane, labels: Index) -> set[int]:
     """Return the things that others hide in part from the only camera; none where there are several."""
     over = plane.heights(everything.points)
     upright, raised = (np.c_[c.points[:, :2], plane.heights(c.points)] for c in (everything, cloud))

@@ -38,7 +38,7 @@ def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, boo
     (low, high), (C, c) = hand.joints.ranges, hand.free
     drawn = np.clip(drawn @ C.T + c, low, high)
     merits = np.array(
-        [_merit(hand, data) - 2.0 * _strain(data.qpos, low, high).mean() for data in swept(model, drawn)]
+        [_dexterity(hand, data) - 2.0 * _strain(data.qpos, low, high).mean() for data in swept(model, drawn)]
     )
     for k in np.argsort(-merits)[:200]:
         data = posed(model, drawn[k])
@@ -131,7 +131,7 @@ def _strain(q: Array, low: Array, high: Array) -> Array:
     return ((q - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2
 
 
-def _merit(hand: Hand, data: mujoco.MjData) -> float:
+def _dexterity(hand: Hand, data: mujoco.MjData) -> float:
     sites = [data.site(hand.finger(name).tip) for name in hand.grasp]
     tips, frames = np.array([s.xpos for s in sites]), np.array([s.xmat.reshape(3, 3) for s in sites])
     between = tips[1:].mean(0) - tips[0]

@@ -47,7 +47,7 @@ class ClearSettings(ClutterSettings):
         return super().of(**given)
 
     @property
-    def pointing(self) -> str:
+    def target_selection(self) -> str:
         """Hint by which perception finds an object: any will do."""
         return "any"
 

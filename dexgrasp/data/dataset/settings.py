@@ -73,9 +73,9 @@ class DatasetSettings:
         """Shards a rest pose."""
         return -(-self.grasps_per_pose // self.chunk)
 
-    def quota(self, chunk: int) -> int:
+    def quota(self, shard: int) -> int:
         """Grasps asked for of a shard."""
-        return min(self.chunk, self.grasps_per_pose - chunk * self.chunk)
+        return min(self.chunk, self.grasps_per_pose - shard * self.chunk)
 
     def as_json(self) -> Fields:
         """Return the settings as JSON holds them; meshes by their file name (their content is hashed apart)."""

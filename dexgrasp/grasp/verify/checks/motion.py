@@ -34,7 +34,7 @@ def setpoint_checks(case: Case) -> list[Check]:
 
 def _closing_checks(case: Case) -> list[Check]:
     """Check that the hand meets no neighbour on the way on which it closes."""
-    if not case.scene.around:
+    if not case.scene.neighbours:
         return []
     found = [
         case.scene.clearances(q, tips_touch=True)["hand_neighbour"]
@@ -123,7 +123,7 @@ def _table_checks(case: Case, phase: Phase) -> list[Check]:
 
 def carried_checks(case: Case, phase: str, rows: Array) -> list[Check]:
     """Check that the object goes no farther into its neighbours than it seems to lie in them."""
-    if not case.scene.around:
+    if not case.scene.neighbours:
         return []
     lying, nearest = case.scene.carried(rows)
     # m: hulls of a cloud may touch, and are not the objects

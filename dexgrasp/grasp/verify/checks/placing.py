@@ -29,7 +29,9 @@ def placing_checks(case: Case) -> list[Check]:
     carried = np.concatenate(held)
     gaps = [one.setpoints[-1] - other.setpoints[0] for one, other in pairwise(ways)]
     T = rigid(*case.scene.palm(carried[-1])[::-1]) @ inverse(rigid(*case.scene.palm(lift[0])[::-1]))
-    there = Scene(case.cell, [placed(T, part) for part in record.parts], record.fingers, record.around)
+    there = Scene(
+        case.cell, [placed(T, part) for part in record.parts], record.fingers, record.neighbour_parts
+    )
     meets = {
         "carry": case.scene.first_contact(densify(carried, _DENSE), with_object=False),
         "release": case.scene.first_contact(densify(release, _DENSE), with_object=False),
