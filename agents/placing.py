@@ -28,7 +28,6 @@ _ROOM, _BESIDE = (
     0.05,
     0.02,
 )  # m between things and walls of the tray, for fingers; beside it where things are in it
-_OVER, _DROP = 0.03, 0.02  # m over what stands and lies on the way; from there things drop into the tray
 
 
 class PlacingAgent(Agent):
@@ -207,11 +206,12 @@ class ClearingAgent(PlacingAgent):
         tops = np.where(gaps < 0.0, self._full[:, 3], 0.0).max(axis=1, initial=0.0)
         order = np.lexsort((np.linalg.norm(places, axis=1), -gaps.min(axis=1, initial=_ROOM), tops))
         bottom = middle[2] - 0.5 * self._size[2]
-        up = max(0.0, self._over, self._full_to) + _OVER - bottom
+        up = max(0.0, self._over, self._full_to) + 0.03 - bottom  # m over what stands and lies on the way
         found = None
         allowed = 0.005  # m that the palm may be off its way
         for rise, k in product((up, 0.5 * up), order):
-            over, down = [*(places[k] - middle[:2]), 0.0], [0.0, 0.0, tops[k] + _DROP - bottom - rise]
+            # It drops 2 cm into the tray.
+            over, down = [*(places[k] - middle[:2]), 0.0], [0.0, 0.0, tops[k] + 0.02 - bottom - rise]
             rows, error = self._along(targets, middle, *np.array([[0.0, 0.0, rise], over, down]))
             if found is None or error < allowed:
                 found = rows, k

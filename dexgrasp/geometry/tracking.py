@@ -8,9 +8,6 @@ from scipy.spatial import cKDTree
 
 from dexgrasp_env.arrays import Array
 
-_MOST, _LEAST = 400, 30  # points of a cloud that are looked at, and that there have to be
-_ROUNDS, _STILL = 30, 1e-5  # of a fit, and the change, m and rad, that ends it
-
 
 class PlanarTracker:
     """Follows an object from the cloud of its first look on.
@@ -35,9 +32,9 @@ class PlanarTracker:
 
     def see(self, points: Array, seconds: float) -> bool:
         """Update the pose by a cloud (N, 3) m; return False where that is not of the object, or too little of it."""
-        if len(points) < _LEAST:
+        if len(points) < 30:
             return False
-        points = points[:: -(-len(points) // _MOST)]
+        points = points[:: -(-len(points) // 400)]  # so many points are enough
         shift = points[:, :2].mean(0) - self._middle
         starts = [self.pose, self.at(seconds), np.append(shift, self.pose[2])]
         fits = [self._fit(points, start) for start in starts]
@@ -74,7 +71,7 @@ class PlanarTracker:
     def _fit(self, points: Array, pose: Array) -> tuple[Array, float]:
         """Return the pose next to one by iterated closest points, and the mean distance of those that count, m."""
         error = np.inf
-        for _ in range(_ROUNDS):
+        for _ in range(30):
             T = self.matrix(pose)
             distance, near = self._tree.query((points - T[:3, 3]) @ T[:3, :3])
             # The nearest 80 % of the points: others are of sides that were hidden, or of the hand.
@@ -84,7 +81,7 @@ class PlanarTracker:
             turn = np.angle(np.vdot(model - model.mean(), seen - seen.mean()))
             shift = seen.mean() - np.exp(1j * turn) * model.mean()
             before, pose = pose, np.array([shift.real, shift.imag, np.unwrap([pose[2], turn])[1]])
-            if np.abs(pose - before).max() < _STILL:
+            if np.abs(pose - before).max() < 1e-5:  # m and rad
                 break
         return pose, error
 

@@ -73,7 +73,7 @@ def jerkiness(rows: Array) -> float:
     return float(np.abs((-P[:-4] + 4.0 * P[1:-3] + 4.0 * P[3:-1] - P[4:]) / 6.0 - rows).max())
 
 
-def densify(path: ArrayLike, step: float) -> Array:
+def densify(path: ArrayLike, step: float = 0.01) -> Array:
     """Return points (m, n) on a polyline (k, n), corners included, no joint moving over `step` rad."""
     path = np.asarray(path, dtype=float)
     way = np.diff(path, axis=0)

@@ -22,12 +22,8 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 
-_WANTED, _LEAST = 0.065, 0.022  # m that stick out
 _INSIDE = 0.016  # m inside the edge that the centre of mass stays
 _ALIKE = 0.001  # m by which one tip may touch before the other: what is pushed turns until both do
-_CROWDED, _NEAR_BASE = 0.1, 0.1  # m: the price of a grasp in front of the base, and how wide that is
-_POINTS, _TRIPLES, _POSTURES = 600, 100, 120  # most points are over the table, and of no use
-_BRIEF, _AT_LENGTH = (1.0,), (1.0, 2.0, 3.0)  # breadths of the search for a push
 _BORNE, _FIRM = 1.0, 2.0  # weights: of a grasp worth a push, and that ends the search for one
 _FLOOR = 0.5  # m below the table
 _HALF = 0.5 * np.array(TABLE_SIZE[:2])
@@ -47,8 +43,8 @@ def plan_slide(planner: Planner, target: GraspTarget, seed: int, start: Array) -
     if guessed or not planner.settings.is_low(target.top) or not can_push(planner.cell):
         return None
     slides = list(islice(_slides(start, target, planner), 8))  # pushes that the arm can make
-    in_brief = _best(slides, target, _at_edge(planner, _BRIEF), seed, _FIRM)
-    return in_brief or _best(slides, target, _at_edge(planner, _AT_LENGTH), seed, _BORNE)
+    in_brief = _best(slides, target, _at_edge(planner, (1.0,)), seed, _FIRM)
+    return in_brief or _best(slides, target, _at_edge(planner), seed, _BORNE)
 
 
 def _best(slides: list[Slide], target: GraspTarget, there: Planner, seed: int, enough: float) -> Slide | None:
@@ -86,7 +82,7 @@ def plan_slid(planner: Planner, target: GraspTarget, slide: Slide, seed: int, st
     """
     there, plans = slid(target, slide.moved * slide.push.direction), list[PlanResult]()
     for k in range(4):  # seeds
-        plans.append(_at_edge(planner, _AT_LENGTH).plan(there, seed + k, start))
+        plans.append(_at_edge(planner).plan(there, seed + k, start))
         if _load(plans[-1]) >= _FIRM:
             break
     return max(plans, key=_load)
@@ -130,9 +126,9 @@ def pushes(target: GraspTarget, apart: float, tip: float) -> list[Push]:
                 continue
             there = centre + distance * direction
             if (np.abs(there - _MIDDLE) <= _HALF - 0.99 * _INSIDE).all():
-                before_base = out[0] < 0.0 and abs(there[1]) < _NEAR_BASE
-                # 0.35 m is the price of the far edge: there the arm hardly reaches round the object.
-                price = _CROWDED * before_base + 0.35 * (out[0] > 0.0)
+                before_base = out[0] < 0.0 and abs(there[1]) < 0.1
+                # m: prices of a grasp in front of the base, and beyond the far edge, which the arm hardly reaches.
+                price = 0.1 * before_base + 0.35 * (out[0] > 0.0)
                 found.append((distance + price, Push(direction, distance, touch)))
     return [push for _, push in sorted(found, key=lambda item: item[0])]
 
@@ -154,9 +150,10 @@ def _touches(target: GraspTarget, apart: float, tip: float) -> tuple[Array, Arra
     return directions, np.where(np.abs(off) < _ALIKE, way, np.nan)
 
 
-def _at_edge(planner: Planner, breadths: tuple[float, ...]) -> Planner:
+def _at_edge(planner: Planner, breadths: tuple[float, ...] = (1.0, 2.0, 3.0)) -> Planner:
     cell = replace(planner.cell, name="edge", table_height=planner.cell.table_height - _FLOOR)
-    more = replace(planner.settings, surface_points=_POINTS, triples=_TRIPLES, postures=_POSTURES)
+    # Most points are over the table, and of no use.
+    more = replace(planner.settings, surface_points=600, triples=100, postures=120)
     return Planner(replace(more, patience=0, firm_load=_FIRM, breadths=breadths), _Overhanging(), cell)
 
 
@@ -179,6 +176,6 @@ def _distance(outline: Array, centre: Array, direction: Array, out: Array) -> fl
     edge = _MIDDLE @ out + np.abs(_HALF @ out)
     reach = (outline @ out).max()
     most = (edge - _INSIDE - centre @ out) / towards
-    distance = min((edge + _WANTED - reach) / towards, most)
+    distance = min((edge + 0.065 - reach) / towards, most)  # m that are to stick out
     sticks_out = reach + distance * towards - edge
-    return distance if 0.0 < distance < 0.56 and sticks_out > _LEAST else None  # m
+    return distance if 0.0 < distance < 0.56 and sticks_out > 0.022 else None  # m

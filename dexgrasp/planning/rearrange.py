@@ -20,7 +20,6 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 _GRID = 0.04  # m between places that are looked at
-_HAND, _AWAY = 0.06, 0.16  # m that are free around what is set down, for the hand; between it and the object
 
 
 def plan_rearrangement(
@@ -89,9 +88,10 @@ def _free_places(target: GraspTarget, kept: Array) -> Array:
     places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     corners = np.concatenate(target.corners)[:, :2]
     radius = np.linalg.norm(corners - target.centre[:2], axis=1).max()
-    free = np.linalg.norm(places - kept[:2], axis=1) > radius + _AWAY
+    free = np.linalg.norm(places - kept[:2], axis=1) > radius + 0.16  # m from the object
     if target.around is not None:
         for height in (0.03, 0.10, 0.17):  # m above the table, at which a place must be free
-            free &= target.around.distance(np.insert(places, 2, height, axis=1)) > radius + _HAND
+            # 6 cm around it are for the hand.
+            free &= target.around.distance(np.insert(places, 2, height, axis=1)) > radius + 0.06
     places = places[free]
     return places[np.argsort(np.linalg.norm(places - target.centre[:2], axis=1))[:8]]  # nearest

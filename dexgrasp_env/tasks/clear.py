@@ -18,7 +18,6 @@ from dexgrasp_env.valid import number
 
 TRAY = np.array([[0.20, 0.41, 0.0], [0.76, 0.595, 0.08]])
 """Lowest and highest corner, m, of the space between the tray's walls, as assets/scene/tray.xml has them."""
-_FALLEN, _HEAPED = -0.05, 0.25  # m: centres so low are off the table; so high they are not in the tray
 _DERIVED = ("neighbours", "mask", "bin")
 
 
@@ -80,8 +79,9 @@ class ClearEpisodes(ClutterEpisodes):
         (qpos, _, sensors), count = where.current, 1 + self.neighbours
         centres = qpos[:, self._alone[0] - 7 :].reshape(len(notes), -1, 7)[:, :, :3]
         held = np.column_stack([sensors[:, self.rules.at[TOUCHING_HAND]], sensors[:, self._alone[1] :]]) > 0
-        inside = ((centres >= TRAY[0]) & (centres <= [*TRAY[1, :2], _HEAPED])).all(axis=2) & ~held
-        fallen = centres[:, :, 2] < _FALLEN
+        # m: centres so high are not in the tray, and so low they are off the table.
+        inside = ((centres >= TRAY[0]) & (centres <= [*TRAY[1, :2], 0.25])).all(axis=2) & ~held
+        fallen = centres[:, :, 2] < -0.05
         before = notes["in_tray"] - notes["off_table"]
         notes["in_tray"], notes["off_table"] = inside.sum(axis=1), fallen.sum(axis=1)
         self.rewards[part] = (notes["in_tray"] - notes["off_table"] - before) / count

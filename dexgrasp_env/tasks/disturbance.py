@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.constants import at_pace
 from dexgrasp_env.valid import number, one_of, read
 
@@ -31,6 +32,10 @@ class Disturbance:
     kind: Annotated[str, one_of(KINDS)] = "none"
     size: Annotated[float, number(ge=0, le=10)] = 1.0
 
+    def __post_init__(self) -> None:
+        if self.kind == "none" and self.size != 1.0:
+            raise InputError(f"disturbance none has size {self.size:g}, which changes nothing: leave it out")
+
     @property
     def moves(self) -> bool:
         """Flag: the object moves before it is grasped."""
@@ -47,6 +52,6 @@ class Disturbance:
         """Return a disturbance from its name or a mapping of its attributes.
 
         Raises:
-            InputError: for an unknown kind or key, or a size that is not a number of 0 to 10.
+            InputError: for an unknown kind or key, a size that is not a number of 0 to 10, or one of `none`.
         """
         return read(cls, {"kind": value} if isinstance(value, str) else value, "disturbance")

@@ -17,7 +17,6 @@ MOTION = np.dtype(
 """Motion of an episode's object: control steps after which it starts and ends, m/s along x and y and rad/s about z,
 whether it goes on when the hand touches the object, and what moves in the present control step."""
 MOVE_STEPS = 10  # control steps that a displacement takes, 0.5 s
-_SOONEST, _LATEST = 4, 30  # control steps after which it begins
 
 
 def draw_motion(disturbance: Disturbance, pose: Array, frame_skip: int, rng: Generator) -> NDArray[np.void]:
@@ -39,7 +38,8 @@ def draw_motion(disturbance: Disturbance, pose: Array, frame_skip: int, rng: Gen
     ]
     for k, (low, high) in enumerate((PLACE_X, PLACE_Y)):
         twist[k] *= 1.0 if low <= pose[k] + seconds * twist[k] <= high else -1.0
-    starts = at_pace(round(_SOONEST + u[3] * (_LATEST - _SOONEST)), frame_skip)
+    soonest, latest = 4, 30  # control steps after which it begins
+    starts = at_pace(round(soonest + u[3] * (latest - soonest)), frame_skip)
     return np.array((starts, starts + at_pace(MOVE_STEPS, frame_skip), twist, False, np.zeros(3)), MOTION)
 
 

@@ -17,7 +17,6 @@ from dexgrasp_env.arrays import Array, unit
 
 PRESS = 4.0  # N, normal, of the firmest contact
 SERVO_KP = 10.0  # Nm/rad that the squeeze is given for
-_FRICTION, _EDGES = 0.5, 8
 
 
 def close_around(
@@ -53,13 +52,14 @@ def balanced_forces(points: Array, inward: Array, centre: Array) -> Array:
     """
     count, arms = len(points), points - centre
     length = max(float(np.sqrt((arms**2).sum(1).mean())), 1e-6)
-    edges = cone_edges(-inward, _FRICTION, _EDGES)  # (k, e, 3)
+    sides = 8  # of a pyramid in the place of the cone of friction 0.5
+    edges = cone_edges(-inward, 0.5, sides)  # (k, e, 3)
     wrench = np.concatenate([edges, np.cross(arms[:, None], edges) / length], axis=-1)  # (k, e, 6)
     base = np.concatenate([inward, np.cross(arms, inward) / length], axis=-1).sum(0)
     # The forces themselves weigh little against the wrench.
-    matrix = np.concatenate([wrench.reshape(-1, 6).T, 1e-4 * np.eye(count * _EDGES)])
-    weights, _ = nnls(matrix, np.concatenate([-base, np.zeros(count * _EDGES)]))
-    forces = inward + (weights.reshape(count, _EDGES, 1) * edges).sum(1)
+    matrix = np.concatenate([wrench.reshape(-1, 6).T, 1e-4 * np.eye(count * sides)])
+    weights, _ = nnls(matrix, np.concatenate([-base, np.zeros(count * sides)]))
+    forces = inward + (weights.reshape(count, sides, 1) * edges).sum(1)
     return forces * (PRESS / (forces * inward).sum(1).max())
 
 

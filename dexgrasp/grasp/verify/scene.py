@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from dexgrasp.geometry.mesh_distance import Closest, closest_on_mesh
+from dexgrasp.grasp.trajectory import densify
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import placed
@@ -144,7 +145,7 @@ class Scene:
     def over_seen(self, path: Array) -> float:
         """Return the least distance, m, along a path (T, n) from the points of the table that were seen."""
         least = FAR
-        for q in path if self._seen is not None else ():
+        for q in densify(path) if self._seen is not None else ():
             self.data.qpos[:] = q
             mujoco.mj_kinematics(self.model, self.data)
             least = min(least, self._from_seen())
@@ -212,8 +213,8 @@ class Scene:
         return found[0], min(found)
 
     def first_contact(self, path: Array, with_object: bool = True) -> float:
-        """Return the deepest penetration, m, in the first row of a path (T, n) in which anything touches; else 0."""
-        for q in path:
+        """Return the deepest penetration, m, where on a path (T, n) anything touches first; else 0."""
+        for q in densify(path):
             self.data.qpos[:] = q
             mujoco.mj_kinematics(self.model, self.data)
             mujoco.mj_collision(self.model, self.data)

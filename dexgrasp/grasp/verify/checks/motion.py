@@ -11,7 +11,6 @@ from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 SETPOINT = 1e-6  # rad: what two ways to compute a set-point may differ by
-_DENSE = 0.01  # rad of any joint between two states checked for collisions
 
 
 def setpoint_checks(case: Case) -> list[Check]:
@@ -38,7 +37,7 @@ def _closing_checks(case: Case) -> list[Check]:
         return []
     found = [
         case.scene.clearances(q, tips_touch=True)["hand_neighbour"]
-        for q in densify([case.record.pregrasp, case.record.grasp, case.record.squeeze], _DENSE)
+        for q in densify([case.record.pregrasp, case.record.grasp, case.record.squeeze])
     ]
     return [at_least("closing: clearance hand_neighbour", min(found), 0.0, "m")]
 
@@ -78,7 +77,7 @@ def approach_checks(case: Case) -> list[Check]:
         *phase_checks(phase, case.robot),
         same("approach starts at home", np.abs(rows[0] - case.robot.home).max(), SETPOINT, "rad"),
         same("approach ends at the pregrasp", np.abs(rows[-1] - case.record.pregrasp).max(), ROUNDING),
-        at_most("approach: collision", case.scene.first_contact(densify(rows, _DENSE)), 0.0, "m"),
+        at_most("approach: collision", case.scene.first_contact(rows), 0.0, "m"),
         *_table_checks(case, phase),
         # rad that a set-point may stand out of its neighbours' plane
         at_most("approach: bend", found, 2.5e-3, "rad"),
@@ -107,7 +106,7 @@ def lift_checks(case: Case) -> list[Check]:
         same("lift: stray", abs(strayed - phase.measure), 2e-6, "m"),
         # rad that a set-point of the lift may lie from its neighbours' cubic
         at_most("lift: jerk", jerkiness(rows), 4e-3, "rad"),
-        at_most("lift: collision", case.scene.first_contact(densify(rows, _DENSE), with_object=False), 0.0, "m"),
+        at_most("lift: collision", case.scene.first_contact(rows, with_object=False), 0.0, "m"),
         *_table_checks(case, phase),
         *carried_checks(case, "lift", rows),
     ]  # fmt: skip
@@ -117,7 +116,7 @@ def _table_checks(case: Case, phase: Phase) -> list[Check]:
     """Check a way against the points of the table that were seen, where some were."""
     if case.cell.table is None:
         return []
-    found = case.scene.over_seen(densify(phase.setpoints, _DENSE))
+    found = case.scene.over_seen(phase.setpoints)
     return [at_least(f"{phase.name}: clearance hand_seen", found, 0.0, "m")]
 
 

@@ -14,7 +14,6 @@ from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.poses import inverse, placed, rigid
 
 _OFF, _TURNED = 0.01, 2.0  # m and degrees that it may be set down beside its goal
-_DENSE = 0.01  # rad of any joint between two states checked for collisions
 
 
 def placing_checks(case: Case) -> list[Check]:
@@ -33,9 +32,9 @@ def placing_checks(case: Case) -> list[Check]:
         case.cell, [placed(T, part) for part in record.parts], record.fingers, record.neighbour_parts
     )
     meets = {
-        "carry": case.scene.first_contact(densify(carried, _DENSE), with_object=False),
-        "release": case.scene.first_contact(densify(release, _DENSE), with_object=False),
-        "retreat": there.first_contact(densify(retreat, _DENSE)),
+        "carry": case.scene.first_contact(carried, with_object=False),
+        "release": case.scene.first_contact(release, with_object=False),
+        "retreat": there.first_contact(retreat),
     }
     return [
         *(check for phase in ways[1:] for check in [*phase_checks(phase, case.robot), _bend(phase)]),
@@ -44,7 +43,7 @@ def placing_checks(case: Case) -> list[Check]:
         same("release: arm still", np.abs(release - release[0])[:, : hand.start].max(), ROUNDING, "rad"),
         same("retreat: hand open", np.abs(retreat - record.pregrasp)[:, hand].max(), ROUNDING, "rad"),
         *(at_most(f"{name}: collision", depth, 0.0, "m") for name, depth in meets.items()),
-        *carried_checks(case, "carry", densify(np.concatenate([lift, carried]), _DENSE)),
+        *carried_checks(case, "carry", densify(np.concatenate([lift, carried]))),
         *_goal_checks(case, T),
     ]
 
