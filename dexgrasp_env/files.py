@@ -32,7 +32,6 @@ _LARGEST = {
 }  # fmt: skip
 """Kind, "" for all others -> MiB that are read of a file and of what it unpacks to: what becomes of them takes 2 GB
 of memory at most."""
-_DIGEST = 32  # bytes of a SHA-256
 _HEADER = 1 << 16  # bytes that an npy file of version 1.0 can have in front of its data, and some
 
 
@@ -199,7 +198,8 @@ def _read_cached(path: Path) -> Arrays | None:
         content = np.fromfile(path, np.uint8)
     except OSError:
         return None
-    payload, digest = content[:-_DIGEST], content[-_DIGEST:]
+    size = 32  # bytes of a SHA-256
+    payload, digest = content[:-size], content[-size:]
     if hashlib.sha256(payload.data).digest() != digest.tobytes():
         return None
     header = io.BytesIO(payload[:_HEADER].tobytes())

@@ -11,7 +11,6 @@ from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Arm, Hand
 
-_QUANTITIES = ("velocity", "acceleration", "jerk")
 _PERIODS = {"arm": 0.001, "hand": 0.003}  # s: the arm takes 1 kHz, the hand 333 Hz
 _TIME = 1e-9  # s
 
@@ -65,13 +64,14 @@ def _order(recording: Recording) -> Check:
 def _limits(name: str, rows: Rows, part: Arm | Hand) -> list[Check]:
     q, joints = rows.positions, part.joints
     room = np.minimum(q - joints.lower, np.subtract(joints.upper, q)).min()
-    used = limit_shares(q, _PERIODS[name], *(np.array(getattr(joints, kind)) for kind in _QUANTITIES))
+    quantities = ("velocity", "acceleration", "jerk")
+    used = limit_shares(q, _PERIODS[name], *(np.array(getattr(joints, kind)) for kind in quantities))
     # A trajectory may use 95 % of a limit.
     return [
         at_least(f"{name}: inside the joint limits by (rad)", room, 0.0),
         *(
             at_most(f"{name}: share of the {quantity} limits", share, 0.95)
-            for quantity, share in zip(_QUANTITIES, used, strict=True)
+            for quantity, share in zip(quantities, used, strict=True)
         ),
     ]
 

@@ -21,7 +21,6 @@ from dexgrasp_env.poses import matrix_to_quat, placed, rigid
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.valid import POSITIVE, check
 
-FORMATS = ("csv", "json", "ros2", "mjcf")
 _PRESSING = (
     "each of these presses in full, so send one: `closed` to the servos that were planned with, or `touching` plus "
     "`offset` to servos of `stiffness`, or `touching` to a soft servo with `torque` as effort"
@@ -48,8 +47,9 @@ def export_grasp(
         InputError: for an unknown format, a file without approach and lift, ways that cannot be timed within the
             limits, or a mesh that is not here any more.
     """
-    if kind not in FORMATS:
-        raise unknown_name("format", kind, FORMATS)
+    formats = ("csv", "json", "ros2", "mjcf")
+    if kind not in formats:
+        raise unknown_name("format", kind, formats)
     cell = record.check_cell()
     stiffness = cell.robot.hand.joints.stiffness[0] if stiffness is None else stiffness
     check("stiffness", stiffness, POSITIVE)

@@ -14,7 +14,6 @@ ARM_TICK = 0.001
 """s between rows of the arm: its controller takes 1 kHz."""
 HAND_EVERY = 3
 """Rows of the arm to one of the hand, whose period is 3 ms (333 Hz)."""
-_PAUSE = 0.3  # s of rest after the approach, and before the lift
 
 
 class Waypoints(NamedTuple):
@@ -74,17 +73,18 @@ def make_trajectory(way: Waypoints, robot: Robot) -> Trajectory:
     )
     lift = np.concatenate([pressing[None], way.lift])
     lift[:, hand:] = pressing[hand:]  # closing moves the hand alone, lifting the arm
+    rest = 0.3  # s, after the approach, and before the lift
     pieces = [
-        ("approach", way.approach, limits, _PAUSE),
+        ("approach", way.approach, limits, rest),
         ("close", np.stack([way.approach[-1], closed]), gentle, 0.0),
-        ("squeeze", np.stack([closed, pressing]), gentle, _PAUSE),
+        ("squeeze", np.stack([closed, pressing]), gentle, rest),
         ("lift", lift, steady, 0.0),
     ]
     for name, law, path in zip(PLACING, (steady, steady, gentle, steady), way.placing, strict=False):
         if name != "release":
             path[:, hand:] = (pressing if name in PLACING[:2] else way.approach[-1])[hand:]
         path[0] = pieces[-1][1][-1]
-        pieces.append((name, path, law, _PAUSE))
+        pieces.append((name, path, law, rest))
     rows, segments, start = [way.approach[:1]], [], 0
     for name, path, law, pause in pieces:
         rows += [

@@ -10,9 +10,6 @@ from dexgrasp_env.arrays import Array
 if TYPE_CHECKING:
     import trimesh
 
-_CORNER = 1e-9
-"""A barycentric coordinate below this is none: the closest point lies on an edge or a vertex."""
-
 
 class Closest(NamedTuple):
     """Closest points of a surface to N points."""
@@ -45,8 +42,9 @@ def closest_on_mesh(mesh: "trimesh.Trimesh", points: ArrayLike) -> Closest:
     closest, _, faces = trimesh.proximity.closest_point(welded, scale * queries)
     shares = trimesh.triangles.points_to_barycentric(welded.triangles[faces], closest)
     normals = welded.face_normals[faces]
-    for k in np.flatnonzero((shares <= _CORNER).any(1)):
-        normals[k] = _pseudonormal(welded, welded.faces[faces[k]][shares[k] > _CORNER])
+    corner = 1e-9  # a smaller barycentric coordinate is none: the closest point is of an edge or a vertex
+    for k in np.flatnonzero((shares <= corner).any(1)):
+        normals[k] = _pseudonormal(welded, welded.faces[faces[k]][shares[k] > corner])
     closest = closest / scale
     offsets = queries - closest
     lengths = np.sqrt((offsets * offsets).sum(-1))

@@ -14,7 +14,6 @@ from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 SEEN, UNSEEN = 0.003, 0.006
 """m by which a neighbour's sides are taken to lie farther out: those that were seen, and those that no camera saw."""
-_SIDES = 8  # level directions in which a neighbour may be grown
 _LEAST = 3  # points of a column: fewer are noise
 _THICK = 0.004  # m that a column reaches at least to either side of its middle
 
@@ -58,8 +57,9 @@ def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:
 
 def _grown(corners: Array, cloud: ObjectCloud) -> Array:
     """Add to corners (N, 3) m the points that trimming left out, and all of it moved out to all sides and up."""
-    angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-    sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)], axis=1)
+    count = 8  # level directions in which a neighbour may be grown
+    angles = 2.0 * np.pi * np.arange(count) / count
+    sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(count)], axis=1)
     # cosine of the angle to a side within which a normal shows that it was seen
     grown = np.where((cloud.normals @ sides.T > 0.5).any(axis=0), SEEN, UNSEEN)
     corners = np.concatenate([corners, cloud.points])

@@ -18,7 +18,6 @@ from dexgrasp_env.valid import number
 
 TRAY = np.array([[0.20, 0.41, 0.0], [0.76, 0.595, 0.08]])
 """Lowest and highest corner, m, of the space between the tray's walls, as assets/scene/tray.xml has them."""
-_DERIVED = ("neighbours", "mask", "bin")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +40,9 @@ class ClearSettings(ClutterSettings):
         Raises:
             InputError: as `ClutterSettings.of`, or for what `count` and the tray say already.
         """
-        for name in set(_DERIVED) & set(given):
-            raise unknown_argument(name, [key for key in cls.__dataclass_fields__ if key not in _DERIVED])
+        derived = ("neighbours", "mask", "bin")
+        for name in set(derived) & set(given):
+            raise unknown_argument(name, [key for key in cls.__dataclass_fields__ if key not in derived])
         return super().of(**given)
 
     @property

@@ -23,7 +23,6 @@ from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 
 _ID = "DexGrasp/Lift-v2"
-_ENVS = 16
 
 
 @dataclass(frozen=True)
@@ -70,12 +69,13 @@ def run(quick: bool = False) -> Fields:
             if recording is not None:
                 cases[f"{name}, {motion}"] = _compare(recording, rounds)
     ratios = [case["ratio"] for case in cases.values()]
-    envs = gym.make_vec(_ID, num_envs=_ENVS, objects=list(objects), threads=1)
-    many = _compare(_record(envs, _random(20 if quick else 40, _ENVS)), rounds)
+    number = 16
+    envs = gym.make_vec(_ID, num_envs=number, objects=list(objects), threads=1)
+    many = _compare(_record(envs, _random(20 if quick else 40, number)), rounds)
     return {
         **cases,
         "all": {"ratio": np.median(ratios), "least_ratio": min(ratios)},
-        f"vector, {_ENVS} environments, 1 thread": many,
+        f"vector, {number} environments, 1 thread": many,
     }
 
 
