@@ -1,7 +1,7 @@
 """The ablations of the paper's Table 1: the CVAE with less than the bilevel optimisation behind it (section 3.3).
 
 Latents are tried as they are drawn, each from the palm that was decoded with it and from six palms above the object, up
-to `LATENTS` of them. What is rejected differs: see the agents.
+to 100 of them. What is rejected differs: see the agents.
 """
 
 from collections.abc import Iterator
@@ -25,12 +25,6 @@ from dexgrasp_env.robot.cell import Cell
 
 from .bilevel import BilevelAgent
 
-LATENTS = 100
-"""Latents tried at most, of those that decode to three fingertips above the table and apart from each other."""
-MISS = 2e-3
-"""m, of the worst fingertip, at which IK counts as converged (facts of the original: 1 to 2 mm)."""
-PRESS = 4.0
-"""N that each fingertip of `cvae` presses with at least: nobody has checked what it takes to hold."""
 NO_IK, COLLISION, NO_CLOSURE, TOO_WEAK = "ik_not_converged", "collision", "eq4_infeasible", "dynamics"
 
 
@@ -60,9 +54,8 @@ class LatentPlanner(Planner):
 
     def __init__(self, settings: PlannerSettings, cell: Cell) -> None:
         """Prepare; of `settings`, what bounds and ranks the search does not count."""
-        plain = replace(
-            settings, breadths=(1.0,), triples=LATENTS, candidates=1, firm_load=-np.inf, patience=0
-        )
+        # 100 latents at most, of those that decode to three tips above the table and apart from each other.
+        plain = replace(settings, breadths=(1.0,), triples=100, candidates=1, firm_load=-np.inf, patience=0)
         super().__init__(plain, CvaeProposals(ranked=False), cell, with_closure=False)
 
     def starts(self, proposals: Proposals, problem: GraspProblem) -> Iterator[Posture]:
@@ -111,7 +104,7 @@ class RawPlanner(LatentPlanner):
 
     def _blocking(self, start: Posture, solution: Solution) -> str | None:
         at, settings = solution.evaluation, self.settings
-        if -start.score > MISS:
+        if -start.score > 2e-3:  # m: the original's inverse kinematics converge to 1 to 2 mm
             return NO_IK
         if (at.values[fixed_rows(len(at.contacts))[-1] :] + settings.clearance < 0.0).any():
             return COLLISION
@@ -121,7 +114,8 @@ class RawPlanner(LatentPlanner):
     def certify(self, candidate: Candidate) -> Grasp:
         """Return the grasp, pressed with balanced forces of Eq. 4; its certificate tells what is true of them."""
         problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
-        forces = solve_wrench_qp(at.contacts, at.normals, problem.settings.friction, f_min=PRESS).forces
+        # Each tip presses with 4 N at least: nobody has checked what it takes to hold.
+        forces = solve_wrench_qp(at.contacts, at.normals, problem.settings.friction, f_min=4.0).forces
         pregrasp = opened(q, at.normals, problem, OPENINGS[0])
         return pressed(candidate, forces, grasp_motion(q, at.normals, forces, problem, pregrasp))
 

@@ -22,7 +22,6 @@ from dexgrasp_env.files import check_archive, check_bytes, read_file
 _ENTRY = re.compile(r"data|[\w.]+\.pth|_stable_baselines3_version|system_info\.txt")
 _NEEDED = ("policy_class", "observation_space", "action_space", "policy_kwargs")
 _REPLACED = {"learning_rate": 0.0, "clip_range": 0.2, "lr_schedule": 0.0, "train_freq": 1}
-_IDLE = {"buffer_size": 1}  # of memory for learning
 _CLASSES = re.compile(
     r"(stable_baselines3|sb3_contrib)\.((common|\w+)\.policies|common\.(recurrent\.)?"
     r"(buffers|policies|utils|type_aliases|torch_layers|noise))"
@@ -76,7 +75,7 @@ def harmless_objects(path: Path, settings: Fields) -> Fields:
     Raises:
         InputError: naming what a policy cannot do without and this reader does not make.
     """
-    found: Fields = dict(_IDLE)
+    found: Fields = {"buffer_size": 1}  # of memory for learning
     for key, value in settings.items():
         if not isinstance(value, dict) or ":serialized:" not in value:
             continue

@@ -24,20 +24,10 @@ from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.constants import AROUND_POINTS
 from dexgrasp_env.tasks.control import normalise
 
-_RISEN = 0.08  # m that the palm has come up with the object
-_PRESSING = 0.02  # rad that a joint of a hand which holds something lags behind its set-point
-_CLEAR = 0.002  # m above the table, where the object is let go of
-_AWAY = 0.10  # m that the open hand goes up
-_ROUND = 260  # control steps in which an object is lifted, carried to the tray and let go of
-_STRAY = 0.005  # m that the palm may be off its way
-_LEAST = 20  # points of a thing
-_SAME = 0.04  # m: what stands so near to where one was missed is taken for that
-_PLACES = 9  # along a side of the tray
 _ROOM, _BESIDE = (
     0.05,
     0.02,
 )  # m between things and walls of the tray, for fingers; beside it where things are in it
-_OVER, _DROP = 0.03, 0.02  # m over what stands and lies on the way; from there things drop into the tray
 
 
 class PlacingAgent(Agent):
@@ -98,8 +88,9 @@ class PlacingAgent(Agent):
         if not away or p[2] < self._lowest - STILL:
             self._low, self._lowest = (targets, p[2]) if away else (None, np.inf)
             return False
-        risen = self._lowest + _RISEN < p[2] < before + STILL
-        return bool(risen and np.abs(targets - q)[robot.hand_columns].max() > _PRESSING)
+        # The palm has come up 8 cm; a joint of a hand that holds something lags 0.02 rad behind its set-point.
+        risen = self._lowest + 0.08 < p[2] < before + STILL
+        return bool(risen and np.abs(targets - q)[robot.hand_columns].max() > 0.02)
 
     def _deliver(self, targets: Array) -> Iterator[Array]:
         assert self._low is not None
@@ -110,13 +101,14 @@ class PlacingAgent(Agent):
         if lays:
             opened = arm_and_hand(rows[-1], self._low, self._tree)
             yield from let_go(rows[-1], opened)
-            yield from carried(opened, middle, np.array([0.0, 0.0, _AWAY]), self._tree)[0]
+            up = np.array([0.0, 0.0, 0.10])  # m
+            yield from carried(opened, middle, up, self._tree)[0]
 
     def _carry(self, targets: Array, middle: Array) -> tuple[Array, bool]:
         """Return set-points (m, n) rad that take the object from where its middle is; whether it is let go of then."""
         way, lays = self._goal[:3] - middle, bool(self._goal[3] < 0.5)
         if lays:
-            way[2] = self._middle[2] + _CLEAR - middle[2]
+            way[2] = self._middle[2] + 0.002 - middle[2]  # m above the table
         return self._along(targets, middle, way * [1, 1, way[2] > 0], way * [0, 0, way[2] <= 0])[0], lays
 
     def _along(self, targets: Array, middle: Array, *legs: Array) -> tuple[Array, float]:
@@ -158,7 +150,8 @@ class ClearingAgent(PlacingAgent):
             self._start(observation)
         if self._idle:
             return normalise(targets, self._tree).astype(np.float32)
-        if self._home is None and (self._delivered or self._steps > _ROUND):
+        # 260 control steps are enough to lift an object, carry it to the tray and let go of it.
+        if self._home is None and (self._delivered or self._steps > 260):
             if not self._delivered:
                 self._missed.append(self._middle[:2])
             self._home = self._way_home(targets)
@@ -176,7 +169,7 @@ class ClearingAgent(PlacingAgent):
         things = [
             one
             for one in (scene.target, *scene.neighbours)
-            if len(one) >= _LEAST and not (one.points[:, :2] > outside).all(axis=1).any()
+            if len(one) >= 20 and not (one.points[:, :2] > outside).all(axis=1).any()
         ]
         self._steps, self._delivered, self._idle = 0, False, True
         self._cell = cell_of(self._info, default_cell())
@@ -198,7 +191,8 @@ class ClearingAgent(PlacingAgent):
             """Return how often one was missed there, and how near, less than 0, the next thing is."""
             at = middle(things[k].points)
             others = [np.linalg.norm(one.points - at, axis=1).min() for one in things[:k] + things[k + 1 :]]
-            missed = [place for place in self._missed if np.linalg.norm(at[:2] - place) < _SAME]
+            # What stands within 4 cm of where one was missed is taken for that.
+            missed = [place for place in self._missed if np.linalg.norm(at[:2] - place) < 0.04]
             return len(missed), -float(min(others, default=np.inf))
 
         return sorted(range(len(things)), key=rank)
@@ -207,19 +201,21 @@ class ClearingAgent(PlacingAgent):
         """Return the way up, over to the least full place of the tray that the arm reaches, and down."""
         radius, inside = 0.5 * float(np.linalg.norm(self._size[:2])), self._tray[:, :2]
         low, high = inside + np.minimum(radius + _ROOM, 0.5 * np.ptp(inside, axis=0)) * [[1.0], [-1.0]]
-        places = grid(*(np.linspace(*ends, _PLACES) for ends in zip(low, high, strict=True)))
+        places = grid(*(np.linspace(*ends, 9) for ends in zip(low, high, strict=True)))  # along a side
         gaps = np.linalg.norm(places[:, None] - self._full[:, :2], axis=2) - self._full[:, 2] - radius
         tops = np.where(gaps < 0.0, self._full[:, 3], 0.0).max(axis=1, initial=0.0)
         order = np.lexsort((np.linalg.norm(places, axis=1), -gaps.min(axis=1, initial=_ROOM), tops))
         bottom = middle[2] - 0.5 * self._size[2]
-        up = max(0.0, self._over, self._full_to) + _OVER - bottom
+        up = max(0.0, self._over, self._full_to) + 0.03 - bottom  # m over what stands and lies on the way
         found = None
+        allowed = 0.005  # m that the palm may be off its way
         for rise, k in product((up, 0.5 * up), order):
-            over, down = [*(places[k] - middle[:2]), 0.0], [0.0, 0.0, tops[k] + _DROP - bottom - rise]
+            # It drops 2 cm into the tray.
+            over, down = [*(places[k] - middle[:2]), 0.0], [0.0, 0.0, tops[k] + 0.02 - bottom - rise]
             rows, error = self._along(targets, middle, *np.array([[0.0, 0.0, rise], over, down]))
-            if found is None or error < _STRAY:
+            if found is None or error < allowed:
                 found = rows, k
-            if error < _STRAY:
+            if error < allowed:
                 break
         assert found is not None  # there are places
         rows, k = found

@@ -23,8 +23,6 @@ from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.robot.cell import Cell
 
-_CONNECT_SECONDS = 5.0  # that a server which starts, or was there, may be away
-
 
 class RemoteAgent(Agent):
     """A policy server as an agent; what goes wrong with it fails the trial with a reason.
@@ -129,15 +127,16 @@ class RemoteAgent(Agent):
         from websockets.sync.client import connect
 
         token = os.environ.get("DEXGRASP_TOKEN")
+        seconds = 5.0  # that a server which starts, or was there, may be away
         settings: Fields = {
-            "compression": None, "max_size": 64_000_000, "open_timeout": _CONNECT_SECONDS, "close_timeout": 1.0,
+            "compression": None, "max_size": 64_000_000, "open_timeout": seconds, "close_timeout": 1.0,
             "proxy": None, "additional_headers": {"Authorization": f"Api-Key {token}"} if token else None,
         }  # fmt: skip
-        end = time.monotonic() + _CONNECT_SECONDS
+        end = time.monotonic() + seconds
         while True:
             try:
                 self._socket = connect(self._address, **settings)
-                first = self._socket.recv(_CONNECT_SECONDS)
+                first = self._socket.recv(seconds)
                 break
             except InvalidStatus as error:
                 raise _Failed(SERVER_GONE, f"it answers with HTTP {error.response.status_code}") from None

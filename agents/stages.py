@@ -23,12 +23,6 @@ from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.perception.scene import Scene
 
-_FIRM = 20.0  # N that fingers may press with, from which on they close at their usual pace
-NUDGE = 0.01
-"""m that neighbours may be pushed where a second look gives no grasp."""
-PUSH = 0.05
-"""m, where none of them can be set aside either."""
-
 
 class News(NamedTuple):
     """The outcome of planning on the way to a stage, for the report."""
@@ -204,14 +198,13 @@ class GoHome(Stage):
         began = time.perf_counter()
         plan, pushed = plan_scene(episode.planner, scene, episode.seed + tries, start), 0.0
         if tries and plan.shortfall != LIFT_BLOCKED:
-            plan, pushed = plan_pushing(episode, scene, start, plan, NUDGE)
+            plan, pushed = plan_pushing(episode, scene, start, plan, give=0.01)
         state = State(episode, plan, looks, moves)
         way = None if plan.found else make_way(state, scene, start)
         if not plan.found and way is None and tries >= episode.regrasps:
-            plan, pushed = plan_pushing(episode, scene, start, plan, PUSH)
-            state = state._replace(
-                plan=plan, looks=looks if plan.found else 0
-            )  # what is not found so far is not there
+            # None of them can be set aside either; what is not found so far is not there.
+            plan, pushed = plan_pushing(episode, scene, start, plan, give=0.05)
+            state = state._replace(plan=plan, looks=looks if plan.found else 0)
         details = {"touching": pushed} if pushed else {"moves": episode.moves - moves + 1} if way else {}
         news = News(
             plan,
@@ -262,7 +255,8 @@ def take_hold(plan: PlanResult, **how: float) -> GuardedGrasp:
     """Return the motion that takes hold by the firmest grasp of a plan."""
     grasp, script = plan.found[0]
     assert script is not None  # every plan here begins where the robot stands
-    return GuardedGrasp(script, grasp, pace=min(1.0, (plan.settings.max_force or _FIRM) / _FIRM), **how)
+    firm = 20.0  # N, with which fingers close at their usual pace
+    return GuardedGrasp(script, grasp, pace=min(1.0, (plan.settings.max_force or firm) / firm), **how)
 
 
 def way_home(state: State, observation: Observation) -> Played | None:

@@ -22,12 +22,6 @@ from .bilevel import BilevelAgent
 from .stages import GoHome, LiftAndHold, SlideToEdge, Stage, TakeHold, take_hold, way_home
 
 _STILL = np.array([0.004, 0.004, 0.06])  # m and rad, less than which is no motion
-_RECENT = 4  # looks that show whether the object rests
-_DISPLACED = 0.75  # s: what moves evenly for longer is on a belt
-_LEAD = 1.9  # s that an approach takes, and the arm behind it
-_LAG = 0.15  # s by which the arm is behind its set-points
-_JOINED = 0.6  # share of the approach after which the hand moves as the object does
-_BRAKE = 0.2  # s in which the lift comes to rest over the table
 
 
 class FollowingGrasp(GuardedGrasp):
@@ -57,14 +51,16 @@ class FollowingGrasp(GuardedGrasp):
             return super()._next(q)
         # Fingers are felt as if the arm was where the plan has it: its own lag is no contact.
         row = super()._next(arm_and_hand(self.targets, q, self.tree))
-        joined = min(self.approached / _JOINED, 1.0)
+        # After 60 % of the approach the hand moves as the object does.
+        joined = min(self.approached / 0.6, 1.0)
         return shifted(row, joined * joined * (3.0 - 2.0 * joined) * self.shift, self.tree)
 
     def stop(self, velocity: Array) -> None:
         """Move lift and hold to where the hand is, as it comes to rest from a velocity (3,) m/s."""
         lift, hold = self.script.phases["lift"], self.script.phases["hold"]
         seconds = CONTROL_PERIOD * np.arange(len(lift) + len(hold))
-        ways = self.shift + _BRAKE * (1.0 - np.exp(-seconds / _BRAKE))[:, None] * velocity
+        brake = 0.2  # s in which the lift comes to rest over the table
+        ways = self.shift + brake * (1.0 - np.exp(-seconds / brake))[:, None] * velocity
         rows = [shifted(row, way, self.tree) for row, way in zip([*lift, *hold], ways, strict=True)]
         moved = {"lift": np.array(rows[: len(lift)]), "hold": np.array(rows[len(lift) :])}
         self.script = replace(self.script, phases={**self.script.phases, **moved})
@@ -115,9 +111,10 @@ class Watch:
         """Return the velocity (3,) m/s with which what has moved goes on, zeros where it rests; None: not yet known."""
         if self.since is None:
             return None
-        if (np.ptp(np.array(self.tracker.poses)[-_RECENT:], axis=0) < _STILL).all():
+        if (np.ptp(np.array(self.tracker.poses)[-4:], axis=0) < _STILL).all():
             return np.zeros(3)
-        even = (self.tracker.unevenness < _STILL).all() and self.now - self.since > _DISPLACED
+        # What moves evenly for longer than 0.75 s is on a belt.
+        even = (self.tracker.unevenness < _STILL).all() and self.now - self.since > 0.75
         return np.append(self.tracker.velocity[:2], 0.0) if even else None
 
 
@@ -150,14 +147,16 @@ class Follow(TakeHold):
             return LiftAndHold(self.state, GuardedCarry(motion))
         watch.look(observation, motion.free)
         if watch.velocity.any():
-            motion.shift[:2] = (watch.tracker.at(watch.now + _LAG) - watch.planned)[:2]
+            # The arm is 0.15 s behind its set-points.
+            motion.shift[:2] = (watch.tracker.at(watch.now + 0.15) - watch.planned)[:2]
         velocity = watch.outcome()
         return self if velocity is None else self._renewed(observation, velocity)
 
     def _renewed(self, observation: Observation, velocity: Array) -> Stage:
         """Return the stage with a plan for where the object is, or will be; the way home where there is none."""
         episode, watch = self.state.episode, self.watch
-        planned = watch.tracker.at(watch.now + _LEAD) if velocity.any() else watch.tracker.pose
+        # An approach takes 1.9 s, with the arm behind it.
+        planned = watch.tracker.at(watch.now + 1.9) if velocity.any() else watch.tracker.pose
         scene = replace(watch.scene, target=watch.scene.target.placed(watch.tracker.matrix(planned)))
         plan = plan_scene(episode.planner, scene, episode.seed, episode.start(observation))
         watch.since = None

@@ -34,13 +34,6 @@ _READ: dict[str, dict[Path, None]] = {}
 """Agent of the user's -> files that its module and making it have read in this process."""
 _CONNECTED: dict[str, Agent] = {}
 """Address of a policy server that was asked what it is -> the agent that is connected to it."""
-_OTHER_FORMS = (
-    "package.module:Class",
-    "the folder of a trained policy",
-    "a checkpoint's path ending in .zip",
-    "the address of a policy server, ws://HOST:PORT",
-    "lerobot:FOLDER",
-)
 
 
 def make_agent(name: str, **kwargs: Any) -> Agent:
@@ -129,7 +122,14 @@ def check_name(name: str) -> str:
         InputError: for a name that is neither known, nor a checkpoint, nor `module:Class`.
     """
     if name not in AGENTS and not name.endswith(".zip") and ":" not in name and not is_policy(name):
-        raise unknown_name("agent", name, [*AGENTS, *_OTHER_FORMS])
+        forms = [
+            "package.module:Class",
+            "the folder of a trained policy",
+            "a checkpoint's path ending in .zip",
+            "the address of a policy server, ws://HOST:PORT",
+            "lerobot:FOLDER",
+        ]
+        raise unknown_name("agent", name, [*AGENTS, *forms])
     return name
 
 

@@ -5,10 +5,8 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-_GROUPS = Path("/sys/fs/cgroup")
 
-
-def usable_cores(groups: Path = _GROUPS) -> int:
+def usable_cores(groups: Path = Path("/sys/fs/cgroup")) -> int:
     """Return how many cores this process may use, at least one; a quota counts in whole cores, rounded up.
 
     Args:

@@ -32,9 +32,7 @@ _LARGEST = {
 }  # fmt: skip
 """Kind, "" for all others -> MiB that are read of a file and of what it unpacks to: what becomes of them takes 2 GB
 of memory at most."""
-_DIGEST = 32  # bytes of a SHA-256
 _HEADER = 1 << 16  # bytes that an npy file of version 1.0 can have in front of its data, and some
-_DIGITS = 40  # of a whole number in JSON: no seed, count or hash of ours has as many
 
 
 def check_file(path: Path, kind: str = "") -> int:
@@ -200,7 +198,8 @@ def _read_cached(path: Path) -> Arrays | None:
         content = np.fromfile(path, np.uint8)
     except OSError:
         return None
-    payload, digest = content[:-_DIGEST], content[-_DIGEST:]
+    size = 32  # bytes of a SHA-256
+    payload, digest = content[:-size], content[-size:]
     if hashlib.sha256(payload.data).digest() != digest.tobytes():
         return None
     header = io.BytesIO(payload[:_HEADER].tobytes())
@@ -351,7 +350,7 @@ def _finite(text: str) -> float:
 
 
 def _whole(text: str) -> int:
-    return int(text) if len(text) <= _DIGITS else int(_refused(text))
+    return int(text) if len(text) <= 40 else int(_refused(text))  # no seed, count or hash of ours has more
 
 
 def printable_stem(path: Path) -> str:

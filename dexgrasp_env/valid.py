@@ -18,7 +18,6 @@ from typing import Annotated, Any, NamedTuple, TypeVar, Union, cast, get_args, g
 from dexgrasp_env.errors import InputError, unknown_name
 
 Settings = TypeVar("Settings")
-_LONGEST = 100  # characters of a wrong value in a message
 
 
 class Rule(NamedTuple):
@@ -205,8 +204,8 @@ def check(what: str, value: Any, rule: Rule) -> Any:
     except InputError:
         raise
     except (AttributeError, TypeError, ValueError, OverflowError):
-        shown = " ".join(repr(value).split())
-        shown = shown if len(shown) <= _LONGEST else shown[: _LONGEST - 3] + "..."
+        shown, most = " ".join(repr(value).split()), 100  # characters of a wrong value in a message
+        shown = shown if len(shown) <= most else shown[: most - 3] + "..."
         raise InputError(f"{what} is {shown}: valid is {rule.words}") from None
 
 

@@ -7,8 +7,6 @@ from typing import Any
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_file, readable
 
-_EXPONENT = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
-
 
 def read_yaml(path: Path, kind: str = "") -> Any:
     """Read a YAML file; numbers are those of YAML 1.2 (1e-4), and no mapping has a key twice.
@@ -36,7 +34,8 @@ def read_yaml(path: Path, kind: str = "") -> Any:
                 seen.add(key)
             return super().construct_mapping(node, deep)
 
-    Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+0123456789."))
+    exponent = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", exponent, list("-+0123456789."))
     what = f"{kind} {path}".strip()
     with readable(what):
         content = read_file(path, ".yaml")

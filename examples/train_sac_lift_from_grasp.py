@@ -26,7 +26,6 @@ PARSER.add_argument("--every", type=int, default=100, help="episodes from one lo
 PARSER.add_argument("--trials", type=int, default=100, help="fresh scenes in the end")
 PARSER.add_argument("--seed", type=int, default=0)
 PARSER.add_argument("--out", type=Path, default=Path("out/sac_demos"))
-ACTIONS = 80  # an episode
 
 
 def held(model: SAC, env: gym.Env, scenes: range) -> int:
@@ -53,11 +52,12 @@ def main() -> None:
     home = gym.make("DexGrasp/LiftFromGrasp-v0", objects=args.objects, starts=None, max_episode_steps=150)
     model = SAC("MlpPolicy", env, learning_starts=0, seed=args.seed, device="cpu")
     print(add_demonstrations(model, args.demos), "steps of demonstrations")
-    while model.num_timesteps < ACTIONS * args.episodes:
+    actions = 80  # an episode
+    while model.num_timesteps < actions * args.episodes:
         began = time.process_time()
-        model.learn(ACTIONS * args.every, reset_num_timesteps=not curve)
+        model.learn(actions * args.every, reset_num_timesteps=not curve)
         minutes += (time.process_time() - began) / 60
-        look = {"episodes": model.num_timesteps // ACTIONS, "cpu_minutes": minutes}
+        look = {"episodes": model.num_timesteps // actions, "cpu_minutes": minutes}
         curve.append(look | {"held_of_20": held(model, other, range(min(20, args.trials)))})
         print(curve[-1], "level", env.unwrapped.observe()[1]["level"], flush=True)
     model.save(args.out)

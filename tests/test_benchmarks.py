@@ -5,7 +5,7 @@ import math
 import pytest
 from refusals import refused
 
-from dexgrasp.cli.benchmarks.registry import BENCHMARKS, run_benchmark
+from dexgrasp.cli.benchmark import BENCHMARKS, run_benchmark
 
 
 def numbers(figures):

@@ -26,7 +26,7 @@ SCRIPT = """
 
     kernel = njit(twice)
     planner.Planner.plan = lambda *_: print(kernel(2.0))
-    planner.warm_up(default_cell())
+    planner.compile_ahead(default_cell())
     print(len(kernel.stats.cache_misses))
 """
 

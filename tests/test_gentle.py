@@ -27,7 +27,7 @@ def test_the_limit_is_told_and_a_squeeze_crushes():
     outcome, _ = run_trial(env, agent, TrialSeeds(3, 0))
     assert (outcome.success, outcome.reason) == (False, "crushed")
     assert outcome.steps < 150  # it ends there
-    with pytest.raises(InputError, match="has no backend 'warp'"):
+    with pytest.raises(InputError, match="backend is 'warp': valid is mujoco"):
         made(agent, backend="warp")
 
 

@@ -82,6 +82,7 @@ def test_page_lists_rewards_and_arguments():
         ({"presentation": "lying"}, "upright"),
         ({"disturbance": "kicked"}, "pushed"),
         ({"disturbance": {"force": 1}}, "size"),
+        ({"disturbance": {"kind": "none", "size": 2}}, "leave it out"),
         ({"views": 5}, "1 to 4"),
         ({"views": ["front"]}, "front_left"),
         ({"calibration": {"position": float("nan")}}, "calibration"),

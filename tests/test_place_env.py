@@ -134,5 +134,5 @@ def test_reward_is_that_of_compute_reward(reward_mode):
 
 
 def test_wrong_arguments():
-    with refused("Place"):
+    with refused("a task of lifting"):
         make(disturbance="pushed")

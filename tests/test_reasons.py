@@ -4,8 +4,8 @@ from dexgrasp.evaluation.reasons import REASONS, explain, sentence
 from dexgrasp.evaluation.trial import NOT_HELD
 from dexgrasp.geometry import completion
 from dexgrasp.planning import cvae_source, planner, proposals
-from dexgrasp_env.perception.reasons import REASONS as UNSEEN
 
+UNSEEN = ["object_out_of_view", "too_few_points", "plane_not_found"]  # of simulated depth images
 PLANNERS = [
     planner.NO_POSTURE,
     planner.BUDGET,

@@ -13,7 +13,7 @@ from test_robot_sources import FINGERS, urdf
 from dexgrasp.cli.main import main
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp_env.robot.cell import make_cell
-from dexgrasp_env.robot.hand_maker import Told
+from dexgrasp_env.robot.hand_maker import NamedParts
 from dexgrasp_env.robot.make import make_robot
 from dexgrasp_env.robot.model import bodies_apart, compiled_robot, posed
 from dexgrasp_env.robot.recipes import recipe_of, recipes
@@ -26,25 +26,25 @@ def hand(tmp_path):
     return path
 
 
-def file_of(hand, told=None):
-    make_robot(hand, None, hand.with_name("claw.yaml"), told)
+def file_of(hand, named=None):
+    make_robot(hand, None, hand.with_name("claw.yaml"), named)
     return yaml.safe_load(hand.with_name("claw_hand.yaml").read_text())
 
 
 def test_a_thumb_that_is_named_opposes_and_a_pad_that_is_flipped_turns(hand):
-    as_found, told = file_of(hand), file_of(hand, Told(thumb="fore_far", flip=("mid_far",)))
-    ends = {f["name"]: f["bodies"][-1] for f in told["fingers"]}
-    assert ends[told["grasp"][0]] == "fore_far"
+    as_found, named = file_of(hand), file_of(hand, NamedParts(thumb="fore_far", flip=("mid_far",)))
+    ends = {f["name"]: f["bodies"][-1] for f in named["fingers"]}
+    assert ends[named["grasp"][0]] == "fore_far"
     frames = [
         next(f["frame"]["quat_wxyz"] for f in of["fingers"] if f["bodies"][-1] == "mid_far")
-        for of in (as_found, told)
+        for of in (as_found, named)
     ]
     assert abs(np.dot(*frames)) < 0.1  # half a turn
 
 
 def test_a_body_that_is_not_there_is_refused_with_those_that_are(hand):
     with refused("unknown body 'plato'.*plate"):
-        file_of(hand, Told(palm="plato"))
+        file_of(hand, NamedParts(palm="plato"))
 
 
 def test_one_file_is_made_without_being_told_what_it_is_and_drawn(hand, tmp_path, capsys, monkeypatch):

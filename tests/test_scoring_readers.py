@@ -197,6 +197,10 @@ def test_plain_json(folder):
     (folder / "plain.json").write_text(json.dumps(content))
     with refused("contacts is missing"):
         read_candidates(folder / "plain.json", options(folder))
+    content["grasps"][0] |= {"contacts": [[0.5, 0.0, 0.2]] * 3, "normals_in": [[0.0, 0.0, 1.0]] * 2}
+    (folder / "plain.json").write_text(json.dumps(content))
+    with refused("differ in number"):
+        read_candidates(folder / "plain.json", options(folder))
 
 
 def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch):

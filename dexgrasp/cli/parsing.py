@@ -14,10 +14,6 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import TEXT, Hint, Rule, hint_of, hints, read
 
-_SHOWN = (str, int, float, Path)
-_LETTERS = {int: "N", float: "X"}
-
-
 C = TypeVar("C", bound=Script)
 
 
@@ -105,7 +101,9 @@ def _add(place: Any, path: str, field: "Field[Any]", hint: Hint, line: str) -> N
 
 def _help(line: str, default: Any) -> str:
     text, values = line.rstrip("."), default if isinstance(default, tuple) else (default,)
-    said = values and all(isinstance(value, _SHOWN) and value is not False for value in values)
+    said = values and all(
+        isinstance(value, (str, int, float, Path)) and value is not False for value in values
+    )
     if said and "default" not in text:
         text += f" (default {' '.join(f'{v:g}' if isinstance(v, float) else str(v) for v in values)})"
     return text.replace("%", "%%")
@@ -125,7 +123,7 @@ def _value(name: str, hint: Hint) -> Fields:
     rule = hint.rule or TEXT
     if rule.choices:
         return found | {"choices": rule.choices}
-    words = words or [_LETTERS.get(hint.kind, name.upper())]
+    words = words or [{int: "N", float: "X"}.get(hint.kind, name.upper())]
     several = isinstance(found.get("nargs"), int) and len(words) > 1
     return found | {"metavar": tuple(words) if several else words[-1], "type": reader(rule)}
 

@@ -162,13 +162,12 @@ class Plan(Command, Request, Scan, Scene):
         from dexgrasp.planning.plan_scene import default_planner, plan_scene
         from dexgrasp.planning.planner import Planner
         from dexgrasp.planning.settings import PlannerSettings
-        from dexgrasp_env.perception.reasons import SEVERAL
         from dexgrasp_env.perception.selection import TargetSelector
 
         settings = PlannerSettings.of(self.friction, self.at_least)
         request = self.grasp_request(lambda mask: scan.points[TargetSelector(mask=mask).marks(scan)])
         scene, seen = self._look(scan)
-        if scene.reason == SEVERAL:
+        if scene.reason == "several_objects":
             self._draw(scan, scene, seen)
             stand = "; ".join(line.strip() for line in list_lines(seen))
             raise InputError(

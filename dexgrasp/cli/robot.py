@@ -80,7 +80,7 @@ class Make(Command):
 
     def run(self) -> Answer:
         """Make it; say what was assumed."""
-        from dexgrasp_env.robot.hand_maker import Told
+        from dexgrasp_env.robot.hand_maker import NamedParts
         from dexgrasp_env.robot.make import make_robot
         from dexgrasp_env.robot.recipes import hint_of, recipe_of
 
@@ -92,8 +92,8 @@ class Make(Command):
         out = self.out or Path(f"{first.stem}.yaml")
         if out.suffix not in (".yaml", ".yml"):
             raise InputError(f"--out is {str(out)!r}: valid is a file that ends in .yaml")
-        told = Told(self.palm, self.thumb, self.flip)
-        assumed = make_robot(hand, arm, out, told if any(told) else None, recipe)
+        named = NamedParts(self.palm, self.thumb, self.flip)
+        assumed = make_robot(hand, arm, out, named if any(named) else None, recipe)
         if recipe is None and hand is not None:
             assumed += hint_of(hand)
         picture = _draw_found(out, self.picture)

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from dexgrasp_env.perception.selection import TargetSelector
     from dexgrasp_env.robot.cell import Cell
 
-_BESIDE = 0.15  # m from the object within which it is said what stands there
-
 
 class Scan(Options):
     """Your own scene, instead of TARGET. Everything in it but the object that is meant is an obstacle.
@@ -151,11 +149,12 @@ def table_line(scene: "Scene", cell: "Cell") -> str:
 def chosen_line(seen: "list[DetectedObject]") -> str:
     """Return what is planned for, and what stands beside it."""
     first, *others = seen
-    beside = [one for one in others if one.apart < _BESIDE]
+    near = 0.15  # m
+    beside = [one for one in others if one.apart < near]
     said = "; ".join(
         f"{one}, {100 * one.apart:.1f} cm away" for one in sorted(beside, key=lambda one: one.apart)
     )
-    line = f"object: {first}; within {100 * _BESIDE:.0f} cm: {said or 'nothing'}"
+    line = f"object: {first}; within {100 * near:.0f} cm: {said or 'nothing'}"
     return (
         f"doubt: the object {first.doubt} (a --mask tells one object from another)\n" * bool(first.doubt)
         + line

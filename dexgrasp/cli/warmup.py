@@ -17,12 +17,12 @@ class Warmup(Command, InCell):
 
     def run(self) -> Answer:
         """Compile what is not there yet."""
-        from dexgrasp.planning.planner import warm_up
+        from dexgrasp.planning.planner import compile_ahead
         from dexgrasp.planning.rehearsal import rehearse
         from dexgrasp.runs.compiling import compiling
 
         with compiling("warmup"):
             rehearse()
         for fingers in ((), *self.cell.robot.hand.grasps):
-            warm_up(self.cell.grasping(fingers))
+            compile_ahead(self.cell.grasping(fingers))
         return Answer({"ready": True}, "everything that plans and environments need is compiled")

@@ -21,8 +21,6 @@ Interval = tuple[float, float]
 
 _NORMAL = float(norm.ppf(0.975))
 """Quantile of 95 % intervals."""
-_FARTHEST = 40.0
-"""Largest quantile that a test looks for."""
 
 
 def wilson_interval(successes: float, trials: float, quantile: float = _NORMAL) -> Interval:
@@ -111,7 +109,8 @@ def paired_comparison(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields
 
     ends_at_zero = 0.0
     if difference:
-        ends_at_zero = brentq(above_zero, 0.0, _FARTHEST) if above_zero(_FARTHEST) < 0.0 else _FARTHEST
+        farthest = 40.0  # the largest quantile that is looked for
+        ends_at_zero = brentq(above_zero, 0.0, farthest) if above_zero(farthest) < 0.0 else farthest
     p_value = 2.0 * float(t.sf(ends_at_zero, max(len(units) - 1, 1)))
     return dict(zip(("both", "only_a", "only_b", "neither"), cells, strict=True)) | {
         "trials": trials, "units": len(units), "difference": difference, "ci95": list(interval(_student(len(units)))),

@@ -11,12 +11,8 @@ from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Arm, Hand
 
-SHARE = 0.95
-"""Largest share of a limit that a trajectory may use."""
-_QUANTITIES = ("velocity", "acceleration", "jerk")
 _PERIODS = {"arm": 0.001, "hand": 0.003}  # s: the arm takes 1 kHz, the hand 333 Hz
 _TIME = 1e-9  # s
-_TURN = 0.01  # rad of any joint between two rows that are looked at for collisions
 
 
 def check_trajectory(recording: Recording, cell: Cell) -> list[Check]:
@@ -68,12 +64,14 @@ def _order(recording: Recording) -> Check:
 def _limits(name: str, rows: Rows, part: Arm | Hand) -> list[Check]:
     q, joints = rows.positions, part.joints
     room = np.minimum(q - joints.lower, np.subtract(joints.upper, q)).min()
-    used = limit_shares(q, _PERIODS[name], *(np.array(getattr(joints, kind)) for kind in _QUANTITIES))
+    quantities = ("velocity", "acceleration", "jerk")
+    used = limit_shares(q, _PERIODS[name], *(np.array(getattr(joints, kind)) for kind in quantities))
+    # A trajectory may use 95 % of a limit.
     return [
         at_least(f"{name}: inside the joint limits by (rad)", room, 0.0),
         *(
-            at_most(f"{name}: share of the {quantity} limits", share, SHARE)
-            for quantity, share in zip(_QUANTITIES, used, strict=True)
+            at_most(f"{name}: share of the {quantity} limits", share, 0.95)
+            for quantity, share in zip(quantities, used, strict=True)
         ),
     ]
 
@@ -137,9 +135,9 @@ def _together(recording: Recording) -> Array:
 
 
 def _looks(rows: Array) -> list[int]:
-    """Return which of rows (T, n) to look at: all but single steps between two of them turn no joint over `_TURN`."""
+    """Return which of rows (T, n) to look at: all but single steps between two of them turn no joint over 0.01 rad."""
     turned = np.concatenate([[0.0], np.abs(np.diff(rows, axis=0)).max(axis=1).cumsum()])
     found = [0]
     while (last := found[-1]) < len(rows) - 1:
-        found.append(max(last + 1, int(np.searchsorted(turned, turned[last] + _TURN, side="right")) - 1))
+        found.append(max(last + 1, int(np.searchsorted(turned, turned[last] + 0.01, side="right")) - 1))
     return found

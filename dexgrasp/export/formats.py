@@ -12,7 +12,6 @@ from dexgrasp_env.files import write_atomically
 from dexgrasp_env.valid import Names
 
 SCHEMA = 1
-_ROS_EVERY = {"arm": 10, "hand": 5}  # rows to a point of a ROS trajectory: its controllers interpolate
 
 
 def write_csv(folder: Path, trajectory: Trajectory, facts: Fields) -> list[Path]:
@@ -40,7 +39,8 @@ def write_ros2(folder: Path, trajectory: Trajectory, facts: Fields) -> list[Path
     base = trajectory.robot.arm.bodies[0]
     messages = {"grasp": moveit_grasp(facts, base, trajectory.robot.hand.joints.names)}
     for name, joints, period, rows in _parts(trajectory):
-        every = _ROS_EVERY[name]
+        # Rows to a point of a ROS trajectory: its controllers interpolate
+        every = {"arm": 10, "hand": 5}[name]
         resting = np.repeat(rows[-1:], -(len(rows) - 1) % every, axis=0)  # the last point is the last row
         thinned = np.concatenate([rows, resting])[::every]
         messages[name] = joint_trajectory(joints, thinned, period * every, base)

@@ -21,7 +21,6 @@ from dexgrasp_env.poses import matrix_to_quat, placed, rigid
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.valid import POSITIVE, check
 
-FORMATS = ("csv", "json", "ros2", "mjcf")
 _PRESSING = (
     "each of these presses in full, so send one: `closed` to the servos that were planned with, or `touching` plus "
     "`offset` to servos of `stiffness`, or `touching` to a soft servo with `torque` as effort"
@@ -48,8 +47,9 @@ def export_grasp(
         InputError: for an unknown format, a file without approach and lift, ways that cannot be timed within the
             limits, or a mesh that is not here any more.
     """
-    if kind not in FORMATS:
-        raise unknown_name("format", kind, FORMATS)
+    formats = ("csv", "json", "ros2", "mjcf")
+    if kind not in formats:
+        raise unknown_name("format", kind, formats)
     cell = record.check_cell()
     stiffness = cell.robot.hand.joints.stiffness[0] if stiffness is None else stiffness
     check("stiffness", stiffness, POSITIVE)
@@ -100,7 +100,7 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:
         "quality": record.certificate.closure_margin,
         "lift_height": 0.0 if record.script is None else record.script.lift_height,
         "parts": [placed(T, part) for part in record.parts],
-        "around": [placed(T, part) for part in record.around],
+        "around": [placed(T, part) for part in record.neighbour_parts],
         "up": T[:3, 2],
         "any_heading": record.goal is not None and record.goal.yaw is None,
         "placed": None if record.goal is None else T @ _set_down(record, cell) @ cell.T_world_base,
@@ -123,7 +123,7 @@ def _scene(record: GraspRecord, cell: Cell, folder: Path) -> list[Path]:
     model, pose = record.object.load(), record.T_world_object
     if model is None or pose is None:
         model, pose = _seen(record)
-    return write_scene(folder, model, pose, cell, record.around)
+    return write_scene(folder, model, pose, cell, record.neighbour_parts)
 
 
 def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:

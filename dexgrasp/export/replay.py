@@ -15,10 +15,6 @@ from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import pose_matrix
 from dexgrasp_env.robot.cell import Cell, default_cell
 
-OFFSET = 0.003
-"""m that the object is off, in a random direction."""
-TURN = np.radians(1.0)
-"""rad that it is turned about its centre, about a random axis."""
 HOLD = 3.0
 """s that the object must stay up after the lift."""
 HEIGHT = 0.10
@@ -136,6 +132,6 @@ def set_points(recording: Recording, time: float) -> Array:
 def displace(pose: Array, rng: np.random.Generator) -> None:
     """Move a free joint's pose (7,), in place, by the error that is stated."""
     direction, axis = rng.normal(size=(2, 3))
-    pose[:3] += OFFSET * direction / np.linalg.norm(direction)
-    turn = Rotation.from_rotvec(TURN * axis / np.linalg.norm(axis))
+    pose[:3] += 0.003 * direction / np.linalg.norm(direction)
+    turn = Rotation.from_rotvec(np.radians(1.0) * axis / np.linalg.norm(axis))
     pose[3:] = (turn * Rotation.from_quat(pose[3:], scalar_first=True)).as_quat(scalar_first=True)

@@ -19,7 +19,7 @@ SCENE, MESHES = "scene.xml", "meshes"
 
 
 def write_scene(
-    folder: Path, model: ObjectModel, T_world_object: Array, cell: Cell, around: Sequence[Array] = ()
+    folder: Path, model: ObjectModel, T_world_object: Array, cell: Cell, neighbours: Sequence[Array] = ()
 ) -> list[Path]:
     """Write `scene.xml` and `meshes/`: robot, table and object, with a keyframe `start`.
 
@@ -28,12 +28,12 @@ def write_scene(
         model: the object.
         T_world_object: (4, 4) its pose at the start.
         cell: with the mount in use.
-        around: corners (V, 3) m of what stands around the object, world frame: geoms `around0` on, which stay there.
+        neighbours: corners (V, 3) m of what stands around the object, world frame: geoms `around0` on, fixed there.
     """
     from dexgrasp_env.scene.build import scene_spec
 
     spec = scene_spec(model, cell)
-    for k, corners in enumerate(around):
+    for k, corners in enumerate(neighbours):
         mesh = spec.add_mesh(name=f"around{k}")
         mesh.uservert, mesh.inertia = corners.ravel(), mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         spec.worldbody.add_geom(name=f"around{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"around{k}")

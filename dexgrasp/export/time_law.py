@@ -14,11 +14,6 @@ from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
-_APART = 0.004  # rad between two points of a path: nearer ones bend the spline for nothing
-_SLOWER = 1.0 / np.arange(
-    1, 4
-)  # the time by which velocity, acceleration and jerk fall: k, k^2 and k^3 times
-
 
 class Limits(NamedTuple):
     """Limits of n joints: rad/s, rad/s^2, rad/s^3."""
@@ -53,7 +48,8 @@ def timed(path: Array, limits: Limits, tick: float, multiple: int = 1) -> Array:
         rows[-1] = points[-1]
         used = np.array(limit_shares(np.concatenate([points[:1], rows]), tick, *limits))
         # Share of every limit that is planned for; finite differences of the rows then stay below 0.95.
-        excess = (used**_SLOWER).max() / 0.90
+        # k times slower, velocity, acceleration and jerk fall k, k^2 and k^3 times.
+        excess = (used ** (1.0 / np.arange(1, 4))).max() / 0.90
         if excess <= 1.0:
             return np.concatenate([rows, np.repeat(rows[-1:], -len(rows) % multiple, axis=0)])
         slow *= 1.02 * excess
@@ -62,8 +58,9 @@ def timed(path: Array, limits: Limits, tick: float, multiple: int = 1) -> Array:
 
 def _thinned(path: Array) -> Array:
     kept = [path[0]]
+    apart = 0.004  # rad: nearer points bend the spline for nothing
     for point in path[1:-1]:
-        if np.abs(point - kept[-1]).max() >= _APART and np.abs(point - path[-1]).max() >= _APART:
+        if np.abs(point - kept[-1]).max() >= apart and np.abs(point - path[-1]).max() >= apart:
             kept.append(point)
     if np.abs(path[-1] - kept[-1]).max() > 1e-9:
         kept.append(path[-1])

@@ -14,9 +14,6 @@ ARM_TICK = 0.001
 """s between rows of the arm: its controller takes 1 kHz."""
 HAND_EVERY = 3
 """Rows of the arm to one of the hand, whose period is 3 ms (333 Hz)."""
-_LIFTING = 0.25  # share of the arm's speed and acceleration that the lift uses: what is held should stay held
-_ROOM = 0.003  # rad from the ends of the joints' ranges: the spline swings out by a part of it between points
-_PAUSE = 0.3  # s of rest after the approach, and before the lift
 
 
 class Waypoints(NamedTuple):
@@ -60,31 +57,34 @@ def make_trajectory(way: Waypoints, robot: Robot) -> Trajectory:
     Raises:
         InputError: if a path cannot be timed within them.
     """
-    low, high = robot.lower + _ROOM, robot.upper - _ROOM
+    room = 0.003  # rad: the spline swings out by a part of it between points
+    low, high = robot.lower + room, robot.upper - room
     approach, grasp, squeeze, up = (np.clip(path, low, high) for path in way[:4])
     way = Waypoints(approach, grasp, squeeze, up, tuple(np.clip(path, low, high) for path in way.placing))
     # The hand's rows are three ticks apart: a law that keeps the limits at 1 ms keeps them at 3 ms.
     limits = Limits(robot.velocity, robot.acceleration, robot.jerk)
     # share of the hand's speed that closing and pressing use: fingertips meet the object gently
     gentle = limits._replace(velocity=0.05 * limits.velocity)
-    steady = Limits(_LIFTING * limits.velocity, _LIFTING**2 * limits.acceleration, limits.jerk)
+    share = 0.25  # of the arm's speed and acceleration: what is held should stay held
+    steady = Limits(share * limits.velocity, share**2 * limits.acceleration, limits.jerk)
     hand = robot.arm_dof
     closed, pressing = (
         np.r_[way.approach[-1, :hand], posture[hand:]] for posture in (way.grasp, way.squeeze)
     )
     lift = np.concatenate([pressing[None], way.lift])
     lift[:, hand:] = pressing[hand:]  # closing moves the hand alone, lifting the arm
+    rest = 0.3  # s, after the approach, and before the lift
     pieces = [
-        ("approach", way.approach, limits, _PAUSE),
+        ("approach", way.approach, limits, rest),
         ("close", np.stack([way.approach[-1], closed]), gentle, 0.0),
-        ("squeeze", np.stack([closed, pressing]), gentle, _PAUSE),
+        ("squeeze", np.stack([closed, pressing]), gentle, rest),
         ("lift", lift, steady, 0.0),
     ]
     for name, law, path in zip(PLACING, (steady, steady, gentle, steady), way.placing, strict=False):
         if name != "release":
             path[:, hand:] = (pressing if name in PLACING[:2] else way.approach[-1])[hand:]
         path[0] = pieces[-1][1][-1]
-        pieces.append((name, path, law, _PAUSE))
+        pieces.append((name, path, law, rest))
     rows, segments, start = [way.approach[:1]], [], 0
     for name, path, law, pause in pieces:
         rows += [

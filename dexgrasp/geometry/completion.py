@@ -10,7 +10,7 @@ from dexgrasp.geometry.completion_network import shipped_network
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
 from dexgrasp.geometry.hull import cloud_corners, trim_extremes
-from dexgrasp.geometry.target import PART_FACES, GraspTarget, Spread
+from dexgrasp.geometry.target import PART_FACES, GraspTarget, Uncertainty
 from dexgrasp.geometry.visible_side import ONE_SIDED, UNIT, WRITTEN, VisibleSide, one_sidedness
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -19,7 +19,6 @@ from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 NO_CLOUD, NO_VOLUME = "empty_cloud", "cloud_has_no_volume"
 _LEAST_POINTS = 4
-_LEAST_INSIDE = 0.003 / UNIT  # radius of the largest ball inside, below which there is no volume to speak of
 
 
 class NoTarget(Exception):  # noqa: N818  (it is an outcome, not a defect)
@@ -41,17 +40,17 @@ def target_of(scene: Scene, mass: float | None = None, parts: int = MOST_PARTS) 
         raise NoTarget(scene.reason)
     if len(scene.target) < _LEAST_POINTS:
         raise NoTarget(NO_CLOUD)
-    hull, spread = completed_corners(scene.target, scene.plane)
+    hull, uncertainty = completed_corners(scene.target, scene.plane)
     if hull is None:
         raise NoTarget(NO_VOLUME)
     convex, airy = [hull], False
-    if spread is None:
+    if uncertainty is None:
         convex, airy = parts_within(hull, scene.target.points, scene.target.stands_on(scene.plane), parts)
     try:
-        target = GraspTarget.of_corners(convex, mass=mass, spread=spread)
+        target = GraspTarget.of_corners(convex, mass=mass, uncertainty=uncertainty)
     except InputError:
         raise NoTarget(NO_VOLUME) from None
-    if spread is not None and scene.plane is not None:
+    if uncertainty is not None and scene.plane is not None:
         return replace(target, near=_nearest_guess(scene.target, scene.plane))
     return replace(target, seen=scene.target.points.astype(float)) if airy else target
 
@@ -66,8 +65,8 @@ def _nearest_guess(cloud: ObjectCloud, plane: Plane) -> ConvexDistance | None:
 
 
 @lru_cache(maxsize=64)  # of a target it is asked for by the list of objects, the plan and what stands around
-def completed_corners(cloud: ObjectCloud, plane: Plane | None) -> tuple[Array | None, Spread | None]:
-    """Return the corners (N, 3) m of the hull of what a cloud shows, and the spread of one that was completed.
+def completed_corners(cloud: ObjectCloud, plane: Plane | None) -> tuple[Array | None, Uncertainty | None]:
+    """Return the corners (N, 3) m of the hull of what a cloud shows, and the uncertainty of one that was completed.
 
     A cloud whose normals do not all point one way shows the object all round: they are `cloud_corners`.
 
@@ -78,10 +77,11 @@ def completed_corners(cloud: ObjectCloud, plane: Plane | None) -> tuple[Array | 
     points, normals, plane = cloud.points, cloud.normals, cloud.stands_on(plane)
     if plane is not None and len(points) >= _LEAST_POINTS and one_sidedness(normals) >= ONE_SIDED:
         view = VisibleSide.of(points, normals, plane)
-        support, spread = shipped_network().complete(view)
+        support, error = shipped_network().complete(view)
         corners = _corners(support)
         if corners is not None:
-            return cloud_corners(corners * UNIT @ view.R + view.origin), Spread(WRITTEN @ view.R, spread)
+            whole = cloud_corners(corners * UNIT @ view.R + view.origin)
+            return whole, Uncertainty(WRITTEN @ view.R, error)
     return cloud_corners(points, plane), None
 
 
@@ -92,8 +92,8 @@ def guesses_said(scene: Scene) -> Scene:
 
 
 def _guess_said(cloud: ObjectCloud, plane: Plane | None) -> ObjectCloud:
-    corners, spread = completed_corners(cloud, plane)
-    if corners is None or spread is None or plane is None:
+    corners, uncertainty = completed_corners(cloud, plane)
+    if corners is None or uncertainty is None or plane is None:
         return cloud
     ratio = _section(corners) / _section(trim_extremes(cloud.points, plane.rms))
     if ratio < 1.3:  # of the section of what was seen, from which on that of a completed object is doubtful
@@ -118,7 +118,8 @@ def _corners(support: Array) -> Array | None:
     most = np.append(support, 0.0)
     # The centre of the largest ball inside: half-spaces are cut around it.
     ball = linprog([0.0, 0.0, 0.0, -1.0], np.c_[normals, np.ones(len(normals))], most, bounds=(None, None))
-    if not ball.success or ball.x[3] < _LEAST_INSIDE:
+    # Where the largest ball inside has a radius below 3 mm, there is no volume to speak of.
+    if not ball.success or ball.x[3] < 0.003 / UNIT:
         return None
     try:
         corners = HalfspaceIntersection(np.c_[normals, -most], ball.x[:3]).intersections

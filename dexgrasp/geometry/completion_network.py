@@ -10,10 +10,6 @@ from dexgrasp.runs.arrays import Layer, layers_of, read_arrays, relu, through
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.assets import asset_path
 
-OUTPUT = 0.01
-"""m: the network answers in this unit."""
-LOG_SPREAD = (-4.0, 3.0)
-
 
 @dataclass(frozen=True, eq=False)
 class CompletionNetwork:
@@ -35,8 +31,9 @@ class CompletionNetwork:
         """
         x = ((view.features() - self.mean) / self.scale).astype(np.float32)
         more, log_spread = np.split(through(self.layers, x, relu).astype(float), [len(WRITTEN)])
-        spread = OUTPUT * np.exp(np.clip(log_spread, *LOG_SPREAD))
-        return view.seen() + more * OUTPUT / UNIT, spread
+        unit = 0.01  # m: the network answers in this unit
+        spread = unit * np.exp(np.clip(log_spread, -4.0, 3.0))
+        return view.seen() + more * unit / UNIT, spread
 
 
 @lru_cache(maxsize=1)

@@ -10,11 +10,6 @@ from dexgrasp_env.arrays import Array
 if TYPE_CHECKING:
     import trimesh
 
-_SCALE = 1e3
-"""trimesh takes squared distances within 1e-8 for equal: in metres that is 0.1 mm, in millimetres 0.1 um."""
-_CORNER = 1e-9
-"""A barycentric coordinate below this is none: the closest point lies on an edge or a vertex."""
-
 
 class Closest(NamedTuple):
     """Closest points of a surface to N points."""
@@ -41,13 +36,16 @@ def closest_on_mesh(mesh: "trimesh.Trimesh", points: ArrayLike) -> Closest:
     import trimesh
 
     queries = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    welded = trimesh.Trimesh(_SCALE * np.asarray(mesh.vertices), mesh.faces, process=True)
-    closest, _, faces = trimesh.proximity.closest_point(welded, _SCALE * queries)
+    # trimesh takes squared distances within 1e-8 for equal: in metres that is 0.1 mm, in millimetres 0.1 um.
+    scale = 1e3
+    welded = trimesh.Trimesh(scale * np.asarray(mesh.vertices), mesh.faces, process=True)
+    closest, _, faces = trimesh.proximity.closest_point(welded, scale * queries)
     shares = trimesh.triangles.points_to_barycentric(welded.triangles[faces], closest)
     normals = welded.face_normals[faces]
-    for k in np.flatnonzero((shares <= _CORNER).any(1)):
-        normals[k] = _pseudonormal(welded, welded.faces[faces[k]][shares[k] > _CORNER])
-    closest = closest / _SCALE
+    corner = 1e-9  # a smaller barycentric coordinate is none: the closest point is of an edge or a vertex
+    for k in np.flatnonzero((shares <= corner).any(1)):
+        normals[k] = _pseudonormal(welded, welded.faces[faces[k]][shares[k] > corner])
+    closest = closest / scale
     offsets = queries - closest
     lengths = np.sqrt((offsets * offsets).sum(-1))
     signed = np.where((offsets * normals).sum(-1) < 0.0, -lengths, lengths)

@@ -14,12 +14,6 @@ from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 SEEN, UNSEEN = 0.003, 0.006
 """m by which a neighbour's sides are taken to lie farther out: those that were seen, and those that no camera saw."""
-HIGHER = 0.002
-"""m by which its top is."""
-_SIDES = 8  # level directions in which a neighbour may be grown
-_INSIDE = 0.006  # m: a hull that holds points of the target this deep is not the neighbour's shape
-_COLUMN = 0.03  # m, side of a column
-_MOST = 60  # parts of a neighbour, as a grasp file takes them
 _LEAST = 3  # points of a column: fewer are noise
 _THICK = 0.004  # m that a column reaches at least to either side of its middle
 
@@ -37,7 +31,8 @@ def neighbours_of(scene: Scene, give: float = 0.0) -> tuple[Parts, ...]:
     """
     found = [tuple(_smaller(part, give) for part in _parts(one, scene)) for one in scene.neighbours]
     found.append(columns(_beside(scene)) + scene.boxes)
-    return tuple(parts[k : k + _MOST] for parts in found for k in range(0, len(parts), _MOST))
+    most = 60  # parts of a neighbour, as a grasp file takes them
+    return tuple(parts[k : k + most] for parts in found for k in range(0, len(parts), most))
 
 
 def _beside(scene: Scene) -> Array:
@@ -54,20 +49,23 @@ def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:
     if hull is not None:
         with suppress(InputError):  # points that lie in a plane
             distance = ConvexDistance.from_points(_grown(hull, cloud), PART_FACES)
-            if distance.distance(scene.target.points).min() >= -_INSIDE:
+            # A hull that holds points of the target 6 mm deep is not the neighbour's shape.
+            if distance.distance(scene.target.points).min() >= -0.006:
                 return (corners_of(distance.triangles),)
     return columns(cloud.points)
 
 
 def _grown(corners: Array, cloud: ObjectCloud) -> Array:
     """Add to corners (N, 3) m the points that trimming left out, and all of it moved out to all sides and up."""
-    angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-    sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)], axis=1)
+    count = 8  # level directions in which a neighbour may be grown
+    angles = 2.0 * np.pi * np.arange(count) / count
+    sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(count)], axis=1)
     # cosine of the angle to a side within which a normal shows that it was seen
     grown = np.where((cloud.normals @ sides.T > 0.5).any(axis=0), SEEN, UNSEEN)
     corners = np.concatenate([corners, cloud.points])
     level = np.concatenate([corners + step * side for step, side in zip(grown, sides, strict=True)])
-    return np.concatenate([level, level[level[:, 2] > level[:, 2].min() + HIGHER] + [0.0, 0.0, HIGHER]])
+    higher = 0.002  # m
+    return np.concatenate([level, level[level[:, 2] > level[:, 2].min() + higher] + [0.0, 0.0, higher]])
 
 
 def _smaller(corners: Array, give: float) -> Array:
@@ -85,7 +83,7 @@ def columns(points: Array) -> Parts:
     They stand on the table, but for what is seen far above it, which hangs.
     """
     hang = points[:, 2] > 0.55  # m above the table from where on points hang
-    return (*_boxes(points[~hang], _COLUMN, 0.0), *_boxes(points[hang], 0.10))  # side of their columns
+    return (*_boxes(points[~hang], 0.03, 0.0), *_boxes(points[hang], 0.10))  # m, side of their columns
 
 
 def _boxes(points: Array, side: float, foot: float | None = None) -> Parts:

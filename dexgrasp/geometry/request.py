@@ -14,7 +14,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import placed
 from dexgrasp_env.valid import Rule, list_of, number, several
 
-_MARK_RADIUS = 0.006  # m around a marked point that counts as marked: clouds have a point in each 5 mm or so
 _MOST_POINTS = 5000
 _WAYS = {"top": ((0.0, 0.0, -1.0), 30.0), "front": ((1.0, 0.0, 0.0), 45.0), "side": (None, 30.0)}
 """Name -> the way that the palm faces, None for any level one, and degrees that it may be off."""
@@ -76,10 +75,10 @@ class Region:
         """
         if not len(points):
             raise InputError("a region's mask marks no point")
-        cells = np.unique(np.round(points / (0.5 * _MARK_RADIUS)), axis=0)
-        return cls(
-            points=cells[:: -(-len(cells) // _MOST_POINTS)] * (0.5 * _MARK_RADIUS), radius=_MARK_RADIUS
-        )
+        # What is within 6 mm of a marked point counts as marked: clouds have a point in each 5 mm or so.
+        radius = 0.006
+        cells = np.unique(np.round(points / (0.5 * radius)), axis=0)
+        return cls(points=cells[:: -(-len(cells) // _MOST_POINTS)] * (0.5 * radius), radius=radius)
 
     def gap(self, points: Array) -> Array:
         """Return how far outside points (N, 3) m are (N,) m; below 0 inside."""

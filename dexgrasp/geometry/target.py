@@ -25,15 +25,13 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 PART_FACES = 80  # of each part where there are several
-HAND_REACH = 0.15  # m from an object that parts of a hand are which grasps it
-MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
 
 
 Parts = tuple[Array, ...]
 """Corners (N, 3) m of convex parts of one thing."""
 
 
-class Spread(NamedTuple):
+class Uncertainty(NamedTuple):
     """Expected error of a surface that was guessed, by direction."""
 
     directions: Array  # (K, 3) unit, world frame
@@ -54,7 +52,7 @@ class GraspTarget:
         distance: signed distance to the union of the parts, world frame, m.
         centre: (3,) m, centre of mass, taken to be that of the parts' volumes unless it is known.
         mass: kg, assumed unless it is known.
-        spread: how far the surface may be off where it was guessed; None where it was seen all round.
+        uncertainty: how far the surface may be off where it was guessed; None where it was seen all round.
         neighbours: what stands around it and must not be touched.
         seen: (N, 3) m, points of its surface, where the parts hold air: a cup's mouth is none. None where all of their
             surface is the object's, as far as is known.
@@ -66,7 +64,7 @@ class GraspTarget:
     distance: ConvexDistance
     centre: Array
     mass: float
-    spread: Spread | None = None
+    uncertainty: Uncertainty | None = None
     neighbours: tuple[Parts, ...] = ()
     seen: Array | None = None
     demand: Demand | None = None
@@ -85,7 +83,7 @@ class GraspTarget:
         corners: Sequence[ArrayLike],
         mass: float | None = None,
         centre: Array | None = None,
-        spread: Spread | None = None,
+        uncertainty: Uncertainty | None = None,
     ) -> "GraspTarget":
         """Take the union of the convex hulls of points in the world frame.
 
@@ -93,7 +91,7 @@ class GraspTarget:
             corners: (N, 3) m of each part.
             mass: kg; assumed from the hull's volume if None.
             centre: (3,) m; the centroid of the parts' volumes if None.
-            spread: of a surface that was guessed in part.
+            uncertainty: of a surface that was guessed in part.
 
         Raises:
             InputError: for a part without volume or a mass that is not positive.
@@ -104,7 +102,7 @@ class GraspTarget:
         distance = ConvexDistance.union([ConvexDistance.from_points(some, faces) for some in corners])
         middle = np.asarray(volume_centre(distance) if centre is None else centre, dtype=float)
         known = assumed_mass(hull_volume(distance)[0]) if mass is None else float(mass)
-        return cls(distance, middle, known, spread)
+        return cls(distance, middle, known, uncertainty)
 
     @property
     def weight(self) -> Array:
@@ -118,7 +116,7 @@ class GraspTarget:
 
     def guessed(self, normals: Array) -> float:
         """Return the largest error, m, expected of surfaces with normals (N, 3); 0 where all sides were seen."""
-        return 0.0 if self.spread is None else float(self.spread.along(normals).max())
+        return 0.0 if self.uncertainty is None else float(self.uncertainty.along(normals).max())
 
     def gap(self, contacts: Array) -> float:
         """Return how far, m, the surface may lie behind contacts (N, 3) m, where its nearest guess is true."""
@@ -162,7 +160,8 @@ class GraspTarget:
         if self.around is None:
             return None
         corners = self.distance.triangles.reshape(-1, 3)
-        low, high = corners.min(0) - HAND_REACH, corners.max(0) + HAND_REACH
+        reach = 0.15  # m from an object that parts of a hand are which grasps it
+        low, high = corners.min(0) - reach, corners.max(0) + reach
         return field_of(self.around, np.append(low[:2], 0.0), high)
 
     @cached_property
@@ -240,4 +239,4 @@ def assumed_mass(volume: float) -> float:
     Also where parts are known: what fills little of its hull is seldom packed goods, and denser.
     """
     # kg/m3: nobody weighs the object; common packed goods are lighter
-    return float(np.clip(900.0 * volume, *MASS_RANGE))
+    return float(np.clip(900.0 * volume, 0.08, 0.65))

@@ -8,14 +8,6 @@ from scipy.spatial import cKDTree
 
 from dexgrasp_env.arrays import Array
 
-_MOST, _LEAST = 400, 30  # points of a cloud that are looked at, and that there have to be
-_KEPT = 0.8  # share of the points, the nearest: others are of sides that were hidden, or of the hand
-_ROUNDS, _STILL = 30, 1e-5  # of a fit, and the change, m and rad, that ends it
-_FITS = 0.004  # m, mean distance of a fit that is one
-_TURNS = np.radians([-60, -40, -20, 20, 40, 60])  # tried where the object is not where it was going
-_BETTER = 3e-4  # m by which a fit has to be better than that at the last pose: what is round does not turn
-_SPAN = 5  # looks that a velocity is taken from
-
 
 class PlanarTracker:
     """Follows an object from the cloud of its first look on.
@@ -34,22 +26,27 @@ class PlanarTracker:
         self._tree, self._middle = cKDTree(points), points[:, :2].mean(0)
         self._flat = self._plane(points)
         self.pose, self.velocity = np.zeros(3), np.zeros(3)
-        self._times, self.poses = deque([seconds], _SPAN), deque([self.pose], _SPAN)
+        looks = 5  # of a velocity
+        self._times, self.poses = deque([seconds], looks), deque([self.pose], looks)
         self.unevenness = np.full(3, np.inf)
 
     def see(self, points: Array, seconds: float) -> bool:
         """Update the pose by a cloud (N, 3) m; return False where that is not of the object, or too little of it."""
-        if len(points) < _LEAST:
+        if len(points) < 30:
             return False
-        points = points[:: -(-len(points) // _MOST)]
+        points = points[:: -(-len(points) // 400)]  # so many points are enough
         shift = points[:, :2].mean(0) - self._middle
         starts = [self.pose, self.at(seconds), np.append(shift, self.pose[2])]
         fits = [self._fit(points, start) for start in starts]
-        if min(error for _, error in fits) > _FITS:
-            fits += [self._fit(points, np.append(shift, self.pose[2] + turn)) for turn in _TURNS]
-        k = min(range(len(fits)), key=lambda k: fits[k][1] + _BETTER * (k > 0))
+        fits_within = 0.004  # m, mean distance of a fit that is one
+        if min(error for _, error in fits) > fits_within:
+            # The object is not where it was going: it may have turned.
+            turns = np.radians([-60, -40, -20, 20, 40, 60])
+            fits += [self._fit(points, np.append(shift, self.pose[2] + turn)) for turn in turns]
+        # A fit has to be 0.3 mm better than that at the last pose: what is round does not turn.
+        k = min(range(len(fits)), key=lambda k: fits[k][1] + 3e-4 * (k > 0))
         pose, error = fits[k]
-        if error > 2.0 * _FITS:
+        if error > 2.0 * fits_within:
             return False
         self.pose = pose
         self._times.append(seconds)
@@ -74,16 +71,17 @@ class PlanarTracker:
     def _fit(self, points: Array, pose: Array) -> tuple[Array, float]:
         """Return the pose next to one by iterated closest points, and the mean distance of those that count, m."""
         error = np.inf
-        for _ in range(_ROUNDS):
+        for _ in range(30):
             T = self.matrix(pose)
             distance, near = self._tree.query((points - T[:3, 3]) @ T[:3, :3])
-            kept = distance <= np.quantile(distance, _KEPT)
+            # The nearest 80 % of the points: others are of sides that were hidden, or of the hand.
+            kept = distance <= np.quantile(distance, 0.8)
             error = float(distance[kept].mean())
             model, seen = self._flat[near[kept]], self._plane(points[kept])
             turn = np.angle(np.vdot(model - model.mean(), seen - seen.mean()))
             shift = seen.mean() - np.exp(1j * turn) * model.mean()
             before, pose = pose, np.array([shift.real, shift.imag, np.unwrap([pose[2], turn])[1]])
-            if np.abs(pose - before).max() < _STILL:
+            if np.abs(pose - before).max() < 1e-5:  # m and rad
                 break
         return pose, error
 

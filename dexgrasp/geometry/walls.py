@@ -6,10 +6,6 @@ from dexgrasp_env.arrays import Array, middle
 
 LOW = 0.030
 """m above the table, up to which nothing that is open above has room for a fingertip."""
-_TIER = 0.022  # m, height of a row of parts
-_TIERS = 3  # below the rim: a finger reaches no deeper
-_OVERLAP = 0.006  # m that parts reach beyond their edges
-_LEAST = 8  # points of a part
 
 
 def walls_of(points: Array) -> list[Array]:
@@ -31,13 +27,16 @@ def walls_of(points: Array) -> list[Array]:
     # Parts have 40 mm of the outline; not more of them than a grasp file takes.
     count = int(np.clip(np.ceil(2.0 * np.pi * radius.max() / 0.040), 6, 18))
     found = []
-    for tier in range(_TIERS):
-        low, high = rim - (tier + 1) * _TIER, np.inf if tier == 0 else rim - tier * _TIER
-        held = (height > low - _OVERLAP) & (height < high + _OVERLAP)
+    tiers = 3  # below the rim: a finger reaches no deeper
+    overlap = 0.006  # m that parts reach beyond their edges
+    row_height = 0.022  # m
+    for tier in range(tiers):
+        low, high = rim - (tier + 1) * row_height, np.inf if tier == 0 else rim - tier * row_height
+        held = (height > low - overlap) & (height < high + overlap)
         row, turned = points[held], angle[held]
         for turn in 2.0 * np.pi * np.arange(count) / count:
             off = np.abs((turned - turn + np.pi) % (2.0 * np.pi) - np.pi)
-            found.append(row[off < np.pi / count + _OVERLAP / radius.max()])
-    below = points[height < rim - _TIERS * _TIER + _OVERLAP]
+            found.append(row[off < np.pi / count + overlap / radius.max()])
+    below = points[height < rim - tiers * row_height + overlap]
     found.append(np.concatenate([below, below * [1.0, 1.0, 0.0]]))
-    return [part for part in found if len(part) >= _LEAST]
+    return [part for part in found if len(part) >= 8]

@@ -15,8 +15,6 @@ from dexgrasp.grasp.record import GraspRecord
 from dexgrasp_env.arrays import Array, cube_directions, unit
 from dexgrasp_env.scene.constants import GRAVITY
 
-_DRAWS = 64
-_MOST = 8.0  # weights: larger pushes tell nothing more
 _SIDES = cube_directions()
 
 
@@ -70,12 +68,13 @@ def _nearest(parts: Iterable[Array], points: Array) -> Array:
 
 
 def _drawn(record: GraspRecord, place: float) -> Draws:
-    rng, shape = np.random.default_rng(0), (_DRAWS, *record.points.shape)
+    draws = 64
+    rng, shape = np.random.default_rng(0), (draws, *record.points.shape)
     moved = place * rng.standard_normal(shape)
     tips = record.points + record.thresholds.tip_radius * record.normals
     # rad of normals: standard deviations
     normals = unit(_nearest(record.parts, tips + moved) + 0.07 * rng.standard_normal(shape))
-    return Draws(record.points + moved, normals, record.centre + place * rng.standard_normal((_DRAWS, 3)))
+    return Draws(record.points + moved, normals, record.centre + place * rng.standard_normal((draws, 3)))
 
 
 def _answers(draws: Draws) -> tuple[Array, Array]:
@@ -108,6 +107,7 @@ def _borne(forces: Array, draws: Draws, weight: float, friction: float) -> tuple
     with np.errstate(divide="ignore", invalid="ignore"):
         # The first push that leaves the cone: of a d^2 + 2 b d + c, which is negative inside.
         first = np.where(b * b < a * c, np.inf, -c / (b + np.sqrt(np.maximum(b * b - a * c, 0.0))))
-    first = np.where((first > 0.0) & np.isfinite(first), first, _MOST).min((-1, -2))
+    most = 8.0  # weights: larger pushes tell nothing more
+    first = np.where((first > 0.0) & np.isfinite(first), first, most).min((-1, -2))
     short = (friction * press - np.linalg.norm(slide, axis=-1)).min((-1, -2)) / weight
-    return held[:, 0], np.clip(np.where(short < 0.0, short, first), -2.0, _MOST)
+    return held[:, 0], np.clip(np.where(short < 0.0, short, first), -2.0, most)

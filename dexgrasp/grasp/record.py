@@ -256,7 +256,7 @@ class GraspRecord:
         return np.c_[forces, [contact.torsion / radius for contact in self.contacts]]
 
     @property
-    def around(self) -> list[Array]:
+    def neighbour_parts(self) -> list[Array]:
         """Corners (V, 3) m of the convex parts of all neighbours, world frame."""
         return [part @ n.pose[:3, :3].T + n.pose[:3, 3] for n in self.neighbours for part in n.parts]
 

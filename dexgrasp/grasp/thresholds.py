@@ -22,8 +22,6 @@ HULL_OUTSIDE, OBJECT_OUTSIDE = 0.03, 0.055
 """m that the planned hull may stand out of the object's, and the object's out of it: of one view much is guessed."""
 OVERLAP = 0.55
 """Least share of the volume of both hulls that they have in common."""
-CONTACT_SHARE = 0.5
-"""Of an object's height above which its contacts lie, where that is less than `contact_height`."""
 TOLD_MASS, TOLD_CENTRE = 0.01, 0.002
 """Share and m that a mass and a centre that the planner was told may differ from the object's."""
 
@@ -66,7 +64,7 @@ class Thresholds:
         That tips and links stay clear of the table is judged apart, by their shapes: a tip beside a low object meets
         its upper edge at whatever height that has.
         """
-        return min(self.contact_height, CONTACT_SHARE * top)
+        return min(self.contact_height, 0.5 * top)
 
     def is_low(self, top: float) -> bool:
         """Return True for an object `top` m high, lower than two tips' radii or so, whose contacts may be lower."""

@@ -10,8 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from dexgrasp_env.arrays import Array
 
-TURN = 0.15  # m that a radian of the palm counts as
-
 
 @dataclass(frozen=True)
 class ActionScript:
@@ -66,7 +64,7 @@ def stray(positions: Array, rotations: Array) -> float:
     """Return how far, m, a palm at `positions` (T, 3), `rotations` (T, 3, 3) strays from straight up without a turn."""
     aside = np.linalg.norm(positions[:, :2] - positions[0, :2], axis=1)
     turn = Rotation.from_matrix(rotations @ rotations[0].T).magnitude()
-    return float(np.hypot(aside, TURN * turn).max())
+    return float(np.hypot(aside, 0.15 * turn).max())  # a radian counts as 0.15 m
 
 
 def jerkiness(rows: Array) -> float:
@@ -75,7 +73,7 @@ def jerkiness(rows: Array) -> float:
     return float(np.abs((-P[:-4] + 4.0 * P[1:-3] + 4.0 * P[3:-1] - P[4:]) / 6.0 - rows).max())
 
 
-def densify(path: ArrayLike, step: float) -> Array:
+def densify(path: ArrayLike, step: float = 0.01) -> Array:
     """Return points (m, n) on a polyline (k, n), corners included, no joint moving over `step` rad."""
     path = np.asarray(path, dtype=float)
     way = np.diff(path, axis=0)

@@ -11,8 +11,6 @@ from dexgrasp.motion.timing import still, time_path
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 
-_SPEED = 0.9  # of the limits: the hand is empty, and an episode has time for a second grasp only
-
 
 def plan_retreat(start: Array, cell: Cell, neighbours: ConvexDistance | None) -> Played:
     """Return the way home; where the object lies now nobody knows, so only its neighbours are kept clear of.
@@ -28,8 +26,9 @@ def plan_retreat(start: Array, cell: Cell, neighbours: ConvexDistance | None) ->
     checker, home, tree = CollisionChecker(cell, neighbours), cell.robot.home, robot_tree(cell)
     start = np.clip(start, tree.lower, tree.upper)
     opened = arm_and_hand(start, home, tree)
+    speed = 0.9  # of the limits: the hand is empty, and an episode has time for a second grasp only
     # Unchecked: pressing fingers are set inside one another.
-    opening = time_path(np.stack([start, opened]), tree, speed=_SPEED)
-    way = time_path(plan_approach(checker, opened, home), tree, checker, _SPEED)
+    opening = time_path(np.stack([start, opened]), tree, speed=speed)
+    way = time_path(plan_approach(checker, opened, home), tree, checker, speed)
     rows = np.concatenate([opening, way, still(home, 0.35)])  # s at home: the arm's servos lag by 0.1 s
     return Played(np.clip(rows, tree.lower, tree.upper), tree)

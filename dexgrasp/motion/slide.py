@@ -24,9 +24,7 @@ from dexgrasp_env.poses import quat_to_matrix, yaw_quat
 from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-_BEFORE = 0.02  # m before the push
 _SPACING = 0.01  # m between points of the push
-_SETTLE = 4  # control steps
 
 
 class Push(NamedTuple):
@@ -88,9 +86,10 @@ def make_slide(push: Push, start: Array, target: GraspTarget, cell: Cell) -> Sli
         raise NoPath("push_out_of_reach", "the arm cannot take two fingertips along the whole way")
     checker = CollisionChecker(cell, target.distance, 0.004)  # m from what is approached
     reach = time_path(plan_approach(checker, start, way[0]), tree, checker)
+    rest = 4  # control steps
     pieces = {
-        "reach": np.concatenate([reach, np.repeat(way[:1], _SETTLE, axis=0)]),
-        "slide": np.concatenate([_timed(way, tree), np.repeat(way[-1:], _SETTLE, axis=0)]),
+        "reach": np.concatenate([reach, np.repeat(way[:1], rest, axis=0)]),
+        "slide": np.concatenate([_timed(way, tree), np.repeat(way[-1:], rest, axis=0)]),
         "leave": _timed(way[:-6:-1], tree),  # four points back from the end
     }
     kept = {name: np.clip(rows, tree.lower, tree.upper) for name, rows in pieces.items()}
@@ -107,14 +106,15 @@ def _pushing(tree: RobotTree) -> Array:
 
 
 def _way(push: Push, cell: Cell) -> Array | None:
-    """Return configurations (m, n) rad of a push, the tips `_BEFORE` the object at first; None where there is none."""
+    """Return configurations (m, n) rad of a push that begins 2 cm before the object; None where there is none."""
     tree = robot_tree(cell)
     q = _pushing(tree)
     R0, p0 = palm_frame(q, tree)
     tips = (fingertips(q, tree)[1:] - p0) @ R0
     ahead = np.array([*push.direction, 0.0])
+    before = 0.02  # m before the push
     # m that tips end short of where they are sent: the table's friction
-    length = _BEFORE + push.distance + 0.009
+    length = before + push.distance + 0.009
     along = np.linspace(length, 0.0, int(np.ceil(length / _SPACING)) + 1)
     for tilt in (0.09, 0.3):  # rad of the palm, first choice first
         R = hanging_palm(-ahead, tilt)
@@ -122,7 +122,7 @@ def _way(push: Push, cell: Cell) -> Array | None:
         off_square = np.arctan(line @ push.direction / (line @ [-push.direction[1], push.direction[0]]))
         R = quat_to_matrix(yaw_quat(off_square)) @ R  # both tips touch a straight side at once
         # m of the tips' centres, at which they press on the table: what they push cannot lift them
-        begin = np.array([*(push.touch - _BEFORE * push.direction), 0.0105]) - R @ tips.mean(0)
+        begin = np.array([*(push.touch - before * push.direction), 0.0105]) - R @ tips.mean(0)
         # The end is next to the base, where the arm has the least room.
         for last in palm_postures(q, R, begin + length * ahead, tree):
             path, strayed = shift_palm(last, tree, (along[1:, None] - length) * ahead)

@@ -11,7 +11,6 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 SPEED = 0.65
 """Share of the limits of velocity and acceleration that ways use."""
-_ROOM = 0.99  # of the limits: the solver keeps them to rounding
 
 
 def time_path(
@@ -75,8 +74,9 @@ def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
 def _time_smooth(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
     """Time a smooth path as fast as limits allow; by a slow smooth law where that fails."""
     curve = CubicSpline(at, points, bc_type="natural")
+    room = 0.99  # of the limits: the solver keeps them to rounding
     squared = fastest_squared_speeds(
-        at, curve(at, 1), curve(at, 2), _ROOM * speed * tree.velocity, _ROOM * speed * tree.acceleration
+        at, curve(at, 1), curve(at, 2), room * speed * tree.velocity, room * speed * tree.acceleration
     )
     places = places_at(at, squared, CONTROL_PERIOD) if len(squared) else squared
     if len(places):

@@ -23,10 +23,6 @@ from dexgrasp_env.arrays import Array, cube_directions
 
 ENOUGH = 4.0
 """Capacity, in weights, from which on an object is carried as it was lifted."""
-_ANGLES = np.deg2rad([60.0, 45.0, 30.0])
-_AXES = np.deg2rad(np.arange(0.0, 360.0, 30.0))
-_GAIN = 0.1  # weights that a turn must win
-_COST = 0.06  # weights a radian: of two turns that win as much the shorter
 
 
 def plan_turn(grasp: Grasp, script: ActionScript, problem: GraspProblem) -> Turn | None:
@@ -44,11 +40,13 @@ def plan_turn(grasp: Grasp, script: ActionScript, problem: GraspProblem) -> Turn
     start = script.phases["lift"][-1]
     centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
     corners, pushes = np.concatenate(target.corners) - target.centre, cube_directions()
-    arm, down, most = None, DOWN, capacity_of(contacts) + _GAIN
-    for angle, azimuth in product(_ANGLES, _AXES):
+    arm, down, most = None, DOWN, capacity_of(contacts) + 0.1  # weights that a turn must win
+    tilts, axes = np.deg2rad([60.0, 45.0, 30.0]), np.deg2rad(np.arange(0.0, 360.0, 30.0))
+    cost = 0.06  # weights a radian: of two turns that win as much the shorter
+    for angle, azimuth in product(tilts, axes):
         vector = angle * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         R = Rotation.from_rotvec(vector).as_matrix()
-        worth = capacity_of(_turned(contacts, R), most + _COST * angle, pushes) - _COST * angle
+        worth = capacity_of(_turned(contacts, R), most + cost * angle, pushes) - cost * angle
         if worth <= most:
             continue
         way = turn_arm(start, vector, centre, corners, problem.cell, target.around)

@@ -13,8 +13,6 @@ from dexgrasp.mechanics.wrench import solve_wrench_qp
 from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Index, Mask
 
-BESIDE = 0.002
-"""m between the hand, closed or open, and what stands around the object."""
 FAR = 0.02  # m: clearances beyond are not measured
 
 
@@ -74,13 +72,14 @@ def least_clearance(q: Array, problem: GraspProblem) -> float:
 
 def too_near(q: Array, problem: GraspProblem, least: float) -> Index:
     """Return the labels (K, 3), kind and bodies, of clearances below `least` m, the tips' from the object too; of
-    neighbours, below `BESIDE`.
+    neighbours, below 2 mm.
 
     Beside a low object tips may be as near the table as they grasp; fingers that stand close at home may be as close
     to each other as in a grasp.
     """
     values, labels = clearances(q, problem.tree, problem.obstacles, least, False)
-    needed = np.where(labels[:, 0] == NEIGHBOUR, min(BESIDE, least), least)
+    # 2 mm between the hand, closed or open, and what stands around the object.
+    needed = np.where(labels[:, 0] == NEIGHBOUR, min(0.002, least), least)
     if problem.settings.is_low(problem.target.top):
         needed[labels[:, 0] == TABLE] = problem.settings.off_table(problem.target.top)
     if (values < needed)[labels[:, 0] == SELF].any():

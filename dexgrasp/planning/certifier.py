@@ -34,10 +34,7 @@ OPENINGS = (0.025, 0.035, 0.018, 0.012)
 """m that the tips back off along the normals, first choice first."""
 _EACH = (LEAST_OPENING, 0.012, 0.018, 0.025)
 """m of each fingertip, where neighbours leave them unequal room, narrowest first."""
-_TIPS_MEET = 2.5e-4  # m that closed tips may be from the surface, as fingers may end before; `verify`: 3e-4
 OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
-_CLOSING = 6  # pieces of the way on which the hand closes: tips go 6 mm from one look at it to the next
-_TIPS_BESIDE = 0.004  # m beside it that will do where a finger has too few joints to meet it; as `verify`
 
 
 class Candidate(NamedTuple):
@@ -86,9 +83,11 @@ def certified(candidate: Candidate, with_closure: bool) -> Grasp:
         raise NoGrasp("pregrasp_clearance")
     motion = grasp_motion(q, at.normals, hold.forces, problem, pregrasp)
     missed = fingertips(motion.grasp, problem.tree) - (at.contacts + settings.tip_radius * at.normals)
-    if np.linalg.norm(missed, axis=1).max() < _TIPS_BESIDE:
+    # 4 mm beside it will do where a finger has too few joints to meet it, as for `verify`.
+    if np.linalg.norm(missed, axis=1).max() < 0.004:
         missed = _mendable(missed, motion.grasp, problem.tree)
-    if (farthest := float(np.linalg.norm(missed, axis=1).max())) > _TIPS_MEET:
+    # Closed tips may be 0.25 mm from the surface, as fingers may end before; `verify` allows 0.3 mm.
+    if (farthest := float(np.linalg.norm(missed, axis=1).max())) > 2.5e-4:
         raise NoGrasp("surface_out_of_reach", farthest)
     contacts = hold.contacts
     loose = stop_torques(q, contacts.points, contacts.normals, hold.forces, problem.tree)
@@ -128,7 +127,7 @@ def _is_open(pregrasp: Array, q: Array, problem: GraspProblem) -> bool:
 
 def _in_the_way(pregrasp: Array, q: Array, problem: GraspProblem) -> Index:
     """Return the labels (K, 3) of the bodies that neighbours are nearer to than they may be while the hand closes."""
-    between = ramp(pregrasp, q, _CLOSING)[:-1]
+    between = ramp(pregrasp, q, 6)[:-1]  # pieces: tips go 6 mm from one to the next
     near = np.concatenate([too_near(way, problem, problem.settings.clearance) for way in between])
     return near[near[:, 0] == NEIGHBOUR]
 

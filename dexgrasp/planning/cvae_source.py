@@ -23,14 +23,13 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.robot.robot import Hand, Robot
 
-LATENTS = 1024
 _NO_CLOSURE, _NO_SURFACE = "no_closure_proposal", "no_surface_above_table"
 
 
 class CvaeProposals(ProposalSource):
     """Fingertips decoded from latents, each assigned to its finger."""
 
-    def __init__(self, weights: Path | None = None, latents: int = LATENTS, ranked: bool = True) -> None:
+    def __init__(self, weights: Path | None = None, latents: int = 1024, ranked: bool = True) -> None:
         """Prepare; weights are read at the first use.
 
         Args:

@@ -29,12 +29,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import check
 
 _POOL = 2.0  # times as many configurations are chosen among as are asked for
-_ROUND = (32, 400)  # triples a round, at least and at most
-_SPARE = 1.3  # triples a configuration that is wanted: not all become feasible
-_DRY = 0.1  # of what is wanted: a source that brings less in a round has no more
-_APART = 0.005  # m between two hands that are not the same
 UNSURE = "not_sure_enough"
-_MORE = 24  # grasps that differ, looked at where the first one is not likely enough
 
 
 def plan_many(
@@ -91,7 +86,7 @@ class _Pool:
         """Add a candidate with its hand's points (m, 3), unless one like it was here before."""
         flat = points.ravel()
         self._points = self._points.reshape(-1, len(flat))
-        if (_distance(self._points, flat) < _APART).any():
+        if (_distance(self._points, flat) < 0.005).any():  # m between two hands that are not the same
             return False
         gap = _distance(self._points[self._chosen], flat).min(initial=np.inf)
         self._all.append(candidate)
@@ -144,7 +139,7 @@ class _Search(Search):
 
     def _collect(self, pool: "_Pool", sources: list[ProposalSource], wanted: int) -> Iterator[None]:
         """Put configurations that hold into the pool, one a step; a source that brings nothing new is left."""
-        new, size = 0, int(np.clip(_SPARE * wanted, *_ROUND))
+        new, size = 0, int(np.clip(1.3 * wanted, 32, 400))  # triples: not all become feasible
         settings = replace(self.planner.settings, triples=size, postures=size)
         for candidate in islice(self.round(sources[0], settings), wanted):
             if not candidate.hold.holds:
@@ -154,7 +149,7 @@ class _Search(Search):
             if pool.add(candidate, hand_points(at.q, at.evaluation.contacts, self.planner.tree)):
                 new += 1
                 yield
-        if new < _DRY * min(wanted, size):
+        if new < 0.1 * min(wanted, size):  # a source that brings less in a round has no more
             del sources[0]
 
 
@@ -177,7 +172,7 @@ def with_success_probability(
     result.found = _likely(result, result.found)
     if UNSURE in result.log.blocked:
         if not result.found and result.asked is None and result.target is not None:
-            others = plan_many(planner, result.target, _MORE, result.seed, start, progress)
+            others = plan_many(planner, result.target, 24, result.seed, start, progress)
             result.found = _likely(result, others.found)[:1]
         if not result.success:
             result.shortfall = UNSURE

@@ -17,10 +17,6 @@ from dexgrasp.planning.scene_setup import Subject
 from dexgrasp_env.objects.load import load_target
 from dexgrasp_env.poses import rigid
 
-MASS = 0.1  # kg that the object is taken for, as DexGraspBench weighs it
-_MIDDLE = np.array([0.5, 0.0, 0.45])  # m, where an arm gets a hand to most sides of an object
-_POINTS = 3000  # of the surface, to see hollows by
-
 
 def plan_floating(
     planner: Planner,
@@ -39,7 +35,7 @@ def plan_floating(
         source: a name of the catalogue or a mesh file.
         seed: of the turn and of the proposals.
         scale: factor from a mesh file's unit to metres.
-        mass: kg; None takes `MASS`.
+        mass: kg; None takes 0.1.
         count: grasps asked for, that differ; None plans one.
         progress: called with steps done and steps in all, where there is a count.
 
@@ -48,13 +44,14 @@ def plan_floating(
     """
     began, model = time.perf_counter(), load_target(source, scale, None)
     R = Rotation.random(rng=seed).as_matrix()
-    points = triangle_samples(model.mesh.triangles, _POINTS, seed).points @ R.T + _MIDDLE
-    parts, _ = parts_within(model.solid.corners @ R.T + _MIDDLE, points, None)
-    target = GraspTarget.of_corners(parts, mass or MASS, _MIDDLE)
+    centre = np.array([0.5, 0.0, 0.45])  # m, where an arm gets a hand to most sides of an object
+    points = triangle_samples(model.mesh.triangles, 3000, seed).points @ R.T + centre  # show hollows
+    parts, _ = parts_within(model.solid.corners @ R.T + centre, points, None)
+    target = GraspTarget.of_corners(parts, mass or 0.1, centre)  # kg, as DexGraspBench weighs it
     found = (
         planner.plan(target, seed)
         if count is None
         else plan_many(planner, target, count, seed, None, progress)
     )
     found.planning_seconds = time.perf_counter() - began
-    return Subject(ObjectIdentity.of(model, source, scale), ObjectPose(model.solid, rigid(R, _MIDDLE))), found
+    return Subject(ObjectIdentity.of(model, source, scale), ObjectPose(model.solid, rigid(R, centre))), found

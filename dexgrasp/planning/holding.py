@@ -16,9 +16,6 @@ ENOUGH = 6.0
 """Weights: to bear a larger push only strains the hand."""
 DOWN = np.array([0.0, 0.0, -1.0])
 UNBALANCED = "no forces within friction cones and joint torques balance gravity at these contacts"
-_LIGHTER = 0.5  # of the share of the weight that can be balanced: what forces are made for instead
-_LEVER = 0.03  # m over which a surface that was guessed turns by its error in place
-_LEAST_ANGLE = 0.02  # rad, of a cone that has been narrowed to nothing
 
 
 class GraspForces(NamedTuple):
@@ -43,7 +40,7 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
 
     An error in place of `settings.place_error` turns the normal that a fingertip feels: not at all on a face, by a few
     degrees on a can's side, far on an edge. The cone is narrowed by that angle; where the surface was guessed and may
-    be farther off, also by the angle of the rest over `_LEVER`.
+    be farther off, also by the angle of the rest over 3 cm.
 
     Args:
         tips: (N, 3) m, centres of fingertips.
@@ -55,9 +52,10 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
     around = tips[:, None] + settings.place_error * np.stack([t1, -t1, t2, -t2], axis=1)
     turned = target.distance.distance_gradient(around)[1].reshape(around.shape)
     turn = np.arccos(np.clip((turned * normals[:, None]).sum(-1), -1.0, 1.0)).max(1)
-    if target.spread is not None:
-        turn += np.maximum(target.spread.along(normals) - settings.place_error, 0.0) / _LEVER
-    return np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, _LEAST_ANGLE))
+    if target.uncertainty is not None:
+        turn += np.maximum(target.uncertainty.along(normals) - settings.place_error, 0.0) / 0.03
+    # 0.02 rad is left of a cone that has been narrowed to nothing.
+    return np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, 0.02))
 
 
 def firmest_forces(q: Array, problem: GraspProblem) -> GraspForces:
@@ -91,7 +89,7 @@ def lightened(hold: GraspForces, problem: GraspProblem) -> GraspForces:
     """
     if hold.holds or hold.share == 0.0:
         return hold
-    part = _LIGHTER * hold.share
+    part = 0.5 * hold.share  # of the weight: half of what can be balanced
     firm, most = _squeezes(hold.contacts, hold.distances, problem, part * DOWN)
     return hold._replace(forces=most.forces, robust_load=part * firm.load)
 

@@ -22,29 +22,12 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 
-_WANTED, _LEAST = 0.065, 0.022  # m that stick out
 _INSIDE = 0.016  # m inside the edge that the centre of mass stays
-_LONGEST = 0.56  # m
-_TOWARDS = 0.6  # cosine of the way to the edge
 _ALIKE = 0.001  # m by which one tip may touch before the other: what is pushed turns until both do
-_BULGE = 0.0055  # m that a side may stand out between them: at a corner what is pushed turns away
-_TURNS = np.deg2rad(np.arange(0.0, 360.0, 1.5))
-_MARCH = 30  # steps until a tip touches
-_TRIED = 8  # pushes that the arm can make
-_APART = np.cos(np.deg2rad(10.0))  # of their directions
-_CROWDED, _NEAR_BASE = 0.1, 0.1  # m: the price of a grasp in front of the base, and how wide that is
-_FAR = 0.35  # m: the price of the far edge, where the arm hardly reaches round the object
-_AGAIN = 4  # seeds
-_POINTS, _TRIPLES, _POSTURES = 600, 100, 120  # most points are over the table, and of no use
-_UPWARD = 0.2  # vertical part of a normal
-_BRIEF, _AT_LENGTH = (1.0,), (1.0, 2.0, 3.0)  # breadths of the search for a push
 _BORNE, _FIRM = 1.0, 2.0  # weights: of a grasp worth a push, and that ends the search for one
 _FLOOR = 0.5  # m below the table
-_SUNK = 0.002  # m that the table is taken to be lower than it is: the object lies on it
 _HALF = 0.5 * np.array(TABLE_SIZE[:2])
 _MIDDLE = np.array([TABLE_CENTRE_X, 0.0])
-_EDGES = ((-1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
-"""Level directions out of the table."""
 
 
 def plan_slide(planner: Planner, target: GraspTarget, seed: int, start: Array) -> Slide | None:
@@ -56,12 +39,12 @@ def plan_slide(planner: Planner, target: GraspTarget, seed: int, start: Array) -
         seed: of the proposals.
         start: (n,) rad, set-points now.
     """
-    guessed = target.spread is not None or target.neighbours
+    guessed = target.uncertainty is not None or target.neighbours
     if guessed or not planner.settings.is_low(target.top) or not can_push(planner.cell):
         return None
-    slides = list(islice(_slides(start, target, planner), _TRIED))
-    in_brief = _best(slides, target, _at_edge(planner, _BRIEF), seed, _FIRM)
-    return in_brief or _best(slides, target, _at_edge(planner, _AT_LENGTH), seed, _BORNE)
+    slides = list(islice(_slides(start, target, planner), 8))  # pushes that the arm can make
+    in_brief = _best(slides, target, _at_edge(planner, (1.0,)), seed, _FIRM)
+    return in_brief or _best(slides, target, _at_edge(planner), seed, _BORNE)
 
 
 def _best(slides: list[Slide], target: GraspTarget, there: Planner, seed: int, enough: float) -> Slide | None:
@@ -81,7 +64,7 @@ def _slides(start: Array, target: GraspTarget, planner: Planner) -> Iterator[Sli
     """Yield the pushes that the arm can make, best first, but none nearly in the direction of another."""
     made = list[Array]()
     for push in pushes(target, tips_apart(planner.cell), planner.settings.tip_radius):
-        if all(push.direction @ other < _APART for other in made):
+        if all(push.direction @ other < np.cos(np.deg2rad(10.0)) for other in made):
             with suppress(NoPath):
                 yield make_slide(push, start, target, planner.cell)
                 made.append(push.direction)
@@ -98,8 +81,8 @@ def plan_slid(planner: Planner, target: GraspTarget, slide: Slide, seed: int, st
         start: (n,) rad, set-points now.
     """
     there, plans = slid(target, slide.moved * slide.push.direction), list[PlanResult]()
-    for k in range(_AGAIN):
-        plans.append(_at_edge(planner, _AT_LENGTH).plan(there, seed + k, start))
+    for k in range(4):  # seeds
+        plans.append(_at_edge(planner).plan(there, seed + k, start))
         if _load(plans[-1]) >= _FIRM:
             break
     return max(plans, key=_load)
@@ -113,7 +96,8 @@ def slid(target: GraspTarget, shift: Array) -> GraspTarget:
     """Return the object, moved by (2,) m, with the table as its neighbour and the floor as z = 0."""
     by = [*shift, _FLOOR]
     level = zip(_MIDDLE - _HALF, _MIDDLE + _HALF, strict=True)
-    table = np.array(list(product(*level, (_FLOOR - TABLE_SIZE[2], _FLOOR - _SUNK))))
+    # The table is taken to be 2 mm lower than it is: the object lies on it.
+    table = np.array(list(product(*level, (_FLOOR - TABLE_SIZE[2], _FLOOR - 0.002))))
     moved = GraspTarget.of_corners([part + by for part in target.corners], target.mass, target.centre + by)
     return replace(moved, neighbours=((table,),))
 
@@ -132,17 +116,19 @@ def pushes(target: GraspTarget, apart: float, tip: float) -> list[Push]:
     outline = points[ConvexHull(points).vertices]
     centre, found = target.centre[:2], []
     for direction, (one, between, other) in zip(*_touches(target, apart, tip), strict=True):
-        if not (abs(one - other) <= _ALIKE and one - between <= _BULGE):
+        # A side may stand out 5.5 mm between them: at a corner what is pushed turns away.
+        if not (abs(one - other) <= _ALIKE and one - between <= 0.0055):
             continue
         touch = centre + min(one, other) * direction
-        for out in map(np.array, _EDGES):
+        for out in map(np.array, ((-1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))):  # of the table
             distance = _distance(outline, centre, direction, out)
             if distance is None:
                 continue
             there = centre + distance * direction
             if (np.abs(there - _MIDDLE) <= _HALF - 0.99 * _INSIDE).all():
-                before_base = out[0] < 0.0 and abs(there[1]) < _NEAR_BASE
-                price = _CROWDED * before_base + _FAR * (out[0] > 0.0)
+                before_base = out[0] < 0.0 and abs(there[1]) < 0.1
+                # m: prices of a grasp in front of the base, and beyond the far edge, which the arm hardly reaches.
+                price = 0.1 * before_base + 0.35 * (out[0] > 0.0)
                 found.append((distance + price, Push(direction, distance, touch)))
     return [push for _, push in sorted(found, key=lambda item: item[0])]
 
@@ -152,20 +138,22 @@ def _touches(target: GraspTarget, apart: float, tip: float) -> tuple[Array, Arra
 
     The first and the last are the two that push, the second one between them; nan where one touches nothing.
     """
-    directions = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
+    turns = np.deg2rad(np.arange(0.0, 360.0, 1.5))
+    directions = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     across = np.stack([-directions[:, 1], directions[:, 0]], axis=1)
     beside = target.centre[:2] + apart * np.array([0.5, 0.0, -0.5])[:, None] * across[:, None]
     way = np.full(beside.shape[:2], -np.linalg.norm(np.ptp(np.concatenate(target.corners), axis=0)))
-    for _ in range(_MARCH):
+    for _ in range(30):  # until a tip touches
         tips = np.insert(beside + way[..., None] * directions[:, None], 2, tip, axis=2)
         off = target.distance.distance(tips).reshape(way.shape) - tip
         way += off
     return directions, np.where(np.abs(off) < _ALIKE, way, np.nan)
 
 
-def _at_edge(planner: Planner, breadths: tuple[float, ...]) -> Planner:
+def _at_edge(planner: Planner, breadths: tuple[float, ...] = (1.0, 2.0, 3.0)) -> Planner:
     cell = replace(planner.cell, name="edge", table_height=planner.cell.table_height - _FLOOR)
-    more = replace(planner.settings, surface_points=_POINTS, triples=_TRIPLES, postures=_POSTURES)
+    # Most points are over the table, and of no use.
+    more = replace(planner.settings, surface_points=600, triples=100, postures=120)
     return Planner(replace(more, patience=0, firm_load=_FIRM, breadths=breadths), _Overhanging(), cell)
 
 
@@ -175,7 +163,7 @@ class _Overhanging(SurfaceProposals):
     def places(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
         """Return points (P, 3) m and outward normals (P, 3) of a sample, places above as many as others."""
         points, normals = super().places(target, settings, rng)
-        above = normals[:, 2] > _UPWARD
+        above = normals[:, 2] > 0.2
         kept = ~above | (np.cumsum(above) <= np.sum(~above))
         return points[kept], normals[kept]
 
@@ -183,11 +171,11 @@ class _Overhanging(SurfaceProposals):
 def _distance(outline: Array, centre: Array, direction: Array, out: Array) -> float | None:
     """Return how far, m, to push along a direction for as much as is wanted to stick out; None where that falls."""
     towards = direction @ out
-    if towards < _TOWARDS:
+    if towards < 0.6:  # cosine of the way to the edge
         return None
     edge = _MIDDLE @ out + np.abs(_HALF @ out)
     reach = (outline @ out).max()
     most = (edge - _INSIDE - centre @ out) / towards
-    distance = min((edge + _WANTED - reach) / towards, most)
+    distance = min((edge + 0.065 - reach) / towards, most)  # m that are to stick out
     sticks_out = reach + distance * towards - edge
-    return distance if 0.0 < distance < _LONGEST and sticks_out > _LEAST else None
+    return distance if 0.0 < distance < 0.56 and sticks_out > 0.022 else None  # m

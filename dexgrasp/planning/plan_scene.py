@@ -14,7 +14,7 @@ from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp.geometry.request import ANYHOW, Demand, GraspRequest
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.diverse import plan_many, with_success_probability
-from dexgrasp.planning.planner import Planner, warm_up
+from dexgrasp.planning.planner import Planner, compile_ahead
 from dexgrasp.planning.relaxation import nearest_relaxation
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.settings import GRASPS, PlannerSettings
@@ -30,8 +30,6 @@ from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.valid import POSITIVE, check
-
-_BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
 
 
 def plan_scene(
@@ -90,7 +88,8 @@ def start_of(observation: Observation, robot: Robot) -> Array:
         InputError: where the robot cannot be there: planning from such a start takes minutes to fail.
     """
     start = np.asarray(observation["joint_targets"], dtype=float)
-    low, high = robot.lower - _BEYOND, robot.upper + _BEYOND
+    beyond = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
+    low, high = robot.lower - beyond, robot.upper + beyond
     if start.shape != low.shape or not ((start > low) & (start < high)).all():
         raise InputError(f"joint_targets must be {len(low)} set-points within the joint ranges, in rad")
     return start
@@ -173,5 +172,5 @@ def _shape(cell: Cell) -> RobotShape:
 def default_planner(cell: Cell, settings: PlannerSettings | None = None, proposals: str = "auto") -> Planner:
     """Return the planner of agent `bilevel`, its compiled code loaded; `proposals` are of a source of that name."""
     source = make_source(proposals, cell.robot)
-    warm_up(cell, source)
+    compile_ahead(cell, source)
     return Planner(settings, source, cell)

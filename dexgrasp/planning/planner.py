@@ -35,7 +35,6 @@ from dexgrasp_env.valid import Names
 NO_POSTURE, BUDGET, LIFT_BLOCKED = "no_reachable_posture", "time_budget", "lift_blocked"
 
 _BESIDE = 0.004, 0.010  # m that the approach keeps from the object; the second where it must not be hit
-_AMONG = 1  # rounds more at most among neighbours: another look, or one set aside, gives more
 
 
 def _holds(hold: GraspForces) -> bool:
@@ -68,7 +67,8 @@ def rounds_of(settings: PlannerSettings, crowded: bool) -> Iterator[Round]:
         crowded: neighbours stand around the object.
     """
     usual = len(settings.breadths)
-    count = usual + (min(settings.patience, _AMONG) if crowded else settings.patience)
+    # Among neighbours one round more at most: another look, or one set aside, gives more.
+    count = usual + (min(settings.patience, 1) if crowded else settings.patience)
     for k in range(count):
         late = k >= usual
         enough = _robust if (k <= 1 if crowded else k < count - 1) else _holds
@@ -350,7 +350,7 @@ class Search:
 _WARM: set[tuple[str, type]] = set()  # cells and kinds of source that this process has planned with
 
 
-def warm_up(cell: Cell, source: ProposalSource | None = None) -> None:
+def compile_ahead(cell: Cell, source: ProposalSource | None = None) -> None:
     """Load compiled code and atlas by planning for a small box, once a process: planning times are then times.
 
     On a machine where nothing is compiled yet, that takes a minute.

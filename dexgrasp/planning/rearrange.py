@@ -19,12 +19,7 @@ from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
-_ASKED = 8  # neighbours for which a grasp is looked for
-_TABLE = ((0.34, 0.70), (-0.36, 0.36))  # m, x and y, where things are set down
 _GRID = 0.04  # m between places that are looked at
-_HEIGHTS = (0.03, 0.10, 0.17)  # m above the table, at which a place must be free
-_HAND, _AWAY = 0.06, 0.16  # m that are free around what is set down, for the hand; between it and the object
-_PLACES = 8  # places tried, nearest first
 
 
 def plan_rearrangement(
@@ -43,7 +38,7 @@ def plan_rearrangement(
     """
     settings = replace(planner.settings, breadths=planner.settings.breadths[:1], patience=0)
     quick = Planner(settings, planner.source, planner.cell)
-    for k in _most_in_the_way(quick, scene, target, seed, start)[:_ASKED]:
+    for k in _most_in_the_way(quick, scene, target, seed, start)[:8]:
         others = (*scene.neighbours[:k], *scene.neighbours[k + 1 :], scene.target)
         plan = plan_scene(quick, replace(scene, target=scene.neighbours[k], neighbours=others), seed, start)
         for one in plan.found:
@@ -88,13 +83,15 @@ def _depth(script: ActionScript, target: GraspTarget, planner: Planner) -> float
 
 def _free_places(target: GraspTarget, kept: Array) -> Array:
     """Return places (N, 2) m on the table where an object and the hand around it have room, the nearest first."""
-    axes = [np.arange(low, high, _GRID) for low, high in _TABLE]
+    # x and y, m, where things are set down.
+    axes = [np.arange(low, high, _GRID) for low, high in ((0.34, 0.70), (-0.36, 0.36))]
     places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     corners = np.concatenate(target.corners)[:, :2]
     radius = np.linalg.norm(corners - target.centre[:2], axis=1).max()
-    free = np.linalg.norm(places - kept[:2], axis=1) > radius + _AWAY
+    free = np.linalg.norm(places - kept[:2], axis=1) > radius + 0.16  # m from the object
     if target.around is not None:
-        for height in _HEIGHTS:
-            free &= target.around.distance(np.insert(places, 2, height, axis=1)) > radius + _HAND
+        for height in (0.03, 0.10, 0.17):  # m above the table, at which a place must be free
+            # 6 cm around it are for the hand.
+            free &= target.around.distance(np.insert(places, 2, height, axis=1)) > radius + 0.06
     places = places[free]
-    return places[np.argsort(np.linalg.norm(places - target.centre[:2], axis=1))[:_PLACES]]
+    return places[np.argsort(np.linalg.norm(places - target.centre[:2], axis=1))[:8]]  # nearest

@@ -14,8 +14,6 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.perception.cloud import downsample
 from dexgrasp_env.perception.scene import Scene
 
-_FEW = PlannerSettings(surface_points=40, triples=10)
-
 
 def rehearse() -> None:
     """Plan for a small box, look at an object, step; what takes longest to compile comes first."""
@@ -29,4 +27,5 @@ def rehearse() -> None:
     downsample(np.zeros((9, 3)), 8, np.random.default_rng(0))
     env.step(env.action_space.sample())
     env.close()
-    SurfaceProposals().propose(small_box(), _FEW, np.random.default_rng(0))
+    few = PlannerSettings(surface_points=40, triples=10)
+    SurfaceProposals().propose(small_box(), few, np.random.default_rng(0))

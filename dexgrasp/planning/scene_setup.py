@@ -16,8 +16,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import has_own_size
 from dexgrasp_env.poses import placed, pose_matrix
 
-_SAMPLES = 3000  # points of marked faces
-
 
 class Subject(NamedTuple):
     """The object as files and pictures state it; agents are told none of it."""
@@ -51,7 +49,7 @@ class Look(NamedTuple):
                 f"the mask has {mask.size} values: valid is one for each of {len(mesh.faces)} faces"
             )
         faces = lift.settings.mesh_scale * np.asarray(mesh.triangles)[mask.ravel()]
-        points = triangle_samples(faces, _SAMPLES, 0).points - lift.simulation.object.file_centre
+        points = triangle_samples(faces, 3000, 0).points - lift.simulation.object.file_centre
         return placed(lift.settings.cell.T_base_world @ self.subject.pose.T_world_object, points)
 
 

@@ -22,17 +22,6 @@ from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 
 RISES = (0.0, 0.12)
 """m beyond the lift that an object is carried higher."""
-_CLEAR, _LEFT = 0.004, 0.12  # m above the table where it is let go of, and that the open hand goes up
-_SPEED = 0.9  # of the joints' limits
-_STRAY, _ROUGH = (
-    0.004,
-    0.01,
-)  # m that the palm may be off its way, to a goal and elsewhere; a radian is 0.15 m
-_TURNS = np.deg2rad([0.0, 45.0, -45.0, 90.0, -90.0, 180.0])  # tried where any heading will do
-_HEIGHT = 0.01  # m that a goal may be off the table's top
-_BESIDE = 0.003  # m that what is set down keeps from what stands there
-_SAMPLES = 200  # points of the object that are looked at there
-_FOOT, _LEANS = 0.004, 0.005  # m: corners so low bear the object; its centre so far outside of them tips over
 
 
 def set_down(
@@ -54,10 +43,11 @@ def set_down(
         rise: m that it is carried higher than the lift ends.
         about: (3,) m, the point of the object that goes that way, and about which it turns.
         turn: see `carried`.
-        exact: within limits of acceleration too, and of `_STRAY`.
+        exact: within limits of acceleration too, and nearer to its way.
     """
     tree, target = problem.tree, problem.target
-    speed, stray = (_SPEED, _STRAY) if exact else (inf, _ROUGH)
+    # Share of the joints' limits, and m that the palm may be off its way; a radian is 0.15 m.
+    speed, stray = (0.9, 0.004) if exact else (inf, 0.01)
     lifted, opened = script.phases["lift"][-1], script.phases["approach"][-1]
     up = palm_frame(lifted, tree)[1][2] - palm_frame(opened, tree)[1][2]
     at, now, error, phases = about + np.array([0.0, 0.0, up]), lifted, 0.0, dict(script.phases)
@@ -65,7 +55,7 @@ def set_down(
     for name, way, turned in (
         ("rise", [0.0, 0.0, rise], None),
         ("carry", [*leg, 0.0], turn),
-        ("set_down", [0.0, 0.0, _CLEAR - up - rise], None),
+        ("set_down", [0.0, 0.0, 0.004 - up - rise], None),  # m above the table where it is let go of
     ):
         phases[name], strayed = carried(now, at, np.array(way), tree, turned, speed)
         error, at, now = max(error, strayed), at + way, phases[name][-1]
@@ -78,7 +68,7 @@ def set_down(
         return None
     phases["carry"] = np.concatenate([phases.pop("rise"), phases["carry"]])
     phases["release"] = let_go(now, free := arm_and_hand(now, opened, tree))
-    phases["retreat"] = carried(free, at, np.array([0.0, 0.0, _LEFT]), tree, None, speed)[0]
+    phases["retreat"] = carried(free, at, np.array([0.0, 0.0, 0.12]), tree, None, speed)[0]  # m up
     return ActionScript(phases, script.start)
 
 
@@ -106,7 +96,7 @@ def to_goal(script: ActionScript, problem: GraspProblem, goal: Goal) -> ActionSc
 
 def goal_fault(target: GraspTarget, goal: Goal, cell: Cell) -> str | None:
     """Return in a word why nothing can set an object down at a goal; None where something may."""
-    if abs(placed(cell.T_world_base, goal.place)[2]) > _HEIGHT:
+    if abs(placed(cell.T_world_base, goal.place)[2]) > 0.01:  # m that a goal may be off the table's top
         return "goal_not_on_table"
     if _leans(target):
         return "goal_not_stable"
@@ -123,10 +113,10 @@ def fault_at(target: GraspTarget, T: Array) -> str | None:
     if target.around is None:
         return None
     moved = _moved(target, T).distance
-    samples = triangle_samples(moved.triangles, _SAMPLES, 0).points
+    samples = triangle_samples(moved.triangles, 200, 0).points
     beside = np.concatenate([part for parts in target.neighbours for part in parts])
     near = min(target.around.distance(samples).min(), moved.distance(beside).min())
-    return "goal_occupied" if near < _BESIDE else None
+    return "goal_occupied" if near < 0.003 else None  # m that what is set down keeps from what stands there
 
 
 def _moved(target: GraspTarget, T: Array) -> GraspTarget:
@@ -139,7 +129,8 @@ def _poses(target: GraspTarget, goal: Goal, cell: Cell) -> list[tuple[Array, flo
     """Return the motions (4, 4) of the object that bring it to a goal, and their turns, rad."""
     foot, place = _foot(target), placed(cell.T_world_base, goal.place)
     found = []
-    for turn in _TURNS if goal.yaw is None else [np.deg2rad(goal.yaw)]:
+    headings = [0.0, 45.0, -45.0, 90.0, -90.0, 180.0] if goal.yaw is None else [goal.yaw]
+    for turn in np.deg2rad(headings):
         R = about_z(turn)
         found.append((rigid(R, np.array([*place[:2], foot[2]]) - R @ foot), float(turn)))
     return found
@@ -154,6 +145,6 @@ def _foot(target: GraspTarget) -> Array:
 def _leans(target: GraspTarget) -> bool:
     """Return True for an object that does not stand by itself: its centre is not over what it stands on."""
     corners = np.concatenate(target.corners)
-    low = corners[corners[:, 2] < corners[:, 2].min() + _FOOT][:, :2]
+    low = corners[corners[:, 2] < corners[:, 2].min() + 0.004][:, :2]  # m: these bear it
     off = np.maximum(low.min(0) - target.centre[:2], target.centre[:2] - low.max(0))
-    return bool(off.max() > _LEANS)
+    return bool(off.max() > 0.005)  # m outside of them

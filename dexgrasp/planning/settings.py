@@ -19,7 +19,6 @@ GRASPS = number(ge=1, le=MOST, whole=True)._replace(
     words=f"a whole number from 1 to {MOST} (`dexgrasp dataset generate` makes more)"
 )
 """How many grasps that differ may be asked for."""
-_OF_HAND = ("distance", "least_press")  # what is the hand's unless it is asked for
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,8 @@ class PlannerSettings(Thresholds):
     def for_hand(self, hand: Hand) -> "PlannerSettings":
         """Return settings for the tips of a hand."""
         ours = frozen_for(hand)
-        own = {name: getattr(ours, name) for name in _OF_HAND if getattr(self, name) == getattr(FROZEN, name)}
+        of_hand = ("distance", "least_press")  # unless they are asked for
+        own = {name: getattr(ours, name) for name in of_hand if getattr(self, name) == getattr(FROZEN, name)}
         return replace(self, tip_radius=hand.tip_radius, fingers=len(hand.grasp), torsion=hand.torsion, **own)
 
     @property

@@ -19,8 +19,6 @@ from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.robot.robot import Robot
 
-_SOFT = 8  # daqp's mark of a soft constraint
-_SOFTNESS = 1e-7  # weight of a step against violations: so small that a feasible one is found if there is one
 # A step costs (fingertips' slide / 0.5 m)^2 + 0.001 (joints' turn / 1 rad)^2.
 _SLIDE, _TURN = 0.5, 1e-3
 _TRUST, _LEAST_TRUST, _MOST_TRUST = 0.10, 2e-3, 0.25  # rad
@@ -106,13 +104,13 @@ class _Solver:
 
     def _descend(self, q: Array, goal: Bounds, budget: int) -> tuple[Array, Evaluation, int]:
         now, trust, steps = self.evaluate(q, goal), _TRUST, 0
-        merit = _merit(now.values)
+        merit = _total_violation(now.values)
         while steps < budget and merit > TOLERANCE and trust > _LEAST_TRUST:
             steps += 1
             trial = q.copy()
             trial[self._moved] = np.clip(q[self._moved] + self._step(q, now, trust), self._low, self._high)
             evaluation = self.evaluate(trial, goal)
-            reached = _merit(evaluation.values)
+            reached = _total_violation(evaluation.values)
             if reached < merit - 1e-9:
                 trust = min(2.0 * trust, _MOST_TRUST) if reached < 0.5 * merit else trust
                 q, now, merit = trial, evaluation, reached
@@ -127,10 +125,11 @@ class _Solver:
         n, m = len(self._moved), len(now.values)
         H = now.metric[self._block] / _SLIDE**2 + self._turn
         sense = np.zeros(n + m, dtype=np.int32)
-        sense[n:] = _SOFT
+        sense[n:] = 8  # daqp's mark of a soft constraint
+        # Violations weigh so much more than a step that a feasible one is found if there is one.
         x, _, flag, _ = daqp.solve(
             H, np.zeros(n), A, np.concatenate([upper, np.full(m, 1e30)]),
-            np.concatenate([lower, -now.values]), sense, rho_soft=_SOFTNESS, iter_limit=500,
+            np.concatenate([lower, -now.values]), sense, rho_soft=1e-7, iter_limit=500,
         )  # fmt: skip
         if not np.isfinite(x).all():
             return np.zeros(n)
@@ -152,7 +151,7 @@ class _Solver:
         return Solution(q, now._replace(values=values), feasible, blocking, violation, steps)
 
 
-def _merit(values: Array) -> float:
+def _total_violation(values: Array) -> float:
     return -np.minimum(values, 0.0).sum()
 
 

@@ -11,8 +11,6 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import lock, read_json_object, write_json
 
-_SHOWN = 120  # characters of a setting in a message
-
 
 @dataclass(frozen=True)
 class RunFolder:
@@ -93,7 +91,8 @@ def _differences(old: Any, new: Any, name: str = "") -> Iterator[str]:
 
 def _short(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value)
-    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+    most = 120  # characters of a setting in a message
+    return text if len(text) <= most else text[: most - 3] + "..."
 
 
 def make_folder(path: Path) -> Path:

@@ -15,7 +15,6 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import from_extra
 
-_NUMBERS = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248])")
 _KINDS = "biuf"
 
 
@@ -84,6 +83,6 @@ def _of_bytes(data: Any, dtype: "np.dtype[Any]", shape: Any) -> NDArray[Any]:
 
 def _dtype(name: Any) -> "np.dtype[Any]":
     text = name.decode("ascii", "replace") if isinstance(name, bytes) else str(name)
-    if not _NUMBERS.fullmatch(text):
+    if not re.fullmatch(r"[<>|=]?(b1|[iu][1248]|f[248])", text):
         raise InputError(f"an array has dtype {text[:40]!r}: valid are booleans, whole and floating numbers")
     return np.dtype(text)

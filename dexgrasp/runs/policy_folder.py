@@ -12,7 +12,6 @@ from dexgrasp_env.files import expand, read_json_object, write_json
 
 SCHEMA = 1
 ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
-ENV_KEYS = ("obs_mode", "control_mode", "observe", "hold")
 Weights = dict[str, Single]
 
 
@@ -45,6 +44,7 @@ def read_policy(folder: Path) -> tuple[dict[str, Any], Weights]:
     if about.get("schema") != SCHEMA:
         raise InputError(f"{path} is no policy of schema {SCHEMA}")
     env = about.get("env")
-    if not isinstance(env, dict) or any(key not in ENV_KEYS for key in env):
-        raise InputError(f"{path}: valid keys of env are {', '.join(ENV_KEYS)}")
+    keys = ("obs_mode", "control_mode", "observe", "hold")
+    if not isinstance(env, dict) or any(key not in keys for key in env):
+        raise InputError(f"{path}: valid keys of env are {', '.join(keys)}")
     return about, read_arrays(folder / WEIGHTS)[0]

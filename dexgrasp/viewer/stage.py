@@ -92,7 +92,7 @@ class ViserScene:
             wireframe=True,
             visible=film.object is not None,
         )
-        for k, part in enumerate(film.record.around):
+        for k, part in enumerate(film.record.neighbour_parts):
             self._mesh(f"{self._root}/neighbours/{k}", trimesh.convex.convex_hull(part), (150, 150, 150))
         if film.cloud is not None:
             self._scene.add_point_cloud(f"{self._root}/cloud", film.cloud, (40, 40, 60), point_size=0.002)

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     import manifold3d
 
 MOST_PARTS = 24
-_FACES = 1500
 _CUTS = 48
 _EXCESS = 0.02  # of the volume: what the parts' hulls may add before cutting ends
 _SECTORS = 12
@@ -193,10 +192,11 @@ def _merged(pieces: Sequence[_Piece], volume: float) -> list[manifold3d.Manifold
 
 
 def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The same solid with about `_FACES` faces, which is as good for parts and several times as fast."""
-    if len(mesh.faces) <= _FACES:
+    """The same solid with about 1,500 faces, which is as good for parts and several times as fast."""
+    most = 1500
+    if len(mesh.faces) <= most:
         return mesh
-    coarse = closed_gently(simplified(mesh, _FACES))
+    coarse = closed_gently(simplified(mesh, most))
     return coarse[0] if coarse and 0.9 < coarse[0].volume / mesh.volume < 1.1 else mesh
 
 

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 
 _TIMESTEP = 0.002
-_FRICTION = [0.7, 0.005, 2e-4]  # sliding, torsional m, rolling m
 MERGE_ANGLE = np.deg2rad(16.0)
 MOST_POSES = 12
 _SCHEMA = 2
@@ -45,12 +44,13 @@ def drop_model(model: ObjectModel) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     spec.option.timestep = _TIMESTEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1], friction=_FRICTION)
+    friction = [0.7, 0.005, 2e-4]  # sliding, torsional m, rolling m
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1], friction=friction)
     body = spec.worldbody.add_body(name="object")
     body.add_freejoint(name="object")
     add_to_spec(spec, body, model, visual=False, condim=6)
     for geom in body.geoms:
-        geom.friction = _FRICTION
+        geom.friction = friction
     mj_model = spec.compile()
     mj_model.dof_damping[3:6] = np.trace(model.inertia) / 3 / 0.3  # a spin ends in 0.3 s
     return mj_model

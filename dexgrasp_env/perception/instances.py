@@ -22,7 +22,6 @@ MOST_EXTENT = 0.35
 """m of the longest side: what is longer is a wall, a bin, furniture."""
 _LINK = 2.45  # cells, across a seam
 _STEP = 1.3  # cells from a level side at which it is looked what stands before and behind it
-_DOUBT = 0.5  # that a seam is off what parts and what joins, within which it is doubtful
 
 
 MAY_BE_TWO = "may be two objects, or a part of the next"
@@ -204,10 +203,11 @@ def _join(
                 seams[i][k] = seams[k][i] = new = part + old[0], link + old[1]
                 heapq.heappush(heap, (new[0] / new[1], i, k, new[1]))
         seams[j] = {}
-    doubtful = weakest > -_DOUBT
+    doubt = 0.5  # that a seam is off what parts and what joins, within which it is doubtful
+    doubtful = weakest > -doubt
     for i, own in enumerate(seams):
         doubtful[i] |= any(
-            part < _DOUBT * link and sizes[j] >= LEAST_POINTS for j, (part, link) in own.items()
+            part < doubt * link and sizes[j] >= LEAST_POINTS for j, (part, link) in own.items()
         )
     return things, doubtful
 

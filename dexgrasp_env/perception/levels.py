@@ -24,8 +24,6 @@ CELL = 0.02
 STEEPEST = np.radians(60.0)  # of a level that is looked for, to say its angle
 _THIN = 0.010  # m, side of cubes of which one point each is judged: a surface counts by its area
 _BAND = (0.003, 0.006)  # m within which the middle of a patch is a level's, at least and at most
-_SHADOW = 4  # cells across that a thing, or its shadow, hides
-_STANDS = 0.012  # m above a level from where on what is there stands on it
 
 
 class Raster(NamedTuple):
@@ -135,7 +133,8 @@ def _connected(points: Array, near: Mask, plane: Plane, band: float) -> tuple[Le
     from scipy.ndimage import binary_closing, binary_fill_holes
 
     cells = cells_at(points[near])
-    raster = Raster.of(cells, _SHADOW)
+    shadow = 4  # cells across that a thing, or its shadow, hides
+    raster = Raster.of(cells, shadow)
     pieces = raster.pieces()
     sizes = np.bincount(pieces.ravel())
     sizes[0] = 0
@@ -146,7 +145,7 @@ def _connected(points: Array, near: Mask, plane: Plane, band: float) -> tuple[Le
     largest = np.argwhere(pieces == sizes.argmax())
     if whole is None or np.ptp(largest, axis=0).min() * CELL < 0.14:  # m: faces of objects
         return None, near
-    floor = binary_fill_holes(binary_closing(kept, np.ones((3, 3)), _SHADOW))
+    floor = binary_fill_holes(binary_closing(kept, np.ones((3, 3)), shadow))
     return Level(whole, raster.cells(kept), raster.cells(floor)), held
 
 
@@ -167,8 +166,9 @@ def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = N
     heights = np.array([one.plane.heights(some) for one in tables])
     under = np.array([over(one.floor, some) for one in tables]) & (heights > 0.0)
     gaps = np.where(under, heights, np.inf)
-    free = (np.abs(heights) > _STANDS).all(0) | (meant is not None and len(meant) > 0)
-    standing = free & (gaps.min(0) > _STANDS) & (gaps.min(0) < 0.30)
+    stands = 0.012  # m above a level from where on what is there stands on it
+    free = (np.abs(heights) > stands).all(0) | (meant is not None and len(meant) > 0)
+    standing = free & (gaps.min(0) > stands) & (gaps.min(0) < 0.30)
     counts = np.bincount(gaps.argmin(0)[standing], minlength=len(tables))
     level = np.array([one.plane.normal[2] > np.cos(np.radians(3.0)) for one in tables])
     weights = np.where(level, 1.5, 1.0) * (counts if counts.any() else [one.area for one in tables])

@@ -13,7 +13,6 @@ from dexgrasp_env.perception.levels import CELL, Level, Raster, cells_at, over
 from dexgrasp_env.perception.neighbourhoods import linked
 
 _MORE = 0.003  # m that boxes reach beyond what is seen
-_SQUARE = 0.04  # m, side of the columns of what hangs, which is seen thinly
 
 
 class Obstacles(NamedTuple):
@@ -55,8 +54,9 @@ def find_obstacles(points: Array, levels: Sequence[Level], within: float, robot:
         if on_robot.any():
             note = "what hangs where the robot stands is taken for a part of the robot, and is no obstacle"
         if not on_robot.all():
-            cells, lows, tops = _columns(high[~on_robot], _SQUARE)
-            boxes += _boxes(cells, _SQUARE, lows - _MORE, tops, 0.02)
+            square = 0.04  # m, side of the columns of what hangs, which is seen thinly
+            cells, lows, tops = _columns(high[~on_robot], square)
+            boxes += _boxes(cells, square, lows - _MORE, tops, 0.02)
     return Obstacles(tuple(boxes), held | hangs, note)
 
 

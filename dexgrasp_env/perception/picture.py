@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from dexgrasp_env.perception.plane import Plane
 
 _SIDES = {"from above": (0, 1), "from the right": (0, 2), "from the front": (1, 2)}
-_MARGIN = 0.03  # m around what is drawn
-_TABLE = "#e8dcc8"
 
 
 def save(figure: Any, path: Path) -> Path:
@@ -56,7 +54,8 @@ def scene_picture(path: Path, drawing: Drawing) -> Path:
     about = np.concatenate(seen or [drawing.rest, np.zeros((1, 3))])
     shown = [*drawing.solids.values(), np.zeros((0, 3)) if drawing.hull is None else drawing.hull]
     about = np.concatenate([about, *(triangles.reshape(-1, 3) for triangles in shown)])
-    low, high = about.min(0) - _MARGIN, about.max(0) + _MARGIN
+    margin = 0.03  # m around what is drawn
+    low, high = about.min(0) - margin, about.max(0) + margin
     for k, (name, axes) in enumerate(_SIDES.items()):
         panel = figure.add_subplot(1, len(_SIDES), k + 1, aspect="equal", title=name)
         _draw_side(panel, drawing, list(axes), low, high)
@@ -82,8 +81,9 @@ def _draw_side(panel: Any, drawing: Drawing, axes: list[int], low: Array, high: 
         x[2:], y[1:3] = high[0], high[1]
         n, offset = drawing.plane.normal, drawing.plane.offset
         table = np.stack([x, y, (offset - n[0] * x - n[1] * y) / n[2]], axis=1)
+        table_colour = "#e8dcc8"
         panel.add_collection(
-            PolyCollection([table[:, axes]], facecolor=_TABLE, edgecolor=_TABLE, label="table")
+            PolyCollection([table[:, axes]], facecolor=table_colour, edgecolor=table_colour, label="table")
         )
     for words, triangles in drawing.solids.items():
         panel.add_collection(

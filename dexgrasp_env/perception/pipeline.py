@@ -37,7 +37,7 @@ from dexgrasp_env.perception.plane import (
     table_clearance,
     view_corrections,
 )
-from dexgrasp_env.perception.reasons import NO_PLANE, NOTHING_MARKED, OUT_OF_VIEW, TOO_FEW, NoTargetError
+from dexgrasp_env.perception.reasons import NoTargetError
 from dexgrasp_env.perception.refinement import foot_of, refine_instances, without_skirt
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
@@ -49,8 +49,6 @@ from dexgrasp_env.robot.cell import Cell
 
 COUNT = 1024  # points of an object that is meant, at most
 SIGMAS = 4.5  # points lower than this many times the table's noise, at their depth, are table
-LINK = 0.015  # m: an object's points are linked by steps of at most this
-STRIDE = 7  # every so many-th pixel goes into the fits of the table
 
 
 def segment(
@@ -77,11 +75,11 @@ def segment(
         raise InputError(f"{depths.shape[0]} depth images for {len(cameras)} cameras: valid is one each")
     everything, poses = gather(remove_flying(depths), cameras), np.stack([c.T_world_camera for c in cameras])
     if not len(everything):
-        return Scene(reason=OUT_OF_VIEW, cameras=poses)
-    sparse = everything.select(slice(None, None, STRIDE))
+        return Scene(reason="object_out_of_view", cameras=poses)
+    sparse = everything.select(slice(None, None, 7))  # every seventh pixel is enough for the table
     plane = fit_plane(sparse.points, rng)
     if plane is None:
-        return Scene(reason=NO_PLANE, cameras=poses)
+        return Scene(reason="plane_not_found", cameras=poses)
     corrections = view_corrections(sparse, plane, len(cameras))
     table = level_views(sparse, corrections)
     plane = refine_plane(table.points, plane.normal, plane.offset) or plane
@@ -96,7 +94,7 @@ def _selected(cloud: Cloud, selector: TargetSelector, plane: Plane) -> tuple[Ins
     """Return the things in a cloud, and the number of the one that is meant."""
     marked, near = selector.marks(cloud), selector.near
     if marked is None and near is None:  # there is but one, so that what is near it is of it
-        labels = linked(cloud.points, LINK)
+        labels = linked(cloud.points, 0.015)  # m: an object's points are linked by steps of at most this
         counts = np.bincount(labels, minlength=1)
         return Instances(labels, ("",) * len(counts)), int(counts.argmax())
     instances = segment_instances(cloud, plane)
@@ -143,7 +141,7 @@ def find_object(
             instances, number = instances.with_marked(marked)
             found = above.select(marked)
             if len(found) < MIN_POINTS:
-                raise NoTargetError(NOTHING_MARKED, f"{len(found)} points")
+                raise NoTargetError("nothing_marked", f"{len(found)} points")
             check_reach(found, cell.T_base_world)
         else:
             number = numbers[selector.choose([one for one, _ in objects], len(above), cell.T_base_world)]
@@ -214,7 +212,7 @@ def scene_around(
         rest=seen(cloud.select(~np.isin(instances.labels, numbers)), count=1000),
     )
     if len(target) < MIN_POINTS:
-        return replace(around, reason=TOO_FEW if len(target) else OUT_OF_VIEW)
+        return replace(around, reason="too_few_points" if len(target) else "object_out_of_view")
     return replace(around, target=seen(target, count=COUNT, rng=rng, **said))
 
 

@@ -14,8 +14,6 @@ from dexgrasp_env.poses import least_turn, rigid
 
 TOLERANCE = 0.010  # m within which points are the table's
 _TILT = np.radians(8.0)  # steeper hypotheses are dropped
-_SAMPLES = 1500  # points on which hypotheses are scored
-_COMMON = 0.012  # m: points of a view this close to the plane of all views count as table
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +75,9 @@ def fit_plane(
     near = points[np.abs(points[:, 2]) < off]
     if len(near) < max(min_inliers, 3):
         return None
-    pool = near[rng.integers(len(near), size=_SAMPLES)]
-    drawn = pool[rng.integers(_SAMPLES, size=(triples, 3))]
+    samples = 1500  # points on which hypotheses are scored
+    pool = near[rng.integers(len(near), size=samples)]
+    drawn = pool[rng.integers(samples, size=(triples, 3))]
     normals = np.cross(drawn[:, 1] - drawn[:, 0], drawn[:, 2] - drawn[:, 0])
     length = np.sqrt((normals * normals).sum(-1))
     fit = np.abs(normals[:, 2]) > np.cos(tilt) * np.maximum(length, 1e-12)
@@ -139,10 +138,11 @@ def view_corrections(cloud: Cloud, plane: Plane, views: int) -> Array:
         views: number of cameras.
     """
     corrections = np.tile(np.eye(4), (views, 1, 1))
-    table = np.abs(plane.heights(cloud.points)) < _COMMON
+    common = 0.012  # m: points of a view this close to the plane of all views count as table
+    table = np.abs(plane.heights(cloud.points)) < common
     for k in range(views):
         own = cloud.points[table & (cloud.camera == k)]
-        fit = refine_plane(own, plane.normal, plane.offset, _COMMON, 100)
+        fit = refine_plane(own, plane.normal, plane.offset, common, 100)
         if fit is not None:
             corrections[k] = _onto(fit, plane, own.mean(0))
     return corrections

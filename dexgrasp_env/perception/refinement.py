@@ -29,7 +29,6 @@ _CELL = 0.004  # m, to which points are thinned
 _TOUCH = 0.004  # m between points of one thing
 _HIGH = 0.02  # m over the table of what hangs, or was seen from above alone
 _LOW = 0.02  # quantile of a thing's lowest, and highest, points
-_LEVEL = 0.004  # m, height of a level
 TOP_ONLY = "was seen from above alone: its walls are taken to go straight down"
 HIDDEN = "is hidden in part by another"
 TOUCHES = "touches the next, or is one with it"
@@ -53,7 +52,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances
     numbers = objects_in(cloud.points, labels)
     things = {k: (cloud.points[labels == k], heights[labels == k]) for k in numbers}
     marked = np.where(np.isin(labels, numbers), labels, -1)
-    hidden = _hidden(cloud, everything, plane, marked) if len(things) > 1 else set()
+    hidden = _occluded(cloud, everything, plane, marked) if len(things) > 1 else set()
     doubts = [""] * (labels.max(initial=-1) + 1)
     for k, (points, high) in things.items():
         others = [other for j, (other, _) in things.items() if j != k]
@@ -68,7 +67,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances
     return Instances(labels, tuple(doubts))
 
 
-def _hidden(cloud: Cloud, everything: Cloud, plane: Plane, labels: Index) -> set[int]:
+def _occluded(cloud: Cloud, everything: Cloud, plane: Plane, labels: Index) -> set[int]:
     """Return the things that others hide in part from the only camera; none where there are several."""
     over = plane.heights(everything.points)
     upright, raised = (np.c_[c.points[:, :2], plane.heights(c.points)] for c in (everything, cloud))
@@ -140,11 +139,12 @@ def may_be_two(points: Array, heights: Array) -> bool:
 
 def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index:
     """Return labels (N,) in which what stands on a level top of a thing is another."""
-    steps = np.floor(heights[mine] / _LEVEL).astype(int)
+    level = 0.004  # m, height of a level
+    steps = np.floor(heights[mine] / level).astype(int)
     counts = np.bincount(steps)
     best, least = labels, 0.05  # share of either part that may be deep
     for step in np.flatnonzero(counts > 2.5 * counts.mean()):  # a top fills its level
-        upper = mine & (heights > (step + 2.5) * _LEVEL)
+        upper = mine & (heights > (step + 2.5) * level)
         lower = mine & ~upper
         if min(upper.sum(), lower.sum()) < LEAST_POINTS or np.ptp(heights[upper]) < LEAST_EXTENT:
             continue

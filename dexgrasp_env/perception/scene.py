@@ -19,7 +19,6 @@ from dexgrasp_env.robot.table import SeenTable
 
 REST = -1
 """The label of points that belong to no object."""
-_LONGEST = 1.001  # of a unit vector in single precision
 
 
 def _none() -> Array:
@@ -52,7 +51,8 @@ class ObjectCloud:
             raise InputError("the points of an object must be finite numbers")
         normals = np.nan_to_num(normals, posinf=0.0, neginf=0.0)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
-        normals = np.where(length > _LONGEST, normals / np.maximum(length, 1.0), normals)
+        # 1.001: the longest unit vector in single precision.
+        normals = np.where(length > 1.001, normals / np.maximum(length, 1.0), normals)
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "normals", normals)
 
@@ -133,7 +133,7 @@ class Scene:
             )
         (points, normals, finite), known = _read(observation, "cloud"), info or {}
         counts = np.asarray(observation["cloud_mask"], dtype=bool) & finite
-        neighbours, rest = _around(observation)
+        neighbours, rest = _read_neighbours(observation)
         return cls(
             ObjectCloud(points[counts], normals[counts]),
             Plane.from_array(observation.get("table_plane", np.zeros(5))),
@@ -143,19 +143,19 @@ class Scene:
             cameras=np.asarray(known.get("perception_T_world_camera", np.zeros((0, 4, 4))), dtype=float),
         )
 
-    def as_observation(self, count: int, around: int = 0) -> Arrays:
+    def as_observation(self, count: int, neighbour_rows: int = 0) -> Arrays:
         """Return the arrays that `of_observation` reads.
 
         Args:
             count: rows of points of the target, a mask saying which hold one.
-            around: rows of points of what stands around it, labels saying of what: a neighbour's number, from 1 on,
+            neighbour_rows: points of what stands around it, labels saying of what: a neighbour's number, from 1 on,
                 `REST` for the rest, 0 for no point. None where it is 0.
         """
         target = _written("cloud", self.target.points, self.target.normals, count) | {
             "cloud_mask": (np.arange(count) < len(self.target)).astype(np.int8),
             "table_plane": Plane.to_array(self.plane).astype(np.float32),
         }
-        if not around:
+        if not neighbour_rows:
             return target
         # Of neighbours and rest, thinned evenly where there are more than `around` points.
         clouds = [*self.neighbours, self.rest]
@@ -163,11 +163,11 @@ class Scene:
             np.concatenate([getattr(c, name) for c in clouds]) for name in ("points", "normals")
         )
         labels = np.array([*range(1, len(clouds)), REST], np.int16).repeat([len(cloud) for cloud in clouds])
-        kept = slice(None, None, max(1, -(-len(points) // around)))
+        kept = slice(None, None, max(1, -(-len(points) // neighbour_rows)))
         return (
             target
-            | _written("around", points[kept], normals[kept], around)
-            | {"around_labels": pad(labels[kept], around)}
+            | _written("around", points[kept], normals[kept], neighbour_rows)
+            | {"around_labels": pad(labels[kept], neighbour_rows)}
         )
 
 
@@ -186,7 +186,7 @@ def _read(observation: Mapping[str, Any], name: str) -> tuple[Array, Array, Mask
     return points, normals, np.isfinite(points).all(axis=1)
 
 
-def _around(observation: Mapping[str, Any]) -> tuple[tuple[ObjectCloud, ...], ObjectCloud]:
+def _read_neighbours(observation: Mapping[str, Any]) -> tuple[tuple[ObjectCloud, ...], ObjectCloud]:
     """Return neighbours and rest of an observation, none where it holds none."""
     if "around" not in observation:
         return (), ObjectCloud()

@@ -13,7 +13,7 @@ from dexgrasp_env.perception.camera_files import CAMERAS_FILE, read_cameras
 from dexgrasp_env.perception.cloud import WORKSPACE_HIGH, WORKSPACE_LOW, Cloud, deproject, inside
 from dexgrasp_env.perception.cloud_files import check_scan, understood
 from dexgrasp_env.perception.detected import in_words
-from dexgrasp_env.perception.reasons import NO_OBJECT, NOTHING_NEAR, OUT_OF_REACH, SEVERAL, NoTargetError
+from dexgrasp_env.perception.reasons import NoTargetError
 from dexgrasp_env.poses import placed
 
 _NEAR = 0.08  # m from the named point to the object
@@ -89,15 +89,17 @@ class TargetSelector:
             NoTargetError: where there is none, none near, or several.
         """
         if not found:
-            raise NoTargetError(NO_OBJECT, f"{points} points above the table")
+            raise NoTargetError("no_object_on_the_table", f"{points} points above the table")
         reachable = [k for k, one in enumerate(found) if _is_in_reach(one)]
         if self.near is not None:
             gaps = [np.linalg.norm(one.points - self.near, axis=1).min() for one in found]
             best = int(np.argmin(gaps))
             if gaps[best] > _NEAR:
-                raise NoTargetError(NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away")
+                raise NoTargetError(
+                    "nothing_near_the_point", f"the nearest is {100 * gaps[best]:.0f} cm away"
+                )
         elif len(reachable) > 1:
-            raise NoTargetError(SEVERAL, _places([found[k] for k in reachable], T_base_world))
+            raise NoTargetError("several_objects", _places([found[k] for k in reachable], T_base_world))
         else:
             best = reachable[0] if reachable else 0
         check_reach(found[best], T_base_world)
@@ -107,7 +109,7 @@ class TargetSelector:
 def check_reach(cloud: Cloud, T_base_world: Array) -> None:
     """Raise `NoTargetError` for an object outside the workspace of the arm."""
     if not _is_in_reach(cloud):
-        raise NoTargetError(OUT_OF_REACH, _places([cloud], T_base_world))
+        raise NoTargetError("out_of_reach", _places([cloud], T_base_world))
 
 
 def _is_in_reach(cloud: Cloud) -> bool:

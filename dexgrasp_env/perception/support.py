@@ -21,15 +21,7 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.levels import Level, choose_level, find_levels
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, refine_plane
-from dexgrasp_env.perception.reasons import (
-    EMPTY,
-    NO_PLANE,
-    TABLE_HEIGHT,
-    TILTED,
-    UNIT,
-    UPSIDE_DOWN,
-    NoTargetError,
-)
+from dexgrasp_env.perception.reasons import NoTargetError
 from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.table import SeenTable
@@ -63,13 +55,15 @@ def near_base(cloud: Cloud) -> Cloud:
         NoTargetError: for a cloud that is next to empty, or not in metres.
     """
     if len(cloud) < MIN_POINTS:
-        raise NoTargetError(EMPTY, f"{len(cloud)} points")
+        raise NoTargetError("empty_cloud", f"{len(cloud)} points")
     if np.median(np.abs(cloud.points).max(axis=1)) > 5.0:  # m
-        raise NoTargetError(UNIT, f"median distance from the base {np.median(np.abs(cloud.points)):.0f}")
+        raise NoTargetError(
+            "unit_is_not_metres", f"median distance from the base {np.median(np.abs(cloud.points)):.0f}"
+        )
     cloud = crop(cloud, (-_ROOM,) * 3, (_ROOM,) * 3)
     cloud = cloud.select(thinned(cloud.points, 0.002))
     if len(cloud) < MIN_POINTS:
-        raise NoTargetError(EMPTY, f"{len(cloud)} points within {_ROOM:g} m of the base")
+        raise NoTargetError("empty_cloud", f"{len(cloud)} points within {_ROOM:g} m of the base")
     return cloud
 
 
@@ -89,13 +83,15 @@ def find_support(cloud: Cloud, rng: Generator, cell: Cell, meant: Mask | None = 
     """
     plane, levels = _find_table(cloud, rng, meant)
     if np.arccos(min(plane.normal[2], 1.0)) > np.radians(20.5):
-        raise NoTargetError(TILTED, f"{np.degrees(np.arccos(plane.normal[2])):.0f} degrees")
+        raise NoTargetError("table_tilted", f"{np.degrees(np.arccos(plane.normal[2])):.0f} degrees")
     flat = cloud.select(np.abs(plane.heights(cloud.points)) < TOLERANCE).points
     offset = float(plane.offset - plane.normal @ cell.base)
     seen = SeenTable(plane.normal, offset, placed(cell.T_base_world, flat[:: len(flat) // 500 + 1]))
     if abs(seen.off(cell.table_height)) > 0.05:  # m: the frame is wrong
         at = cell.table_height + seen.off(cell.table_height)
-        raise NoTargetError(TABLE_HEIGHT, f"found at z = {at:.3f} m, the cell has {cell.table_height:g} m")
+        raise NoTargetError(
+            "table_not_at_base_height", f"found at z = {at:.3f} m, the cell has {cell.table_height:g} m"
+        )
     there = cell.seeing(seen)
     T = there.T_world_base @ cell.T_base_world
     level = Plane(np.array([0.0, 0.0, 1.0]), 0.0, plane.rms)
@@ -145,17 +141,19 @@ def _find_table(cloud: Cloud, rng: Generator, meant: Mask | None) -> tuple[Plane
     levels = find_levels(pool.points, rng, 0.30)
     level = choose_level(levels, pool.points, None if meant is None else cloud.points[meant])
     if level is None:
-        raise NoTargetError(NO_PLANE, "what is level is an object's" if len(pool) > MIN_POINTS else "")
+        raise NoTargetError(
+            "plane_not_found", "what is level is an object's" if len(pool) > MIN_POINTS else ""
+        )
     levels = [level, *(one for one in levels if one is not level)]
     others = np.array([np.abs(one.plane.heights(pool.points)) for one in levels[1:]])
     own = np.abs(level.plane.heights(pool.points))
     nearest = pool.points[(own <= others).all(0)] if len(others) else pool.points
     plane = refine_plane(nearest, level.plane.normal, level.plane.offset, min_inliers=100) or level.plane
     if not _reaches_beyond(pool, plane):
-        raise NoTargetError(NO_PLANE, "what is level is an object's")
+        raise NoTargetError("plane_not_found", "what is level is an object's")
     elsewhere = pool.select(np.asarray((others > TOLERANCE).all(0))) if len(others) else pool
     if (below := _below(elsewhere, plane)) > 0.5:
-        raise NoTargetError(UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table")
+        raise NoTargetError("upside_down", f"{100 * below:.0f} % of what is off the table")
     return plane, levels
 
 

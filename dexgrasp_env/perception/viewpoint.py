@@ -5,9 +5,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Index, Mask, unit
 
 _SQUARE, _AROUND = 0.008, 0.25  # m, side of squares of the table that are seen or in shadow; m around things
-_MOST = 3000  # points that throw shadows
 _HALF = 120  # pixels, of 5 mm at the things, half the side of an image of them
-_NOTHING = -2  # in a pixel without a ray
 
 
 def find_viewpoint(above: Array, table: Array) -> Array | None:
@@ -24,7 +22,8 @@ def find_viewpoint(above: Array, table: Array) -> Array | None:
 
     low, high = above[:, :2].min(0) - _AROUND, above[:, :2].max(0) + _AROUND
     shape = np.ceil((high - low) / _SQUARE).astype(int)
-    points = above[:: max(1, len(above) // _MOST)]
+    most = 3000  # points that throw shadows
+    points = above[:: max(1, len(above) // most)]
     middle, top = points.mean(0), points[:, 2].max()
 
     def drawn(flat: Array) -> Mask:
@@ -48,7 +47,7 @@ def find_viewpoint(above: Array, table: Array) -> Array | None:
         return float((shadow & unseen).sum() / max((shadow | unseen).sum(), 1)) * (eye[2] > top)
 
     try:
-        outline = Delaunay(table[:: max(1, len(table) // _MOST), :2])
+        outline = Delaunay(table[:: max(1, len(table) // most), :2])
     except (QhullError, ValueError):
         return None
     squares = low + _SQUARE * (np.indices(shape).reshape(2, -1).T + 0.5)
@@ -79,7 +78,8 @@ def hidden_in_part(points: Array, labels: Index, eye: Array) -> set[int]:
     near = (np.abs(pixels) < _HALF).all(1)
     order = np.argsort(-far[near])  # what is nearer comes last, and stays
     where = tuple(pixels[near][order].T + _HALF)
-    depth, thing = np.full((2 * _HALF, 2 * _HALF), np.inf), np.full((2 * _HALF, 2 * _HALF), _NOTHING)
+    nothing = -2  # in a pixel without a ray
+    depth, thing = np.full((2 * _HALF, 2 * _HALF), np.inf), np.full((2 * _HALF, 2 * _HALF), nothing)
     depth[where], thing[where] = far[near][order], labels[near][order]
     hidden = np.zeros_like(thing, bool)
     for axis, way in ((0, 1), (0, -1), (1, 1), (1, -1)):
@@ -88,5 +88,5 @@ def hidden_in_part(points: Array, labels: Index, eye: Array) -> set[int]:
             other = np.roll(thing, step, axis)
             met = blind & (other >= 0) & (other != thing)
             hidden |= met & (depth > np.roll(depth, step, axis) + 0.01)
-            blind &= (other == _NOTHING) | (other == thing)
+            blind &= (other == nothing) | (other == thing)
     return set(np.flatnonzero(np.bincount(thing[hidden], minlength=1) >= 8).tolist())

@@ -15,12 +15,11 @@ from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.rebuilt import FLANGE, about, placed
 
-_CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
 WRIST = 3
 """Joints before the palm: more are an arm's."""
 
 
-class Told(NamedTuple):
+class NamedParts(NamedTuple):
     """Parts of a hand that its user names, where guesses are wrong."""
 
     palm: str | None = None
@@ -45,7 +44,7 @@ def frame_entry(T_body: Array, T: Array) -> dict[str, list[float]]:
 class HandMaker(Part):
     """Finds palm, fingers, tips of a hand's description."""
 
-    def __init__(self, path: Path, told: Told | None = None) -> None:
+    def __init__(self, path: Path, named: NamedParts | None = None) -> None:
         """Look at it.
 
         Raises:
@@ -55,7 +54,7 @@ class HandMaker(Part):
         self.couplings, still, notes = couplings(self.model, path)
         self.notes += notes
         self.held: list[str] = []
-        self.told = told or Told()
+        self.named = named or NamedParts()
         self._check_told()
         self.palm = self._find_palm()
         self.chains = self._find_fingers(set(self.joint_ids(still)))
@@ -135,12 +134,12 @@ class HandMaker(Part):
         thumb = self.linkages + int(np.argmin(unlike))  # points and faces least as the others do
         ends = [self.model.body(chain[-1]).name for chain in self.chains]
         first, second = np.sort(unlike)[:2]
-        if self.told.thumb:
-            body = self.model.body(self.told.thumb).id
+        if self.named.thumb:
+            body = self.model.body(self.named.thumb).id
             named = [any(self.hangs_on(body, own) for own in chain) for chain in self.chains]
             if not any(named):
                 raise InputError(
-                    f"--thumb {self.told.thumb} is no body of a finger: fingers end in {', '.join(ends)}"
+                    f"--thumb {self.named.thumb} is no body of a finger: fingers end in {', '.join(ends)}"
                 )
             thumb = named.index(True)
         elif second - first < 0.5:  # another finger faces nearly as little as the others do
@@ -156,7 +155,7 @@ class HandMaker(Part):
     def _check_told(self) -> None:
         """Refuse names of no body."""
         known = [self.model.body(b).name for b in range(1, self.model.nbody)]
-        for name in filter(None, (self.told.palm, self.told.thumb, *self.told.flip)):
+        for name in filter(None, (self.named.palm, self.named.thumb, *self.named.flip)):
             if name not in known:
                 raise unknown_name("body", name, known)
 
@@ -172,7 +171,7 @@ class HandMaker(Part):
 
     def _find_palm(self) -> int:
         """Return the body that bears the fingers: the one that the user names, or the first that branches."""
-        body = self.model.body(self.told.palm).id if self.told.palm else self.branching()
+        body = self.model.body(self.named.palm).id if self.named.palm else self.branching()
         above = [b for b in bearers(self.model, body)[::-1] if self.model.body_jntnum[b]]
         self.held = self.names(above)[1]
         if len(self.held) > WRIST:
@@ -230,7 +229,7 @@ class HandMaker(Part):
         low, high = self.ranges([j])[0]
         flexing = axis if high > -low else -axis
         name = self.model.body(chain[-1]).name
-        if name in self.told.flip:
+        if name in self.named.flip:
             flexing = -flexing
         elif abs(high + low) < 0.2 * (high - low):  # it bends as far to either side
             self.notes.append(
@@ -282,7 +281,7 @@ class HandMaker(Part):
             fingers.append(stated({
                 "name": names[k], "joints": own, "bodies": bodies, "tip": f"{names[k]}_tip",
                 "frame": frame_entry(self.pose(chain[-1]), self.tip(k)),
-                "aside": self._aside(k, self.bases[near].mean(0)) if idle else (),
+                "aside": self._tucked(k, self.bases[near].mean(0)) if idle else (),
             }))  # fmt: skip
         # How far the last links reach back from their ends, m.
         lengths = [np.ptp(self.points(chain[-1]) @ self.tip(k)[:3, 2]) for k, chain in enumerate(self.chains)]
@@ -297,7 +296,7 @@ class HandMaker(Part):
             "mounts": {"palm_normal": self._mount()},
         })  # fmt: skip
 
-    def _aside(self, k: int, others: Array) -> list[float]:
+    def _tucked(self, k: int, others: Array) -> list[float]:
         """Return the posture (n,) rad of an idle finger: straight, spread away from the bases of the others (3,) m."""
         joints = self.model.body_jntadr[self.chains[k]]
         low, high = self.ranges(joints).T
@@ -319,12 +318,13 @@ class HandMaker(Part):
             }
             for own in self.tendons().values()
         ]
+        curled = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
         for tendon in tendons:
             last = joints.index(tendon["joints"][-1])
-            limits["upper"][last] = min(limits["upper"][last], _CURLED)
+            limits["upper"][last] = min(limits["upper"][last], curled)
         narrow(joints, limits, self.couplings)
         if tendons:
-            self.notes.append(f"hand upper: last joints of tendons end at {_CURLED} rad")
+            self.notes.append(f"hand upper: last joints of tendons end at {curled} rad")
         if self.couplings:
             pairs = ", ".join(f"{own.joint} = {own.ratio:.4g} {own.follows}" for own in self.couplings)
             self.notes.append(f"hand couplings: {pairs}")

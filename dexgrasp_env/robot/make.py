@@ -12,7 +12,7 @@ from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.robot.description import bearers, pose_of
-from dexgrasp_env.robot.hand_maker import WRIST, HandMaker, Told, frame_entry, stated
+from dexgrasp_env.robot.hand_maker import WRIST, HandMaker, NamedParts, frame_entry, stated
 from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.postures import (
@@ -25,8 +25,6 @@ from dexgrasp_env.robot.postures import (
 from dexgrasp_env.robot.rebuilt import about, compiled
 from dexgrasp_env.robot.recipes import Recipe
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
-
-_FEWEST = 4  # joints of an arm: fewer bring no palm over a table
 
 
 def _gripper_entry(maker: HandMaker, entry: Fields) -> Fields:
@@ -42,13 +40,13 @@ def _gripper_entry(maker: HandMaker, entry: Fields) -> Fields:
     return entry | stated({"excluded": [*dict.fromkeys([*rigid_pairs, *near])]})
 
 
-def hand_entry(path: Path, told: Told | None = None) -> tuple[Fields, list[str]]:
+def hand_entry(path: Path, named: NamedParts | None = None) -> tuple[Fields, list[str]]:
     """Return what a hand's file says of a description, and what was assumed.
 
     Raises:
         InputError: for what is no hand of two fingers or more.
     """
-    maker = HandMaker(path, told)
+    maker = HandMaker(path, named)
     entry = maker.entry()
     if maker.jaws:
         return _gripper_entry(maker, entry), maker.notes
@@ -100,8 +98,9 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     bodies, joints = part.names(chain)
     if any(m.joint(name).type[0] != mujoco.mjtJoint.mjJNT_HINGE for name in joints):
         raise InputError(f"{path} has an arm whose joints slide: valid is an arm of hinges")
-    if len(joints) < _FEWEST:
-        raise InputError(f"{path} is an arm of {len(joints)} joints: valid are {_FEWEST} or more")
+    fewest = 4  # joints of an arm: fewer bring no palm over a table
+    if len(joints) < fewest:
+        raise InputError(f"{path} is an arm of {len(joints)} joints: valid are {fewest} or more")
     if root[0] in chain:
         raise InputError(
             f"{path}: the first body turns: valid is a base that stands still, and the arm on it"
@@ -143,7 +142,11 @@ def _reach(part: Part, flange: Array, last: int, shoulder: int) -> float:
 
 
 def make_robot(
-    hand: Path | None, arm: Path | None, out: Path, told: Told | None = None, recipe: Recipe | None = None
+    hand: Path | None,
+    arm: Path | None,
+    out: Path,
+    named: NamedParts | None = None,
+    recipe: Recipe | None = None,
 ) -> list[str]:
     """Write a robot's file, and beside it its hand's and its arm's where they are given as URDF or MJCF.
 
@@ -151,7 +154,7 @@ def make_robot(
         hand: its description, or a hand's file; None for our Allegro.
         arm: its description, or an arm's file; None for our Panda.
         out: the robot's file to be.
-        told: parts of the hand that the user names.
+        named: parts of the hand that the user names.
         recipe: of the hand.
 
     Returns:
@@ -169,7 +172,7 @@ def make_robot(
             if kind == "arm":
                 content, said = arm_entry(path)
             else:
-                content, said = hand_entry(path, told or (recipe.told if recipe else None))
+                content, said = hand_entry(path, named or (recipe.named if recipe else None))
             if recipe is not None and kind == "hand":
                 content = recipe.changed(content)
                 said.append(

@@ -12,9 +12,6 @@ from dexgrasp_env.robot.model import bodies_apart, joints_between, posed, swept
 from dexgrasp_env.robot.rebuilt import FLANGE
 from dexgrasp_env.robot.robot import Arm, Hand
 
-_ALWAYS = 0.01  # m within which bodies that need not collide always are
-_TOUCHING = 0.002  # m: bodies that never come so near need not be excluded
-
 
 def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
     """Return the posture (h,) rad in which the tips of a grasp face each other best in front of the palm.
@@ -41,7 +38,7 @@ def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, boo
     (low, high), (C, c) = hand.joints.ranges, hand.free
     drawn = np.clip(drawn @ C.T + c, low, high)
     merits = np.array(
-        [_merit(hand, data) - 2.0 * _strain(data.qpos, low, high).mean() for data in swept(model, drawn)]
+        [_dexterity(hand, data) - 2.0 * _strain(data.qpos, low, high).mean() for data in swept(model, drawn)]
     )
     for k in np.argsort(-merits)[:200]:
         data = posed(model, drawn[k])
@@ -61,25 +58,25 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
         model: of the hand alone, frames as here.
     """
     number = {name: model.body(name).id for name in hand.bodies}
+    always = 0.01  # m within which bodies that need not collide always are
     near = {
-        (a, b): _ALWAYS
-        for a, b in combinations(hand.bodies, 2)
-        if model.body_parentid[number[b]] != number[a]
+        (a, b): always for a, b in combinations(hand.bodies, 2) if model.body_parentid[number[b]] != number[a]
     }
     # Links with two joints between them are counted where they touch: in half of the postures is too often.
     joined = {pair: 0 for pair in near if len(joints_between(model, *(number[name] for name in pair))) <= 2}
     count = 300
     drawn = np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (count, model.nq))
+    touching = 0.002  # m: bodies that never come so near need not be excluded
     for data in swept(model, drawn @ hand.free[0].T + hand.free[1]):
         for a, b in near.keys() | joined.keys():
-            apart = bodies_apart(data, number[a], number[b], _ALWAYS)
+            apart = bodies_apart(data, number[a], number[b], always)
             if (a, b) in joined:
-                joined[a, b] += apart < _TOUCHING
+                joined[a, b] += apart < touching
             if (a, b) in near:
                 near[a, b] = min(apart, near[a, b])
-                if not -0.004 < apart < _ALWAYS:  # m: deeper in each other they are no neighbours
+                if not -0.004 < apart < always:  # m: deeper in each other they are no neighbours
                     del near[a, b]
-    found = {pair for pair, least in near.items() if least < _TOUCHING}
+    found = {pair for pair, least in near.items() if least < touching}
     found |= {pair for pair, often in joined.items() if often > 0.5 * count}
     return tuple(sorted(found))
 
@@ -134,7 +131,7 @@ def _strain(q: Array, low: Array, high: Array) -> Array:
     return ((q - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2
 
 
-def _merit(hand: Hand, data: mujoco.MjData) -> float:
+def _dexterity(hand: Hand, data: mujoco.MjData) -> float:
     sites = [data.site(hand.finger(name).tip) for name in hand.grasp]
     tips, frames = np.array([s.xpos for s in sites]), np.array([s.xmat.reshape(3, 3) for s in sites])
     between = tips[1:].mean(0) - tips[0]

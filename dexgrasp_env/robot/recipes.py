@@ -8,7 +8,7 @@ from typing import Any
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.robot.hand_maker import Told
+from dexgrasp_env.robot.hand_maker import NamedParts
 from dexgrasp_env.robot.robot_file import read_content
 from dexgrasp_env.valid import Names, Word, read
 
@@ -21,7 +21,7 @@ class Recipe:
         source: repository (owner/name) or maker of the description.
         file: path of it in there.
         hand: settings of the hand's file that replace what the description states; one number is for every joint.
-        palm, thumb, flip: see `Told`.
+        palm, thumb, flip: see `NamedParts`.
         why: the reason for these.
     """
 
@@ -34,9 +34,9 @@ class Recipe:
     why: str = ""
 
     @property
-    def told(self) -> Told:
+    def named(self) -> NamedParts:
         """Parts of the hand that it names."""
-        return Told(self.palm, self.thumb, self.flip)
+        return NamedParts(self.palm, self.thumb, self.flip)
 
     def changed(self, entry: Fields) -> Fields:
         """Return what a hand's file says with its settings in place of those read.

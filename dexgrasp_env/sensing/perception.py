@@ -53,21 +53,21 @@ class Perception:
         """Return the measured depth images, (cameras, H, W) m. `data` needs current kinematics."""
         return self.sensor.measure(self.rays.render(data), self.cameras, rng)
 
-    def observe(self, data: "mujoco.MjData", rng: Generator, pointing: str | None = None) -> Scene:
+    def observe(self, data: "mujoco.MjData", rng: Generator, target_selection: str | None = None) -> Scene:
         """Measure and segment. `data` needs current kinematics.
 
         Args:
             data: where everything is.
             rng: of sensor and segmentation.
-            pointing: `true`: a mask says which pixels show the object; `perceived`: a point on it is named; `any`: the
-                one nearest to the middle of the workspace is taken; None: the largest thing that is seen.
+            target_selection: `true`: a mask says which pixels show the object; `perceived`: a point on it is named;
+                `any`: the one nearest to the middle of the workspace is taken; None: the largest thing that is seen.
         """
         depths = self.measure(data, rng)
-        pointed: TargetSelector | None
-        if pointing == "any":
+        pointed: TargetSelector | None = None
+        if target_selection == "any":
             pointed = TargetSelector(near=np.mean([WORKSPACE_LOW, WORKSPACE_HIGH], axis=0))
-        else:
-            pointed = None if pointing is None else self._point(data, depths, pointing == "true")
+        elif target_selection:
+            pointed = self._point(data, depths, target_selection == "true")
         return segment(depths, self.believed, rng, self.robot.at(data), pointed)
 
     def _point(self, data: "mujoco.MjData", depths: Single, masked: bool) -> TargetSelector:

@@ -46,7 +46,7 @@ class HeapSettings:
         sky: m: what waits to be dropped falls freely from here, and meets nothing.
         fall: m above the heap from which the next objects fall.
         layer: objects at a time.
-        spread: m off the middle at most of the first; times the root of how many lie.
+        scatter: m off the middle at most of the first; times the root of how many lie.
         edge: m between where they are laid and where they may be.
         timestep: s, of a physics step meanwhile.
         calm_steps: physics steps between two reductions of all speeds.
@@ -62,7 +62,7 @@ class HeapSettings:
     sky: float = 1000.0
     fall: float = 0.01
     layer: int = 3
-    spread: float = 0.025
+    scatter: float = 0.025
     edge: float = 0.08
     timestep: float = 0.004
     calm_steps: int = 5
@@ -103,7 +103,7 @@ def set_out(
         return None
     drawn = np.vstack([pose, *around])
     simulation.place(drawn)
-    astray, poses = _settle(simulation, _REST.spans, STILL), simulation.poses()
+    astray, poses = _come_to_rest(simulation, _REST.spans, STILL), simulation.poses()
     stays = not astray.any() and (np.abs(poses - drawn)[:, :3] <= _REST.sink).all()
     return poses if stays else None
 
@@ -224,7 +224,7 @@ def _drop(simulation: Simulation, pose: Array, rng: Generator) -> Array | None:
     """
     count = 1 + len(simulation.neighbours)
     simulation.place(np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (count, 1)))
-    astray, edge = np.ones(count, bool), _HEAP.spread * np.sqrt(count) + _HEAP.edge
+    astray, edge = np.ones(count, bool), _HEAP.scatter * np.sqrt(count) + _HEAP.edge
     centre = np.clip(pose[:2], _LOW + edge, _HIGH - edge)
     for _ in range(_HEAP.turns):
         _lay(simulation, astray, centre, rng)
@@ -246,7 +246,7 @@ def _lay(simulation: Simulation, which: Mask, centre: Array, rng: Generator) -> 
             quat, poses = spin / np.sqrt((spin * spin).sum()), simulation.poses()
             top = max([0.0, *(highest(hulls[j], poses[j]) for j in lying)])
             own = np.array([*centre, top + _HEAP.fall, *quat])
-            own[:2] += _HEAP.spread * np.sqrt(1 + len(lying)) * spot
+            own[:2] += _HEAP.scatter * np.sqrt(1 + len(lying)) * spot
             own[2] -= rotate(quat, hulls[k])[:, 2].min()
             data.qpos[dof + 7 * k :][:7], data.qvel[dof + 6 * k :][:6] = own, 0.0
             lying.append(k)
@@ -275,7 +275,7 @@ def _strays(simulation: Simulation) -> tuple[Mask, Array]:
 
     That is as an episode ends in which the robot stays home, where all rest; the heap is then left as it begins.
     """
-    astray, begin = _settle(simulation, _HEAP.spans, _REST.creep), simulation.poses()
+    astray, begin = _come_to_rest(simulation, _HEAP.spans, _REST.creep), simulation.poses()
     state, poses = simulation.get_state(), begin
     for _ in range(0 if astray.any() else MAX_EPISODE_STEPS * CONTROL_STEPS // _REST.span):
         simulation.settle(_REST.span)
@@ -295,7 +295,7 @@ def highest(corners: Array, pose: Array) -> float:
 # -- at rest -----------------------------------------------------------------------------------------------------
 
 
-def _settle(simulation: Simulation, spans: int, still: float) -> Mask:
+def _come_to_rest(simulation: Simulation, spans: int, still: float) -> Mask:
     """Settle everything; return which objects (k,) move on by more than `still`, or are where none may be."""
     for _ in range(spans):
         before = simulation.poses()

@@ -18,9 +18,6 @@ from dexgrasp_env.valid import number
 
 TRAY = np.array([[0.20, 0.41, 0.0], [0.76, 0.595, 0.08]])
 """Lowest and highest corner, m, of the space between the tray's walls, as assets/scene/tray.xml has them."""
-_LOST = FAILURES.index("object_lost")
-_FALLEN, _HEAPED = -0.05, 0.25  # m: centres so low are off the table; so high they are not in the tray
-_DERIVED = ("neighbours", "mask", "bin")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,12 +40,13 @@ class ClearSettings(ClutterSettings):
         Raises:
             InputError: as `ClutterSettings.of`, or for what `count` and the tray say already.
         """
-        for name in set(_DERIVED) & set(given):
-            raise unknown_argument(name, [key for key in cls.__dataclass_fields__ if key not in _DERIVED])
+        derived = ("neighbours", "mask", "bin")
+        for name in set(derived) & set(given):
+            raise unknown_argument(name, [key for key in cls.__dataclass_fields__ if key not in derived])
         return super().of(**given)
 
     @property
-    def pointing(self) -> str:
+    def target_selection(self) -> str:
         """Hint by which perception finds an object: any will do."""
         return "any"
 
@@ -63,14 +61,11 @@ class ClearSettings(ClutterSettings):
         return CLEAR_STEPS * self.count
 
 
-_COUNTS = np.dtype([*NEIGHBOURS.descr, ("in_tray", "i8"), ("off_table", "i8")])
-
-
 class ClearEpisodes(ClutterEpisodes):
     """Episodes in which everything goes into the tray."""
 
     task = "clear"
-    task_dtype = _COUNTS
+    task_dtype = np.dtype([*NEIGHBOURS.descr, ("in_tray", "i8"), ("off_table", "i8")])
 
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
@@ -84,8 +79,9 @@ class ClearEpisodes(ClutterEpisodes):
         (qpos, _, sensors), count = where.current, 1 + self.neighbours
         centres = qpos[:, self._alone[0] - 7 :].reshape(len(notes), -1, 7)[:, :, :3]
         held = np.column_stack([sensors[:, self.rules.at[TOUCHING_HAND]], sensors[:, self._alone[1] :]]) > 0
-        inside = ((centres >= TRAY[0]) & (centres <= [*TRAY[1, :2], _HEAPED])).all(axis=2) & ~held
-        fallen = centres[:, :, 2] < _FALLEN
+        # m: centres so high are not in the tray, and so low they are off the table.
+        inside = ((centres >= TRAY[0]) & (centres <= [*TRAY[1, :2], 0.25])).all(axis=2) & ~held
+        fallen = centres[:, :, 2] < -0.05
         before = notes["in_tray"] - notes["off_table"]
         notes["in_tray"], notes["off_table"] = inside.sum(axis=1), fallen.sum(axis=1)
         self.rewards[part] = (notes["in_tray"] - notes["off_table"] - before) / count
@@ -94,7 +90,7 @@ class ClearEpisodes(ClutterEpisodes):
     def endings(self) -> tuple[Mask, Mask]:
         """Return which episodes have terminated, as numbers went wrong, and which are truncated, (N,) each."""
         terminated, truncated = super().endings()
-        return terminated & (self.records["failure"] != _LOST), truncated
+        return terminated & (self.records["failure"] != FAILURES.index("object_lost")), truncated
 
     def more_infos(self) -> Arrays:
         """Return the columns of infos about the objects."""

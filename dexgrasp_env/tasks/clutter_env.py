@@ -67,7 +67,7 @@ class ClutterSettings(LiftSettings):
         }
 
     @property
-    def pointing(self) -> str:
+    def target_selection(self) -> str:
         """Hint by which perception finds the object that is meant."""
         return self.mask
 
@@ -124,7 +124,7 @@ class ClutterEpisodes(Episodes):
     def _of(self) -> Fields:
         return super()._of() | {
             "neighbours": self.neighbours,
-            "mask": self.settings.pointing,
+            "mask": self.settings.target_selection,
             "furniture": self.furniture,
         }
 

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.constants import at_pace
 from dexgrasp_env.valid import number, one_of, read
 
 KINDS = ("none", "pushed", "shaken", "moved", "belt")
 PUSH_STEPS = 10  # control steps of one push, 0.5 s
 PAUSE_STEPS = 4  # control steps between pushes, 0.2 s
-SHAKE_STEPS = 40  # control steps, 2 s
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,10 @@ class Disturbance:
     kind: Annotated[str, one_of(KINDS)] = "none"
     size: Annotated[float, number(ge=0, le=10)] = 1.0
 
+    def __post_init__(self) -> None:
+        if self.kind == "none" and self.size != 1.0:
+            raise InputError(f"disturbance none has size {self.size:g}, which changes nothing: leave it out")
+
     @property
     def moves(self) -> bool:
         """Flag: the object moves before it is grasped."""
@@ -40,7 +44,7 @@ class Disturbance:
     def steps_at(self, frame_skip: int) -> int:
         """Return how long it lasts, control steps of so many physics steps."""
         push, pause = at_pace(PUSH_STEPS, frame_skip), at_pace(PAUSE_STEPS, frame_skip)
-        shaken = at_pace(SHAKE_STEPS, frame_skip)
+        shaken = at_pace(40, frame_skip)  # control steps, 2 s
         return {"pushed": 6 * push + 5 * pause, "shaken": shaken}.get(self.kind, 0)
 
     @classmethod
@@ -48,6 +52,6 @@ class Disturbance:
         """Return a disturbance from its name or a mapping of its attributes.
 
         Raises:
-            InputError: for an unknown kind or key, or a size that is not a number of 0 to 10.
+            InputError: for an unknown kind or key, a size that is not a number of 0 to 10, or one of `none`.
         """
         return read(cls, {"kind": value} if isinstance(value, str) else value, "disturbance")

@@ -97,13 +97,13 @@ class Episodes(EpisodeInfos):
             return spaces.Dict(dict(sorted(parts.items())))
         return spaces.Dict({FLAT: spaces.Box(-FARTHEST, FARTHEST, self._features.shape(parts), np.float32)})
 
-    def told_space(self) -> spaces.Space[Any]:
-        """Return the space of what people are given."""
+    def agent_space(self) -> spaces.Space[Any]:
+        """Return the space of the observations that agents are given."""
         space = self.observation_space()
         return space if self._features is None else space[FLAT]
 
-    def told(self, observation: Arrays) -> Any:
-        """Return an observation as people are given it."""
+    def as_agent_sees(self, observation: Arrays) -> Any:
+        """Return an observation as agents are given it."""
         return observation if self._features is None else observation[FLAT]
 
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> tuple[Simulation, Arrays]:
@@ -122,8 +122,8 @@ class Episodes(EpisodeInfos):
         """
         if not options and self.starts is not None:
             last = self.records[i], self.task_records[i]
-            told = {name: part[name] for part in last for name in part.dtype.names or ()}
-            options = self.starts(i, rng, told)
+            record = {name: part[name] for part in last for name in part.dtype.names or ()}
+            options = self.starts(i, rng, record)
         simulation = self._begin(i, rng, check_options(options, self.options, self.simulations))
         judge = not self.slots[i].resumed
         if judge:

@@ -20,7 +20,6 @@ _LEVEL = np.linspace(0.0, np.pi, 12, endpoint=False)
 _DIRECTIONS = np.stack([np.cos(_LEVEL), np.sin(_LEVEL)])  # (2, 12)
 METRES = 10.0
 """Network units a metre."""
-_NEWTONS = 5.0  # N, about what a tip presses with
 _STEPS = 100.0  # control steps that a unit of time lasts
 _LONGEST = 250  # control steps after which the clock stands still
 FARTHEST = 10.0
@@ -93,7 +92,7 @@ def features(scene: InitialScene, observation: Observation, step: Index | int) -
         _turn(palm[..., :3] - at, turned) * METRES,
         (turned @ quat_to_matrix(palm[..., 3:]))[..., :2].reshape(*shape, 6),
         np.broadcast_to(np.minimum(step, _LONGEST) / _STEPS, shape)[..., None],
-        np.tanh(forces @ back / _NEWTONS).reshape(flat),
+        np.tanh(forces @ back / 5.0).reshape(flat),  # N, about what a tip presses with
         entry(observation, "progress") * [METRES, 1.0],
         _turn(at - scene.origin, turned) * METRES,
         np.broadcast_to(scene.numbers, (*shape, scene.numbers.shape[-1])),

@@ -1,19 +1,16 @@
 """The task of lifting without crushing, DexGrasp/LiftGentle-v0, and its page."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from dexgrasp_env.arrays import Arrays, Mask
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Physics
-from dexgrasp_env.valid import Positive
-
-_CRUSHED = 1.2  # times the largest force that is asked for
+from dexgrasp_env.valid import Positive, one_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,18 +22,9 @@ class GentleSettings(LiftSettings):
     """
 
     max_force: Positive = 8.0
-
-    @classmethod
-    def of(cls, **given: Any) -> LiftSettings:
-        """Check the arguments of the environment.
-
-        Raises:
-            InputError: as `LiftSettings.of`, or for physics whose forces are not looked at between control steps.
-        """
-        settings = super().of(**given)
-        if settings.backend != "mujoco":
-            raise InputError(f"LiftGentle has no backend {settings.backend!r}: valid is mujoco")
-        return settings
+    backend: Annotated[str, one_of(("mujoco",))] = (
+        "mujoco"  # whose forces are looked at in every physics step
+    )
 
     @property
     def agent_info(self) -> dict[str, Any]:
@@ -53,7 +41,7 @@ class GentleEpisodes(Episodes):
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
         assert isinstance(settings, GentleSettings)
-        self._most = _CRUSHED * settings.max_force
+        self._most = 1.2 * settings.max_force  # with more an object is crushed
         for simulation in self.simulations.values():
             simulation.watches_forces = True
 

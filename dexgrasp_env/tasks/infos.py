@@ -36,15 +36,15 @@ class EpisodeInfos:
 
     def info(self, i: int) -> Fields:
         """Return the info of episode `i` alone, plain values; `infos` of one takes a tenth of a step."""
-        told: Fields = {
+        columns: Fields = {
             key: names[value] if names else value
             for (key, (_, names)), value in zip(INFOS.items(), self.info_fields[i].item(), strict=True)
         }
-        told["held_seconds"] *= self.settings.period
+        columns["held_seconds"] *= self.settings.period
         target = self.slots[i].target
-        return told | {
+        return columns | {
             "object": self.simulations[target].object.name if target else "",
-            "mujoco_warnings": warning_names(told["mujoco_warnings"]),
+            "mujoco_warnings": warning_names(columns["mujoco_warnings"]),
             "variation": dict(vars(self.slots[i].variation)),
             "reward_terms": dict(zip(WEIGHTS, self.records["terms"][i].tolist(), strict=True)),
             **{key: values[i : i + 1].tolist()[0] for key, values in self.more_infos().items()},

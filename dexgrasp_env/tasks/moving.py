@@ -17,9 +17,6 @@ MOTION = np.dtype(
 """Motion of an episode's object: control steps after which it starts and ends, m/s along x and y and rad/s about z,
 whether it goes on when the hand touches the object, and what moves in the present control step."""
 MOVE_STEPS = 10  # control steps that a displacement takes, 0.5 s
-_SOONEST, _LATEST = 4, 30  # control steps after which it begins
-_MOST_TURN = math.radians(60.0)
-_FOREVER = 1 << 40  # control steps
 
 
 def draw_motion(disturbance: Disturbance, pose: Array, frame_skip: int, rng: Generator) -> NDArray[np.void]:
@@ -30,17 +27,19 @@ def draw_motion(disturbance: Disturbance, pose: Array, frame_skip: int, rng: Gen
     """
     u, size = rng.random(4), 0.01 * disturbance.size
     if disturbance.kind == "belt":
-        return np.array((0, _FOREVER, (0.0, -math.copysign(size, pose[1]), 0.0), True, np.zeros(3)), MOTION)
+        forever = 1 << 40  # control steps
+        return np.array((0, forever, (0.0, -math.copysign(size, pose[1]), 0.0), True, np.zeros(3)), MOTION)
     seconds = MOVE_STEPS / 20
     speed, direction = size * math.sqrt(u[0]) / seconds, 2.0 * math.pi * u[1]
     twist = [
         speed * math.cos(direction),
         speed * math.sin(direction),
-        (2.0 * u[2] - 1.0) * _MOST_TURN / seconds,
+        (2.0 * u[2] - 1.0) * math.radians(60.0) / seconds,
     ]
     for k, (low, high) in enumerate((PLACE_X, PLACE_Y)):
         twist[k] *= 1.0 if low <= pose[k] + seconds * twist[k] <= high else -1.0
-    starts = at_pace(round(_SOONEST + u[3] * (_LATEST - _SOONEST)), frame_skip)
+    soonest, latest = 4, 30  # control steps after which it begins
+    starts = at_pace(round(soonest + u[3] * (latest - soonest)), frame_skip)
     return np.array((starts, starts + at_pace(MOVE_STEPS, frame_skip), twist, False, np.zeros(3)), MOTION)
 
 

@@ -10,7 +10,6 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.constants import (
     GOAL_STEPS,
     PLACE_X,
@@ -19,7 +18,7 @@ from dexgrasp_env.tasks.constants import (
     WORKSPACE_LOW,
     at_pace,
 )
-from dexgrasp_env.tasks.control import ONCE_MODES
+from dexgrasp_env.tasks.control import DIRECT_MODES
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_SUMS, key_sizes, unbounded
@@ -28,8 +27,6 @@ from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
 from dexgrasp_env.tasks.simulation import Physics, Simulation
 from dexgrasp_env.valid import Rule, check, one_of
-
-_LOWEST, _HIGHEST = np.array([*WORKSPACE_LOW, -1.0]), np.array([*WORKSPACE_HIGH, 1.0])
 
 
 @dataclass(frozen=True)
@@ -60,26 +57,14 @@ class PlaceSettings(LiftSettings):
 
     reward_mode: Annotated[str, one_of(REWARD_MODES)] = "sparse"
     obs_mode: Annotated[str, one_of(OBS_SUMS)] = "state"
-
-    @classmethod
-    def of(cls, **given: Any) -> LiftSettings:
-        """Check the arguments of the environment.
-
-        Raises:
-            InputError: as `LiftSettings.of`, or for whole grasps or a disturbance.
-        """
-        settings = super().of(**given)
-        if settings.control_mode in ONCE_MODES:
-            raise InputError(
-                f"control_mode {settings.control_mode!r} lifts, and brings nothing to a goal: valid are the others"
-            )
-        if settings.disturbance.kind != "none":
-            raise InputError("Place has no disturbance: valid is none")
-        return settings
+    control_mode: Annotated[str, one_of((*DIRECT_MODES, "grasp"))] = "joint_delta"  # whole grasps lift
 
     def needs(self) -> dict[str, tuple[bool, str]]:
         """Return what arguments need; the reward is of goals, not of terms with weights."""
-        return super().needs() | {"reward_weights": (False, "a task whose reward has terms")}
+        return super().needs() | {
+            "reward_weights": (False, "a task whose reward has terms"),
+            "disturbance": (False, "a task of lifting"),
+        }
 
 
 class PlaceEpisodes(Episodes):
@@ -99,7 +84,8 @@ class PlaceEpisodes(Episodes):
     def __init__(self, settings: LiftSettings, number: int) -> None:
         super().__init__(settings, number)
         self._order = list(key_sizes("state", settings.cell.robot))
-        self._goals = spaces.Box(_LOWEST.astype(np.float32), _HIGHEST.astype(np.float32), dtype=np.float32)
+        ends = np.array([[*WORKSPACE_LOW, -1.0], [*WORKSPACE_HIGH, 1.0]], np.float32)
+        self._goals = spaces.Box(*ends, dtype=np.float32)
         self.truncating[FAILURES.index("object_lost")] = True
         self._distances = np.zeros(number)  # m, of the objects' centres to their goals
 

@@ -109,9 +109,6 @@ def _some_pose(value: Any) -> Array:
     return pose
 
 
-_POSE = Rule("7 finite numbers, position in metres and a quaternion wxyz", _some_pose)
-
-
 def check_pose(value: Any, hull: Array, cell: Cell) -> Array:
     """Return a given pose of the object with its quaternion normalised, (7,).
 
@@ -123,7 +120,8 @@ def check_pose(value: Any, hull: Array, cell: Cell) -> Array:
     Raises:
         InputError: if it is malformed, inside the table, beside it, or out of the arm's reach.
     """
-    pose = check("object_pose", value, _POSE)
+    rule = Rule("7 finite numbers, position in metres and a quaternion wxyz", _some_pose)
+    pose = check("object_pose", value, rule)
     x, y, z = pose[:3]
     quat = pose[3:] / np.linalg.norm(pose[3:])
     lowest = z + rotate(quat, hull)[:, 2].min()

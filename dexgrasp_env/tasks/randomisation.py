@@ -98,12 +98,12 @@ def _drawn(word: str) -> tuple[str, float, float]:
     return name, float(low), float(high)
 
 
-def _admit(drawn: Any) -> Any:
+def _validate(drawn: Any) -> Any:
     read(Randomisation, ranges([drawn]), "randomise")
     return drawn
 
 
-_DRAWN = Rule("NAME=LOW:HIGH", _admit, _drawn)
+_DRAWN = Rule("NAME=LOW:HIGH", _validate, _drawn)
 Draws = tuple[Annotated[tuple[str, float, float], _DRAWN, "NAME=LOW:HIGH"], ...]
 """Quantities and the ranges that they are drawn from, as an option states them."""
 

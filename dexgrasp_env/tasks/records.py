@@ -14,7 +14,6 @@ from dexgrasp_env.tasks.settings import WEIGHTS
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
 FAILURES = ("", "object_lost", "simulation_diverged")
 PHASES = ("none", "before", "running", "over")  # of the disturbance
-LONGEST_HOLD = at_pace(HOLD_STEPS, SHORTEST_SKIP)
 
 EPISODE = np.dtype(
     [
@@ -30,7 +29,8 @@ EPISODE = np.dtype(
         # How far it has come.
         ("elapsed", "i8"),  # control steps
         ("held", "i8"),  # consecutive control steps at height, held by the hand alone
-        ("window", "u1", (LONGEST_HOLD,)),  # a ring of the last of them: was it grasped?
+        # A ring of the last of them: was it grasped?
+        ("window", "u1", (at_pace(HOLD_STEPS, SHORTEST_SKIP),)),
         ("grasps", "i8"),  # how often it was
         ("touched", "?"),
         ("lifted", "?"),  # reached LIFT_HEIGHT at some time

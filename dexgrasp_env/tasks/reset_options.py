@@ -10,8 +10,6 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.valid import check
 
-_BEYOND = 1e-3  # rad that single precision may add
-
 
 def check_options(
     options: Mapping[str, Any] | None, known: Collection[str], objects: Collection[str]
@@ -53,7 +51,8 @@ def check_joints(given: Any, robot: Robot) -> Array | None:
     if given is None:
         return None
     joints: Array = check("joints", given, array(robot.dof))
-    beyond = (joints < robot.lower - _BEYOND) | (joints > robot.upper + _BEYOND)
+    rounding = 1e-3  # rad that single precision may add
+    beyond = (joints < robot.lower - rounding) | (joints > robot.upper + rounding)
     if beyond.any():
         names = ", ".join(name for name, off in zip(robot.joints, beyond, strict=True) if off)
         raise InputError(f"joints are beyond the ranges of {names}: valid is within, rad")

@@ -214,7 +214,7 @@ class LiftSettings:
         return self.cell.robot.mount.name
 
     @property
-    def pointing(self) -> str | None:
+    def target_selection(self) -> str | None:
         """Hint by which perception finds the object; None: it is the largest that is seen."""
         return None
 

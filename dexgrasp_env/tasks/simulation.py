@@ -36,8 +36,6 @@ NO_PHYSICS = warning_mask("BADQPOS", "BADQVEL", "BADQACC", "CONTACTFULL", "CNSTR
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
-_FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED | mujoco.mjtState.mjSTATE_XFRC_APPLIED)
-_TOUCH = 1e-4  # m of penetration between object and robot that a pose may have
 
 
 @lru_cache(maxsize=64)
@@ -163,7 +161,7 @@ class Simulation:
         for contact in self.data.contact:
             bodies = [int(self.model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
             other = self.model.body(bodies[1] if bodies[0] == self.body else bodies[0]).name
-            touched = contact.dist <= -_TOUCH and self.body in bodies
+            touched = contact.dist <= -1e-4 and self.body in bodies  # m: less is a touch that a pose may have
             if touched and other in self.cell.robot.bodies:
                 raise InputError(f"object_pose: the robot's {other} is in the way: give a place free of it")
 
@@ -182,7 +180,7 @@ class Simulation:
         spec, control = CONTROL, rows
         if any(map(np.count_nonzero, self._forces)):  # quicker than numpy's any()
             forces = np.concatenate([force.ravel() for force in self._forces])
-            spec |= _FORCES
+            spec |= int(mujoco.mjtState.mjSTATE_QFRC_APPLIED | mujoco.mjtState.mjSTATE_XFRC_APPLIED)
             control = np.dstack([rows, np.broadcast_to(forces, (*rows.shape[:2], len(forces)))])
         watched = self.neighbours or self.watches_forces
         readings = np.zeros((1, rows.shape[1], model.nsensordata)) if watched else None

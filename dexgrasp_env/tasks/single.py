@@ -42,7 +42,7 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
         self.metadata = {**self.metadata, "render_fps": round(1 / self.dt)}
         self._episodes = self.episodes_type(self.settings, 1)
         self._views = self._episodes.views
-        self.action_space, self.observation_space = self._episodes.action_space, self._episodes.told_space()
+        self.action_space, self.observation_space = self._episodes.action_space, self._episodes.agent_space()
         self.simulation = next(iter(self._episodes.simulations.values()))
         if self.settings.backend == "warp":
             from dexgrasp_env.tasks.warp_batch import WarpPhysics
@@ -82,7 +82,7 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
             InputError: before the first reset.
         """
         self.get_state()
-        return self._told(self._episodes.observe(0, self.simulation, copy.deepcopy(self.np_random)))
+        return self._observed(self._episodes.observe(0, self.simulation, copy.deepcopy(self.np_random)))
 
     def step(self, action: Single) -> tuple[Arrays, float, bool, bool, Fields]:
         """Advance 50 ms, or as long as an action stands for.
@@ -113,16 +113,16 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
         self._episodes.look(0, self.data.qpos, lambda: self.simulation, self.np_random, begins)
         if self.render_mode == "human":
             self.render()
-        return self._told(observed)
+        return self._observed(observed)
 
-    def _told(self, observed: Arrays) -> tuple[Arrays, Fields]:
+    def _observed(self, observed: Arrays) -> tuple[Arrays, Fields]:
         """Return the observation and the info, both with what cameras saw last: callers may write to that."""
         view = self._episodes.slots[0].view
         observation, info = {key: values[0] for key, values in observed.items()}, self._episodes.info(0)
         if view.seen:
             seen, about = copy.deepcopy((view.seen, view.info))
             observation, info = dict(sorted((observation | seen).items())), info | about
-        return self._episodes.told(observation), info
+        return self._episodes.as_agent_sees(observation), info
 
     def get_state(self) -> EpisodeState:
         """Return everything that the running episode's future depends on.

@@ -20,7 +20,6 @@ _LATEST, _BACK = 0.9, 0.1  # shares of a way: where episodes begin at first, wha
 _WON, _OF = 0.6, 50  # share of the last so many episodes from the front that succeed before it moves back
 SHIPPED = "pregrasps"
 """What stands for the pre-grasps that are shipped."""
-_SHARE = number(ge=0, le=1)
 
 
 class ReverseStarts(ABC):
@@ -33,7 +32,8 @@ class ReverseStarts(ABC):
     """
 
     def __init__(self, whole: float = 0.2, front: float = _LATEST) -> None:
-        self.whole, self.front = check("whole", whole, _SHARE), check("front", front, _SHARE)
+        share = number(ge=0, le=1)
+        self.whole, self.front = check("whole", whole, share), check("front", front, share)
         self._recent: deque[bool] = deque(maxlen=_OF)
         self._won = "solved", 1  # what a record says of an episode that succeeded, at least
         self._near: dict[int, bool] = {}

@@ -106,7 +106,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         else:
             self._physics = BatchPhysics(self._episodes, threads)
         self.single_action_space = self._episodes.action_space
-        self.single_observation_space = self._episodes.told_space()
+        self.single_observation_space = self._episodes.agent_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs, self._drawn_from = map(
@@ -334,7 +334,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
                 self._observation[key][part] = values
 
     def _observations(self) -> Any:
-        return self._episodes.told({key: values.copy() for key, values in self._observation.items()})
+        return self._episodes.as_agent_sees({key: values.copy() for key, values in self._observation.items()})
 
     def _infos(self) -> Fields:
         """Return the infos of the episodes, those of cameras too, with their masks."""

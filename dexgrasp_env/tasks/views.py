@@ -112,12 +112,12 @@ class CameraObserver:
             "perception_failure": "",
         }
         if self._settings.obs_mode.endswith("pointcloud"):
-            pointing = self._settings.pointing
-            scene = perception.observe(simulation.data, rng, pointing)
+            target_selection = self._settings.target_selection
+            scene = perception.observe(simulation.data, rng, target_selection)
             info["perception_failure"] = scene.reason or ""
-            if pointing:
+            if target_selection:
                 info["perception_doubtful"] = bool(scene.target.doubt)
-            return scene.as_observation(COUNT, AROUND_POINTS if pointing else 0), info
+            return scene.as_observation(COUNT, AROUND_POINTS if target_selection else 0), info
         depth = perception.measure(simulation.data, rng)
         views: Arrays = {"depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)}
         if self._settings.obs_mode.endswith("rgbd"):

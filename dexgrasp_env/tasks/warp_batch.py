@@ -24,7 +24,6 @@ with from_extra():
 ROWS, CONTACTS = 128, 32
 """Room of a world for constraints, of which random actions reach 87, and contacts, of which they have 24."""
 _STATE = ("qpos", "qvel", "ctrl", "qacc_warmstart")
-_TOO_LARGE = 1e10  # mjMAXVAL
 
 
 class WarpPhysics:
@@ -160,9 +159,10 @@ class WarpPhysics:
         self._fetch()
         overflow = self._data.overflow.numpy()
         of_rows = int(mjw.OverflowType.NEFC | mjw.OverflowType.NJMAX_NNZ)
+        most = 1e10  # mjMAXVAL
         found = {
-            "BADQPOS": ~(np.abs(self._host["qpos"]) < _TOO_LARGE).all(axis=1),
-            "BADQVEL": ~(np.abs(self._host["qvel"]) < _TOO_LARGE).all(axis=1),
+            "BADQPOS": ~(np.abs(self._host["qpos"]) < most).all(axis=1),
+            "BADQVEL": ~(np.abs(self._host["qvel"]) < most).all(axis=1),
             "CNSTRFULL": overflow & of_rows != 0,
             "CONTACTFULL": overflow & ~of_rows != 0,
         }

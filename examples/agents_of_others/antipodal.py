@@ -20,10 +20,6 @@ from dexgrasp.motion.to_pose import Pinch, plan_to_pose
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.tasks.control import normalise
 
-FRICTION = 0.4
-PAIRS = 40  # the best that are tried
-LOWEST = 0.015  # m, pads above the table
-
 
 class Antipodal(Agent):
     """Closes two pads on the pair of points that opposes best, from the approach nearest to the vertical."""
@@ -68,13 +64,13 @@ def best_pairs(points: np.ndarray, normals: np.ndarray, widest: float) -> Iterat
     facing = np.minimum(-(line * normals[:, None]).sum(-1), (line * normals[None]).sum(-1))
     middle = 0.5 * (points[None] + points[:, None])
     off = np.linalg.norm(middle - points.mean(0), axis=-1)
-    low = np.minimum(points[:, None, 2], points[None, :, 2]) < LOWEST
+    low = np.minimum(points[:, None, 2], points[None, :, 2]) < 0.015  # m above the table
     score = (
         facing
         - 5.0 * off
-        - np.where((facing < 1.0 / np.hypot(1.0, FRICTION)) | (width > widest) | low, 9.0, 0.0)
+        - np.where((facing < 1.0 / np.hypot(1.0, 0.4)) | (width > widest) | low, 9.0, 0.0)  # friction 0.4
     )
-    for k in np.argsort(-score, axis=None)[:PAIRS]:
+    for k in np.argsort(-score, axis=None)[:40]:  # the best
         i, j = np.unravel_index(k, score.shape)
         if score[i, j] > -5.0:
             yield points[[i, j]]

@@ -23,8 +23,6 @@ from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 
 _ID = "DexGrasp/Lift-v2"
-_TURN = 5  # control steps
-_ENVS = 16
 
 
 @dataclass(frozen=True)
@@ -71,12 +69,13 @@ def run(quick: bool = False) -> Fields:
             if recording is not None:
                 cases[f"{name}, {motion}"] = _compare(recording, rounds)
     ratios = [case["ratio"] for case in cases.values()]
-    envs = gym.make_vec(_ID, num_envs=_ENVS, objects=list(objects), threads=1)
-    many = _compare(_record(envs, _random(20 if quick else 40, _ENVS)), rounds)
+    number = 16
+    envs = gym.make_vec(_ID, num_envs=number, objects=list(objects), threads=1)
+    many = _compare(_record(envs, _random(20 if quick else 40, number)), rounds)
     return {
         **cases,
         "all": {"ratio": np.median(ratios), "least_ratio": min(ratios)},
-        f"vector, {_ENVS} environments, 1 thread": many,
+        f"vector, {number} environments, 1 thread": many,
     }
 
 
@@ -187,12 +186,13 @@ def _round(recording: Recording) -> list[float]:
     env.reset(seed=recording.seed)
     sides = (partial(_run_env, env), actions), (raw.run, recording.controls)
     seconds = [0.0, 0.0]
-    for turn, first in enumerate(range(0, len(actions), _TURN)):
+    turn_steps = 5  # control steps
+    for turn, first in enumerate(range(0, len(actions), turn_steps)):
         # Who comes first finds the caches cold: that alternates too.
         for which in (0, 1) if turn % 2 else (1, 0):
             run_part, rows = sides[which]
             start = time.process_time()
-            run_part(rows[first : first + _TURN])
+            run_part(rows[first : first + turn_steps])
             seconds[which] += time.process_time() - start
     raw.check(env)
     return seconds

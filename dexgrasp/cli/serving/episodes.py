@@ -15,9 +15,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.valid import NATURAL, check
 
-EPISODE = ("reset", "seed", "info", "prompt")
-"""Keys of a message that are no observations."""
-
 
 class Episodes:
     """Agents of one name, one for each connection."""
@@ -97,7 +94,8 @@ class Episodes:
         return agent
 
     def _observation(self, message: Fields) -> Arrays:
-        given = {key: np.asarray(value) for key, value in message.items() if key not in EPISODE}
+        besides = ("reset", "seed", "info", "prompt")
+        given = {key: np.asarray(value) for key, value in message.items() if key not in besides}
         parts = self._space.spaces if isinstance(self._space, gym.spaces.Dict) else {}
         for key, value in given.items():
             if value.dtype.kind not in "biuf":

@@ -36,8 +36,6 @@ _OF_SERVER = (
 )
 """Options of the command that a client cannot give: they are the server's, name files, or come as arrays."""
 
-_MOST_CORNERS = 200_000  # of a mesh that is sent
-
 
 def _numbers(shape: tuple[int | None, ...], words: str) -> Rule:
     def validate(value: Any) -> NDArray[Any]:
@@ -52,9 +50,6 @@ def _numbers(shape: tuple[int | None, ...], words: str) -> Rule:
 
 
 _REGIONS = several(Rule("a text or a mask", lambda said: said if isinstance(said, str) else np.asarray(said)))
-_IMAGE = _numbers((None, None), "an array (H, W) of numbers")
-_MATRIX = _numbers((3, 3), "3 x 3 numbers")
-_POSE = Rule("a pose: 4 x 4 numbers, or x y z qw qx qy qz", pose_of)
 
 
 class _Sent(Plan):
@@ -74,9 +69,9 @@ class _Sent(Plan):
 
     name: str = ""
     points: Any = None
-    depth: Annotated[Any, _IMAGE] = None
-    K: Annotated[Any, _MATRIX] = None
-    T_base_camera: Annotated[Any, _POSE] = None
+    depth: Annotated[Any, _numbers((None, None), "an array (H, W) of numbers")] = None
+    K: Annotated[Any, _numbers((3, 3), "3 x 3 numbers")] = None
+    T_base_camera: Annotated[Any, Rule("a pose: 4 x 4 numbers, or x y z qw qx qy qz", pose_of)] = None
     marked: Any = None
     vertices: Annotated[Any, _numbers((None, 3), "an array (V, 3) of numbers")] = None
     faces: Annotated[Any, _numbers((None, 3), "an array (F, 3) of whole numbers")] = None
@@ -175,8 +170,9 @@ def _write_mesh(path: Path, sent: _Sent) -> None:
     vertices, faces = np.asarray(sent.vertices, dtype=float), np.asarray(sent.faces)
     if sent.faces is None or faces.dtype.kind not in "iu" or not len(faces):
         raise InputError("faces are an array (F, 3) of whole numbers")
-    if len(vertices) > _MOST_CORNERS or len(faces) > 2 * _MOST_CORNERS:
-        raise InputError(f"a mesh of {len(vertices)} corners is too large: at most {_MOST_CORNERS}")
+    most = 200_000  # of a mesh that is sent
+    if len(vertices) > most or len(faces) > 2 * most:
+        raise InputError(f"a mesh of {len(vertices)} corners is too large: at most {most}")
     if not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
         raise InputError("a mesh has corners that are not finite, or faces of corners that it lacks")
     trimesh.Trimesh(vertices, faces, process=False).export(path)

@@ -23,8 +23,6 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, Positive, number
 
-_GOING_AWAY = 1001  # close code of a server that ends
-
 
 @dataclass(frozen=True, kw_only=True)
 class ServerSettings:
@@ -96,7 +94,8 @@ class Server:
             await self._stopping.wait()
             listening.close(close_connections=False)
             await self._idle.wait()
-            await asyncio.gather(*(client.close(_GOING_AWAY, "the server ends") for client in self._open))
+            # The close code of a server that goes away.
+            await asyncio.gather(*(client.close(1001, "the server ends") for client in self._open))
             await listening.wait_closed()
         finally:
             place.close()

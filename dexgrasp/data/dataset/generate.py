@@ -30,17 +30,17 @@ from dexgrasp_env.objects.rest_poses import rest_poses
 
 @dataclass(frozen=True)
 class Job:
-    """One file; chunk -1 is the rest pose itself."""
+    """One file; shard -1 is the rest pose itself."""
 
     target: str
     pose: int
-    chunk: int
+    shard: int
 
     @property
     def file(self) -> str:
         """Its name in the dataset's folder."""
         stem = f"{object_name(self.target)}-pose{self.pose:02d}"
-        return f"poses/{stem}.npz" if self.chunk < 0 else f"grasps/{stem}-{self.chunk:04d}.npz"
+        return f"poses/{stem}.npz" if self.shard < 0 else f"grasps/{stem}-{self.shard:04d}.npz"
 
 
 def generate(
@@ -66,10 +66,10 @@ def generate(
     with RunFolder(folder, MANIFEST, "dataset").claim(about, complete=False):
         hashes = read_manifest(folder).get("files", {})
         jobs = [
-            Job(target, pose, chunk)
+            Job(target, pose, shard)
             for target in settings.objects
             for pose in range(len(rest_poses(model_of(target, settings))))
-            for chunk in range(-1, settings.chunks)
+            for shard in range(-1, settings.chunks)
         ]
         work = partial(make, settings=settings, folder=folder.resolve(), key=key)
         make_missing(
@@ -88,10 +88,10 @@ def generate(
 
 def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
     """Make one file, whole or not at all."""
-    if job.chunk < 0:
+    if job.shard < 0:
         arrays = pose_arrays(rest_scene(job.target, job.pose, settings))
     else:
-        found = sample_shard(job.target, job.pose, job.chunk, settings)
+        found = sample_shard(job.target, job.pose, job.shard, settings)
         arrays = shard_arrays(found, settings.cell.robot)
     write_shard(folder / job.file, arrays, key)
 

@@ -25,8 +25,6 @@ from dexgrasp_env.poses import about_z, pose_matrix
 
 Triples = NDArray[np.int32]
 """Indices (..., 3) of contacts; of a gripper pairs (..., 2)."""
-CLOUD = 2048
-"""Points of the surface kept for training."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +86,7 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
         triples = closing_sets(points, normals, own)
     gaps = np.linalg.norm(points[:, None] - points[None], axis=-1) >= LEAST_DISTANCE
     decided = round(gaps.sum() / 2.0 if pairs else float(np.trace(gaps.astype(float) @ gaps @ gaps)) / 6.0)
-    samples = triangle_samples(grasp_target.hull.triangles, CLOUD, rng)
+    samples = triangle_samples(grasp_target.hull.triangles, 2048, rng)  # points kept for training
     cloud = np.concatenate([samples.points, samples.normals], axis=1)
     return RestScene(name, pose, grasp_target, rest, points, normals, friction, triples, decided, cloud)
 

@@ -14,11 +14,8 @@ from dexgrasp_env.robot.cell import Cell, make_cell, robot_files
 from dexgrasp_env.valid import CellFile, Count, Mass, Natural, Positive, Rule, read
 
 SCHEMA = 1
-_PACKAGES = ("numpy", "scipy", "numba", "daqp", "trimesh", "mujoco")
 MU = 0.4
 """Friction coefficient of Eq. 4 in the dataset (the original's, as far as we know)."""
-POINTS = 256
-"""Candidate contact points a rest pose (section 1.3, step 2)."""
 
 
 def _whole_path(robot: Any) -> str:
@@ -54,9 +51,8 @@ class DatasetSettings:
     mesh_scale: Annotated[Positive, "F"] = 1.0
     mesh_mass: Annotated[Mass | None, "KG"] = None
     robot: Annotated[CellFile, Rule("the path of a file, or a robot's name", _whole_path)] = None
-    planner: PlannerSettings = field(
-        default_factory=lambda: PlannerSettings(friction=MU, surface_points=POINTS)
-    )
+    # 256 candidate contact points a rest pose (section 1.3, step 2).
+    planner: PlannerSettings = field(default_factory=lambda: PlannerSettings(friction=MU, surface_points=256))
 
     @classmethod
     def of(cls, objects: Sequence[str], **rest: Any) -> "DatasetSettings":
@@ -77,9 +73,9 @@ class DatasetSettings:
         """Shards a rest pose."""
         return -(-self.grasps_per_pose // self.chunk)
 
-    def quota(self, chunk: int) -> int:
+    def quota(self, shard: int) -> int:
         """Grasps asked for of a shard."""
-        return min(self.chunk, self.grasps_per_pose - chunk * self.chunk)
+        return min(self.chunk, self.grasps_per_pose - shard * self.chunk)
 
     def as_json(self) -> Fields:
         """Return the settings as JSON holds them; meshes by their file name (their content is hashed apart)."""
@@ -88,4 +84,6 @@ class DatasetSettings:
 
 def versions() -> dict[str, str]:
     """Return the versions that bits may depend on."""
-    return {"python": platform.python_version()} | package_versions(_PACKAGES)
+    return {"python": platform.python_version()} | package_versions(
+        ("numpy", "scipy", "numba", "daqp", "trimesh", "mujoco")
+    )

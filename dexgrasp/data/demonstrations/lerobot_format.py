@@ -55,7 +55,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
         writer.write_table(table)
         for name, values in columns.items():
             parts.setdefault(name, []).append(_part(values))
-        own = {name: _spread(each[-1:]) for name, each in parts.items()}
+        own = {name: _statistics(each[-1:]) for name, each in parts.items()}
         rows.append(_episode_row(episode, number, start, task, own))
         start += len(episode)
     writer.close()
@@ -70,7 +70,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
     pq.write_table(
         names.replace_schema_metadata({"pandas": json.dumps(pandas)}), making / "meta" / "tasks.parquet"
     )
-    write_json(making / "meta" / "stats.json", {name: _spread(each) for name, each in parts.items()})
+    write_json(making / "meta" / "stats.json", {name: _statistics(each) for name, each in parts.items()})
     info = {
         "codebase_version": "v3.0", "robot_type": robot.name, "total_episodes": len(rows), "total_frames": start,
         "total_tasks": len(tasks), "chunks_size": 1000, "data_files_size_in_mb": 100,
@@ -133,7 +133,9 @@ def _array(pa: Any, values: NDArray[Any]) -> Any:
     return pa.FixedSizeListArray.from_arrays(numbers, values.shape[1])
 
 
-def _episode_row(episode: Episode, number: int, start: int, task: str, spread: dict[str, Fields]) -> Fields:
+def _episode_row(
+    episode: Episode, number: int, start: int, task: str, statistics: dict[str, Fields]
+) -> Fields:
     row = {
         "episode_index": number, "tasks": [task], "length": len(episode),
         "data/chunk_index": 0, "data/file_index": 0,
@@ -143,7 +145,7 @@ def _episode_row(episode: Episode, number: int, start: int, task: str, spread: d
     }  # fmt: skip
     row |= {f"once/{key}": np.ravel(array).tolist() for key, array in episode.once.items() if key != "rgb"}
     return row | {
-        f"stats/{name}/{kind}": value for name, own in spread.items() for kind, value in own.items()
+        f"stats/{name}/{kind}": value for name, own in statistics.items() for kind, value in own.items()
     }
 
 
@@ -156,7 +158,7 @@ def _feature(values: NDArray[Any], joints: Names) -> Fields:
 
 
 def _part(values: NDArray[Any]) -> tuple[Any, ...]:
-    """Return the share of rows (n,) or (n, m), or of pictures (n, H, W, 3), in a `_spread`.
+    """Return the share of rows (n,) or (n, m), or of pictures (n, H, W, 3), in the `_statistics` of all.
 
     It is count, extremes, sums, sums of squares, and quantiles; of pictures by colour, from 0 to 1.
     """
@@ -171,7 +173,7 @@ def _part(values: NDArray[Any]) -> tuple[Any, ...]:
     return len(values), x.min(0), x.max(0), *sums
 
 
-def _spread(parts: Sequence[tuple[Any, ...]]) -> dict[str, list[float] | list[int]]:
+def _statistics(parts: Sequence[tuple[Any, ...]]) -> dict[str, list[float] | list[int]]:
     """Return least, greatest, mean, standard deviation and quantiles of episodes' columns, as LeRobot names them.
 
     Quantiles of several episodes are the means of theirs, by length, as LeRobot has them.

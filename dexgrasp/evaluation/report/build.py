@@ -15,8 +15,6 @@ from dexgrasp.evaluation.summary import summarise_agent
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.files import write_atomically
 
-_TEMPLATES = Path(__file__).parent / "templates"
-
 
 def read_agents(folders: Sequence[Path]) -> Fields:
     """Return agents' summaries from the trials of every folder, pooled over seeds.
@@ -48,8 +46,8 @@ def render(form: str, content: Fields) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     env = Environment(
-        loader=FileSystemLoader(_TEMPLATES), autoescape=form == "html", trim_blocks=True, lstrip_blocks=True,
-        undefined=StrictUndefined,
+        loader=FileSystemLoader(Path(__file__).parent / "templates"), autoescape=form == "html",
+        trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined,
     )  # fmt: skip
     env.filters["base64"] = lambda data: base64.b64encode(data).decode()
     page = env.get_template("report.j2").render(content, form=env.get_template(f"{form}.j2"))

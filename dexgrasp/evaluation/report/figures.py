@@ -9,14 +9,6 @@ from dexgrasp.evaluation.report.tables import PLANNER, Agents
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp_env.arrays import Fields
 
-_STAGES = {
-    "cvae": "proposals (CVAE)",
-    "ik": "postures (IK)",
-    "bilevel": "bilevel, certificate",
-    "total": "total",
-}
-"""Stages as Table 6 has them -> what they are here."""
-
 
 def success(key: str, words: str, agents: Agents, rows: Sequence[str]) -> Figure:
     """Return success rates by what `key` of the summary counts, a row for each name, the paper's beside ours."""
@@ -29,15 +21,22 @@ def success(key: str, words: str, agents: Agents, rows: Sequence[str]) -> Figure
 def planning_times(agents: Agents) -> list[Figure]:
     """Return planning times by stage on a logarithmic axis, where an agent reports any."""
     shown = {}
+    # Stages as Table 6 has them -> what they are here.
+    names = {
+        "cvae": "proposals (CVAE)",
+        "ik": "postures (IK)",
+        "bilevel": "bilevel, certificate",
+        "total": "total",
+    }
     for name, agent in agents.items():
         if total := agent["planning_seconds"]:
             stages = agent["stages"].get("overall", {}).get("stage_seconds", {}) | {"total": total}
             shown[name] = {  # 1e-4 s stands for nothing on a logarithmic axis
                 stage: [max(times[key], 1e-4) for key in ("median", "p25", "p75")]
                 for stage, times in stages.items()
-                if stage in _STAGES
+                if stage in names
             }
-    rows = {stage: words for stage, words in _STAGES.items() if any(stage in own for own in shown.values())}
+    rows = {stage: words for stage, words in names.items() if any(stage in own for own in shown.values())}
     caption = "Planning time by stage; the paper's is of its planner"
     label, printed = (
         "seconds: median, 25th and 75th percentile",

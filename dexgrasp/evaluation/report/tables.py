@@ -15,8 +15,6 @@ from dexgrasp_env.objects.catalogue import OBJECT_SETS
 Agents = Mapping[str, Fields]
 """Agent -> its part of the summary."""
 
-SETS = ("seen", "familiar", "novel", "ycb6", "meshes")
-"""Sets in the order of their columns."""
 PLANNER = "bilevel"
 """The agent whose times stand beside Table 6, which is of the paper's planner alone."""
 
@@ -45,7 +43,8 @@ def render_summary(summary: Fields) -> str:
 
 def present(agents: Agents) -> list[str]:
     """Return the sets of whose objects some were tried, in the order of their columns."""
-    return [name for name in SETS if any(name in a["by_set"] for a in agents.values())]
+    names = ("seen", "familiar", "novel", "ycb6", "meshes")
+    return [name for name in names if any(name in a["by_set"] for a in agents.values())]
 
 
 def set_table(agents: Agents) -> Table:

@@ -2,7 +2,7 @@
 
 The squeeze presses with forces in balance: each contact at least 1 N along its normal, all in their friction cones,
 with the least wrench left over (the law of FRoGGeR's own controller); then as hard as `PRESS` at the firmest contact or
-`TORQUE` at the busiest joint. The pregrasp draws each contact back along its normal.
+0.5 Nm at the busiest joint. The pregrasp draws each contact back along its normal.
 """
 
 from dataclasses import replace
@@ -16,12 +16,7 @@ from dexgrasp.mechanics.cones import cone_edges
 from dexgrasp_env.arrays import Array, unit
 
 PRESS = 4.0  # N, normal, of the firmest contact
-TORQUE = 0.5  # Nm, of the busiest joint: hands of this size bear 0.7
-RETREAT = 0.015  # m
 SERVO_KP = 10.0  # Nm/rad that the squeeze is given for
-_FRICTION, _EDGES = 0.5, 8
-_TINY = 1e-4  # weight of the forces themselves, against the wrench
-_DAMPING = 0.02  # m/rad, of the least squares
 
 
 def close_around(
@@ -39,8 +34,10 @@ def close_around(
     inward = unit(inward)
     J = contact_jacobians(hand, grasp, points)
     torques = balanced_forces(points, inward, centre).ravel() @ J
-    press = torques * min(1.0, TORQUE / max(float(np.abs(torques).max()), 1e-9)) / SERVO_KP
-    back = J.T @ np.linalg.solve(J @ J.T + _DAMPING**2 * np.eye(len(J)), (-RETREAT * inward).ravel())
+    # 0.5 Nm of the busiest joint: hands of this size bear 0.7.
+    press = torques * min(1.0, 0.5 / max(float(np.abs(torques).max()), 1e-9)) / SERVO_KP
+    # 15 mm back, by least squares damped with 0.02 m/rad.
+    back = J.T @ np.linalg.solve(J @ J.T + 0.02**2 * np.eye(len(J)), (-0.015 * inward).ravel())
     model = hand.model
     low, high = np.where(model.jnt_limited[:, None], model.jnt_range, [-np.inf, np.inf]).T
     opened = np.clip(grasp.joints + back, low, high)
@@ -55,12 +52,14 @@ def balanced_forces(points: Array, inward: Array, centre: Array) -> Array:
     """
     count, arms = len(points), points - centre
     length = max(float(np.sqrt((arms**2).sum(1).mean())), 1e-6)
-    edges = cone_edges(-inward, _FRICTION, _EDGES)  # (k, e, 3)
+    sides = 8  # of a pyramid in the place of the cone of friction 0.5
+    edges = cone_edges(-inward, 0.5, sides)  # (k, e, 3)
     wrench = np.concatenate([edges, np.cross(arms[:, None], edges) / length], axis=-1)  # (k, e, 6)
     base = np.concatenate([inward, np.cross(arms, inward) / length], axis=-1).sum(0)
-    matrix = np.concatenate([wrench.reshape(-1, 6).T, _TINY * np.eye(count * _EDGES)])
-    weights, _ = nnls(matrix, np.concatenate([-base, np.zeros(count * _EDGES)]))
-    forces = inward + (weights.reshape(count, _EDGES, 1) * edges).sum(1)
+    # The forces themselves weigh little against the wrench.
+    matrix = np.concatenate([wrench.reshape(-1, 6).T, 1e-4 * np.eye(count * sides)])
+    weights, _ = nnls(matrix, np.concatenate([-base, np.zeros(count * sides)]))
+    forces = inward + (weights.reshape(count, sides, 1) * edges).sum(1)
     return forces * (PRESS / (forces * inward).sum(1).max())
 
 

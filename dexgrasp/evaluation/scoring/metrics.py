@@ -10,8 +10,6 @@ from dexgrasp.evaluation.scoring.scene import FloatingScene, Physics
 from dexgrasp.grasp.variety import component_shares
 from dexgrasp_env.arrays import Array
 
-_MARGIN = 0.010  # m: further apart than this is this far
-
 
 def contact_metrics(candidate: Candidate) -> dict[str, float]:
     """Return metrics of the grasp stage, against the convex parts that the simulator collides.
@@ -24,10 +22,11 @@ def contact_metrics(candidate: Candidate) -> dict[str, float]:
     scene = FloatingScene(candidate, Physics(), 0.1)
     model, data = scene.model, scene.data
     of_object = model.geom_bodyid == scene.object_body
-    model.geom_margin[of_object] = model.geom_gap[of_object] = _MARGIN
+    margin = 0.010  # m: further apart than this is this far
+    model.geom_margin[of_object] = model.geom_gap[of_object] = margin
     scene.reset(candidate.grasp)
     fingers = _fingers(scene)
-    distances = dict.fromkeys(set(fingers.values()), _MARGIN)
+    distances = dict.fromkeys(set(fingers.values()), margin)
     touching, deepest = set(), 0.0
     for body, distance, _ in scene.hand_contacts():
         deepest = max(deepest, -distance)
@@ -35,7 +34,7 @@ def contact_metrics(candidate: Candidate) -> dict[str, float]:
             touching.add(body)
         if body in fingers:
             distances[fingers[body]] = min(distances[fingers[body]], distance)
-    found = np.array(list(distances.values()) or [_MARGIN])
+    found = np.array(list(distances.values()) or [margin])
     own = np.isin(model.geom_bodyid[data.contact.geom], scene.hand_bodies).all(axis=1)
     return {
         "penetration_m": deepest,

@@ -28,7 +28,7 @@ class Case:
         self.record, self.limits = record, record.thresholds
         self.cell = record.here
         self.robot = self.cell.robot
-        self.scene = Scene(self.cell, record.parts, record.fingers, record.around)
+        self.scene = Scene(self.cell, record.parts, record.fingers, record.neighbour_parts)
         self.touch = self.scene.touch(record.q)
 
     @cached_property

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from dexgrasp.geometry.mesh_distance import Closest, closest_on_mesh
+from dexgrasp.grasp.trajectory import densify
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import placed
@@ -48,7 +49,7 @@ class Scene:
     """Robot, object, neighbours and table in the world frame."""
 
     def __init__(
-        self, cell: Cell, parts: Sequence[Array], fingers: Sequence[str], around: Sequence[Array] = ()
+        self, cell: Cell, parts: Sequence[Array], fingers: Sequence[str], neighbours: Sequence[Array] = ()
     ) -> None:
         """Compile them; the geoms of the object's parts bear the names `object0` on, the table's `table`.
 
@@ -56,13 +57,13 @@ class Scene:
             cell: with the mount in use.
             parts: vertices (V, 3) m of the object's convex parts; there may be none.
             fingers: whose tips make the contacts.
-            around: the same of convex parts of neighbours, `around0` on.
+            neighbours: the same of convex parts of neighbours, `around0` on.
         """
         self.cell, self.robot, self.parts = cell, cell.robot, [_hull(vertices) for vertices in parts]
         self._fingers = [self.robot.hand.finger(name) for name in fingers]
         spec = _bare(robot_spec(cell))
         named = [(f"object{k}", part) for k, part in enumerate(self.parts)]
-        named += [(f"around{k}", _hull(vertices)) for k, vertices in enumerate(around)]
+        named += [(f"around{k}", _hull(vertices)) for k, vertices in enumerate(neighbours)]
         for name, part in named:
             mesh = spec.add_mesh(name=name)
             mesh.uservert = np.asarray(part.vertices).ravel()
@@ -74,7 +75,7 @@ class Scene:
         self.model: mujoco.MjModel = with_decimal_points(spec.compile)
         self.data = mujoco.MjData(self.model)
         self.object = {self.model.geom(f"object{k}").id for k in range(len(self.parts))}
-        self.around = {self.model.geom(f"around{k}").id for k in range(len(around))}
+        self.neighbours = {self.model.geom(f"around{k}").id for k in range(len(neighbours))}
         self.table = self.model.geom("table").id
         self._dot = self.model.geom("dot").id
         self._seen = None if cell.table is None else placed(cell.T_world_base, cell.table.points)
@@ -144,7 +145,7 @@ class Scene:
     def over_seen(self, path: Array) -> float:
         """Return the least distance, m, along a path (T, n) from the points of the table that were seen."""
         least = FAR
-        for q in path if self._seen is not None else ():
+        for q in densify(path) if self._seen is not None else ():
             self.data.qpos[:] = q
             mujoco.mj_kinematics(self.model, self.data)
             least = min(least, self._from_seen())
@@ -170,12 +171,14 @@ class Scene:
         robot = [
             g
             for g in range(model.ngeom)
-            if model.geom_contype[g] and g not in self.object | self.around | {self.table}
+            if model.geom_contype[g] and g not in self.object | self.neighbours | {self.table}
         ]
         moving = [g for g in robot if model.body_weldid[model.geom_bodyid[g]] != 0]
         excluded = excluded_pairs(model)
         beside = (
-            {"hand_neighbour": [(g, part) for g in moving for part in self.around]} if self.around else {}
+            {"hand_neighbour": [(g, part) for g in moving for part in self.neighbours]}
+            if self.neighbours
+            else {}
         )
         return beside | {
             "hand_object": [(g, part) for g in moving for part in self.object],
@@ -198,7 +201,7 @@ class Scene:
             path: (T, n), the first row where the hand takes it; overlaps are negative.
         """
         places = {g: (self.data.geom_xpos[g].copy(), self.data.geom_xmat[g].copy()) for g in self.object}
-        pairs, (p, R) = [(g, other) for g in self.object for other in self.around], self.palm(path[0])
+        pairs, (p, R) = [(g, other) for g in self.object for other in self.neighbours], self.palm(path[0])
         found = []
         for q in path:
             at, now = self.palm(q)
@@ -210,8 +213,8 @@ class Scene:
         return found[0], min(found)
 
     def first_contact(self, path: Array, with_object: bool = True) -> float:
-        """Return the deepest penetration, m, in the first row of a path (T, n) in which anything touches; else 0."""
-        for q in path:
+        """Return the deepest penetration, m, where on a path (T, n) anything touches first; else 0."""
+        for q in densify(path):
             self.data.qpos[:] = q
             mujoco.mj_kinematics(self.model, self.data)
             mujoco.mj_collision(self.model, self.data)
@@ -224,7 +227,7 @@ class Scene:
 
     def _is_collision(self, pair: set[int], with_object: bool) -> bool:
         """Object, neighbours and table belong together, and so do the table and what stands on its plinth."""
-        if pair <= self.object | self.around | {self.table}:
+        if pair <= self.object | self.neighbours | {self.table}:
             return False
         if pair & self.object:
             return with_object

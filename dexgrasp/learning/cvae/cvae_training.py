@@ -66,7 +66,7 @@ class CvaeTraining(GradientTraining):
     def losses(self, step: int, done: float) -> Losses:
         """Return the losses of a step."""
         batch = training_batch(self._poses, step, self.settings)
-        return self._losses(batch, self.settings.kl_weight * min(1.0, done / self.settings.warm_up))
+        return self._losses(batch, self.settings.kl_weight * min(1.0, done / self.settings.kl_warm_up))
 
     def _losses(self, batch: Batch, kl_weight: float) -> Losses:
         cloud, grasp, noise = self.tensors(batch)

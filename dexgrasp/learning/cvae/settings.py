@@ -17,8 +17,8 @@ class TrainingSettings:
         clouds: a step.
         grasps: on each cloud.
         learning_rate: of Adam at first; constant for the first half, then down to 2 % in a straight line.
-        kl_weight: of the KL term; reached after `warm_up` of the steps.
-        warm_up: share of the steps.
+        kl_weight: of the KL term; reached after `kl_warm_up` of the steps.
+        kl_warm_up: share of the steps.
         wrench_layer: add the residual of Eq. 4 at the decoded contacts, differentiated by an OptNet layer, to the loss.
         wrench_weight: of that residual.
         held_out_object: an object that is tested on and not trained on.
@@ -33,7 +33,7 @@ class TrainingSettings:
     grasps: Count = 128
     learning_rate: Positive = 1e-3
     kl_weight: Annotated[Positive, "W"] = 0.05
-    warm_up: Share = 0.2
+    kl_warm_up: Share = 0.2
     wrench_layer: bool = False
     wrench_weight: Positive = 0.1
     held_out_object: Annotated[str | None, "NAME"] = None

@@ -33,9 +33,6 @@ with from_extra():
     from torch import Tensor
     from torch.nn.functional import smooth_l1_loss
 
-_BEND = 0.1
-"""Of the loss: beyond it a row counts by its distance, so that of two ways to do it one is learned."""
-
 
 class BcTraining(GradientTraining):
     """Training of a network on demonstrations, to predict what they did."""
@@ -127,7 +124,8 @@ class StateBcTraining(BcTraining):
     def loss(self, *batch: Tensor) -> Tensor:
         """Return the distance of set-points from those that were meant."""
         looks, chunks = batch
-        return smooth_l1_loss(self.net(looks), chunks.flatten(start_dim=2) / self.net.unit, beta=_BEND)
+        # Beyond `beta` a row counts by its distance, so that of two ways to do it one is learned.
+        return smooth_l1_loss(self.net(looks), chunks.flatten(start_dim=2) / self.net.unit, beta=0.1)
 
     def policy(self) -> Fields:
         """Return what a `BcPolicy` reads."""

@@ -75,20 +75,20 @@ class LeRobotEnv(gym.Wrapper[Any, Any, Any, Any]):
         scene = None if seed is None else trial_seeds(self._evaluation_seed, self._target, int(seed)).scene
         own = {key: value for key, value in (options or {}).items() if not key.startswith("lerobot_")}
         observation, info = self.env.reset(seed=scene, options=own or None)
-        return lerobot_observation(observation), _told(info)
+        return lerobot_observation(observation), _passed_on(info)
 
     def step(self, action: Any) -> tuple[Fields, float, bool, bool, Fields]:
         """Advance; an episode ends with success, as a trial does."""
         observation, reward, terminated, truncated, info = self.env.step(np.asarray(action, dtype=np.float64))
         over = terminated or bool(info["is_success"])
-        return lerobot_observation(observation), float(reward), over, truncated, _told(info)
+        return lerobot_observation(observation), float(reward), over, truncated, _passed_on(info)
 
     def render(self) -> Any:
         """Return a picture; a small black one without a `render_mode`, as `lerobot-eval` always films."""
         return np.zeros((64, 64, 3), np.uint8) if self.render_mode is None else self.env.render()
 
 
-def _told(info: Fields) -> Fields:
+def _passed_on(info: Fields) -> Fields:
     return {key: info[key] for key in ("is_success", "is_grasped", "object", "stage", "failure")}
 
 

@@ -138,9 +138,9 @@ def record_environment(env: Any, path: str | Path) -> Path:
     Raises:
         InputError: if the environment is none of DexGrasp's.
     """
-    around: list[WrapperRecord | None] = []
+    vec_wrappers: list[WrapperRecord | None] = []
     while hasattr(env, "venv"):
-        around.insert(0, vec_wrapper(env))
+        vec_wrappers.insert(0, vec_wrapper(env))
         env = env.venv
     settings, spec = _attribute(env, "settings"), _attribute(env, "spec")
     if settings is None or spec is None:
@@ -163,7 +163,7 @@ def record_environment(env: Any, path: str | Path) -> Path:
         settings.mount,
         spec.kwargs.get("max_episode_steps", spec.max_episode_steps),
         wrappers,
-        _acting(around),
+        _acting(vec_wrappers),
     )
     beside = Path(path).with_suffix(".json")
     write_json(beside, jsonable(asdict(record)))

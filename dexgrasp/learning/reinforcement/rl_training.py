@@ -24,8 +24,6 @@ with from_extra():
     from dexgrasp.learning.imitation.bc_network import layer_arrays
     from dexgrasp.learning.reinforcement.sb3_vec_env import SB3VecEnv
 
-_BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
-
 
 class RlTraining(Training):
     """The loop of rollouts: rounds of a learner, whose environments begin anew from a seed of each round's own.
@@ -86,7 +84,8 @@ class RlTraining(Training):
         """Return networks, optimisers and single tensors of the learner, and its replay buffer."""
         modules, tensors = self.model._get_torch_save_params()
         learned = {name: attrgetter(name)(self.model) for name in (*modules, *tensors)}
-        kept = _BUFFER if self._buffer else ()
+        rows = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+        kept = rows if self._buffer else ()
         return learned | {f"buffer.{name}": torch.from_numpy(getattr(self._buffer, name)) for name in kept}
 
     def learn(self) -> Fields:

@@ -19,18 +19,20 @@ class SB3VecEnv(VecEnv):
     PPO("MultiInputPolicy", env).learn(1_000_000)
     """
 
-    def __init__(self, env_id: str, num_envs: int, told: Sequence[str] | None = None, **kwargs: Any) -> None:
+    def __init__(
+        self, env_id: str, num_envs: int, info_columns: Sequence[str] | None = None, **kwargs: Any
+    ) -> None:
         """Make the environment.
 
         Args:
             env_id: of one that has a native vector environment.
             num_envs: how many.
-            told: what of the infos is passed on at every step; None for all, which takes long for thousands.
+            info_columns: keys of the infos that steps pass on; None for all, which takes long for thousands.
             **kwargs: more arguments of `gym.make_vec`.
         """
         self.envs: Any = gym.make_vec(env_id, num_envs=num_envs, **{"autoreset_mode": "SameStep", **kwargs})
         self._actions: Any = None
-        self._told = told
+        self._info_columns = info_columns
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
 
     def reset(self) -> Any:
@@ -62,15 +64,15 @@ class SB3VecEnv(VecEnv):
         """Advance all by 50 ms."""
         observation, rewards, terminated, truncated, infos = self.envs.step(self._actions)
         done = terminated | truncated
-        passed = infos if self._told is None else {key: infos[key] for key in self._told}
-        told = [of_one(passed, i) for i in range(self.num_envs)]
+        passed = infos if self._info_columns is None else {key: infos[key] for key in self._info_columns}
+        rows = [of_one(passed, i) for i in range(self.num_envs)]
         for i in np.flatnonzero(done).tolist():
-            self.reset_infos[i] = told[i]
-            told[i] = of_one(infos["final_info"], i) | {
+            self.reset_infos[i] = rows[i]
+            rows[i] = of_one(infos["final_info"], i) | {
                 "terminal_observation": infos["final_obs"][i],
                 "TimeLimit.truncated": bool(truncated[i] and not terminated[i]),
             }
-        return observation, rewards.astype(np.float32), done, told
+        return observation, rewards.astype(np.float32), done, rows
 
     def close(self) -> None:
         """Free the environments."""

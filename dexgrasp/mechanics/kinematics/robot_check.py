@@ -49,7 +49,7 @@ def score(findings: list[Finding]) -> int:
     return round(100 * sum(weight[finding.level] for finding in findings) / max(1, len(findings)))
 
 
-def _told(good: bool, what: str, mend: str, level: str = "error") -> Finding:
+def _finding(good: bool, what: str, mend: str, level: str = "error") -> Finding:
     """Report of something that it is good, or how to mend it."""
     return Finding("info", what) if good else Finding(level, what, mend)
 
@@ -93,7 +93,7 @@ def _kinematics(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
         turned = np.abs(R.reshape(-1, 9) - data.xmat[ids]).max()
         worst = max(worst, turned, np.abs(p - data.xpos[ids]).max())
     mend = "joints have to sit at their bodies' origins, and to turn or slide"
-    yield _told(worst < 1e-12, f"kinematics and simulation differ by {worst:.0e}", mend)
+    yield _finding(worst < 1e-12, f"kinematics and simulation differ by {worst:.0e}", mend)
 
 
 def _home(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
@@ -175,7 +175,7 @@ def _tips(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
         for what, way in {"pad": (end + pad) / np.sqrt(2.0)}.items() if jaw else (("end", end), ("pad", pad)):
             depth = _surface(home, home.model.geom(finger.tip).id, site.xpos, way)
             far = f"the {what} of {finger.tip} is {1000 * depth:.1f} mm from its centre"
-            yield _told(abs(depth - radius) <= _OFF, far, mend)
+            yield _finding(abs(depth - radius) <= _OFF, far, mend)
 
 
 def _surface(data: mujoco.MjData, geom: int, centre: Array, way: Array) -> float:
@@ -262,7 +262,7 @@ def _strength(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
         lever = np.abs(_pad(home, finger) @ J)[robot.arm_dof :]
         force = (robot.torque[robot.hand_columns] / np.maximum(lever, 1e-9)).min()
         mend = "torque of its joints, Nm: heavy objects will be beyond it"
-        yield _told(force >= 5.0, f"{finger.name} can press with {force:.1f} N", mend, "warning")
+        yield _finding(force >= 5.0, f"{finger.name} can press with {force:.1f} N", mend, "warning")
     yield from _bearing(cell, home.model)
 
 
@@ -272,7 +272,7 @@ def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     postures = [cell.robot.home, *_palms_down(cell)]
     share = np.max([np.abs(_at(model, q).qfrc_bias[arm]) for q in postures], axis=0) / cell.robot.torque[arm]
     name = f"{cell.robot.joints[int(share.argmax())]} needs {100 * share.max():.0f} % of its torque to bear its weight"
-    yield _told(share.max() <= 0.9, name, "state the maker's torque, or the true masses in the MJCF")
+    yield _finding(share.max() <= 0.9, name, "state the maker's torque, or the true masses in the MJCF")
 
 
 def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
@@ -280,7 +280,7 @@ def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     found, total = len(_palms_down(cell)), len(_PALMS)
     mend = "change the arm's `home` or `starts`, or the mount: palms look along its flange"
     what = f"{found} of {total} palm poses over the table are reached"
-    yield _told(found >= 0.5 * total, what, mend)
+    yield _finding(found >= 0.5 * total, what, mend)
 
 
 @lru_cache(maxsize=1)

@@ -13,7 +13,6 @@ from dexgrasp_env.robot.model import bodies_apart, compiled_robot, joints_betwee
 
 LEAST = 0.002
 """m that the shapes of those bodies keep from each other."""
-_STEP = 0.02  # rad of a joint between two bodies, from one look at them to the next
 
 
 class _Pair(NamedTuple):
@@ -44,9 +43,9 @@ def near_shapes(path: Array, cell: Cell) -> Iterator[tuple[tuple[int, int], floa
 
 
 def _looked_at(path: Array, joints: Index) -> Array:
-    """Return the rows of a path between which one of the joints has moved by `_STEP`, and both ends."""
+    """Return the rows of a path between which one of the joints has moved by 0.02 rad, and both ends."""
     moved = np.abs(np.diff(path[:, joints], axis=0, prepend=path[:1, joints])).max(axis=1).cumsum()
-    _, first = np.unique(moved // _STEP, return_index=True)
+    _, first = np.unique(moved // 0.02, return_index=True)
     return path[np.union1d(first, len(path) - 1)]
 
 

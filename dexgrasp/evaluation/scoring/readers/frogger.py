@@ -6,14 +6,15 @@ object; `object`, a name. World: the arm's base, z up, the table's top at z = 0.
 `closing`.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from dexgrasp.evaluation.scoring.closing import SERVO_KP, close_around
-from dexgrasp.evaluation.scoring.hand import ALLEGRO, Candidate, HandStage, find_hand
+from dexgrasp.evaluation.scoring.hand import ALLEGRO, Candidate
 from dexgrasp.evaluation.scoring.readers.fields import FileFields, as_pose
-from dexgrasp.evaluation.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
+from dexgrasp.evaluation.scoring.readers.objects import ReadOptions
+from dexgrasp.evaluation.scoring.readers.plain import read_plain
 from dexgrasp_env.arrays import Arrays
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_npz, readable
@@ -29,12 +30,12 @@ JOINTS = {
 
 
 def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
-    """Return the grasp of a file.
+    """Return the grasp of a file, read as that of a plain JSON.
 
     Raises:
         InputError: if the file is unusable, misses a key, or its object is not found.
     """
-    data, hand = FileFields(read_arrays(path), str(path)), find_hand(ALLEGRO)
+    data = FileFields(read_arrays(path), str(path))
     names, q = data.words("joint_names"), data.numbers("q")
     joints = {JOINTS[name]: float(value) for name, value in zip(names, q, strict=False) if name in JOINTS}
     if len(names) != len(q) or len(joints) != len(JOINTS):
@@ -47,14 +48,13 @@ def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
     # Its palm frame is at the bottom of the palm, ours at the finger bases; axes are the same.
     to_ours = rigid(np.eye(3), (0.0, 0.0, 0.095))
     T_palm = as_pose(poses[bodies.index(PALM)], f"{path}: pose of {PALM}") @ to_ours
-    target = find_object(str(data.get("object")), 1.0, options, path)
-    T_world_object = pose_of_centre(data.pose("X_WO"), target)
-    grasp = HandStage(T_palm, np.array([joints[name] for name in hand.joint_names]))
-    points, normals = data.vectors("contacts_W"), data.vectors("normals_in_W")
-    if points.shape != normals.shape:
-        raise InputError(f"{path}: contacts_W and normals_in_W differ in number")
-    pregrasp, squeeze = close_around(hand, grasp, points, normals, T_world_object[:3, 3])
-    return [Candidate(str(path), hand, target, T_world_object, pregrasp, grasp, squeeze, SERVO_KP)]
+    grasp = {
+        "object": data.get("object"), "T_world_object": data.get("X_WO"),
+        "grasp": {"T_world_hand": T_palm, "joints": list(joints.values())},
+        "contacts": data.get("contacts_W"), "normals_in": data.get("normals_in_W"),
+    }  # fmt: skip
+    found = read_plain({"joint_names": list(joints), "grasps": [grasp]}, path, replace(options, hand=ALLEGRO))
+    return [replace(one, source=str(path)) for one in found]
 
 
 def read_arrays(path: Path) -> Arrays:

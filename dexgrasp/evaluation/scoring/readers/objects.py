@@ -14,9 +14,6 @@ from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.sets import MESH_SUFFIXES
 
-_INSIDE = ("mesh/simplified.obj", "mesh/coacd.obj", "coacd/decomposed.obj")
-"""Where the object folders of DexGraspBench (MeshProcess) and DexGraspNet keep the surface."""
-
 
 @dataclass(frozen=True)
 class ReadOptions:
@@ -89,7 +86,8 @@ def _on_disk(name: str, source: Path) -> Path | None:
         path = base / expand(name)
         if path.is_file() and path.suffix.lower() in MESH_SUFFIXES:
             return path
-        for part in _INSIDE:
+        # Where the object folders of DexGraspBench (MeshProcess) and DexGraspNet keep the surface
+        for part in ("mesh/simplified.obj", "mesh/coacd.obj", "coacd/decomposed.obj"):
             if (path / part).is_file():
                 return path / part
     return None

@@ -57,7 +57,10 @@ def _stages(
     if "pregrasp" in grasp and "squeeze" in grasp:
         kp = grasp.numbers("servo_kp").item(0) if "servo_kp" in grasp else None
         return stage("pregrasp"), middle, stage("squeeze"), kp
-    first, last = close_around(hand, middle, grasp.vectors("contacts"), grasp.vectors("normals_in"), centre)
+    points, normals = grasp.vectors("contacts"), grasp.vectors("normals_in")
+    if points.shape != normals.shape:
+        raise InputError(f"{grasp.source}: contacts and normals_in differ in number")
+    first, last = close_around(hand, middle, points, normals, centre)
     return first, middle, last, SERVO_KP
 
 

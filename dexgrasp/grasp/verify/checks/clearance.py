@@ -5,7 +5,6 @@ import numpy as np
 from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import Check, at_least, at_most
 
-_OPEN, _BESIDE = 0.004, 0.001  # m between the open hand and the object, the table; and what stands around
 _TRUE = 2e-5  # m, of MuJoCo's distances
 
 
@@ -32,12 +31,12 @@ def clearance_checks(case: Case) -> list[Check]:
 def pregrasp_checks(case: Case) -> list[Check]:
     """Check that the open hand, tips included, is clear; beside a low object it may stand as low as it grasps."""
     found, limits = case.scene.clearances(case.record.pregrasp, tips_touch=False), case.limits
-    off_table = limits.off_table(case.top) if limits.is_low(case.top) else _OPEN
+    opened = 0.004  # m between the open hand and the object, the table
     bounds = {
-        "hand_object": _OPEN,
-        "hand_table": off_table,
+        "hand_object": opened,
+        "hand_table": limits.off_table(case.top) if limits.is_low(case.top) else opened,
         "self": 0.0,
-        "hand_neighbour": _BESIDE,
+        "hand_neighbour": 0.001,
         "hand_seen": 0.0,
     }
     return [

@@ -8,8 +8,6 @@ from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_mo
 from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.robot import SLIDE
 
-_COSINE = 2e-4  # what the optimiser leaves of an angle
-
 
 def contact_checks(case: Case) -> list[Check]:
     """Check depth, contacts, normals, height and the tips' directions."""
@@ -17,6 +15,7 @@ def contact_checks(case: Case) -> list[Check]:
     depth = touch.distance - limits.tip_radius
     (low, high), shown = limits.distance, "[{:.2f}, {:.2f}] cm".format(*np.multiply(100.0, limits.distance))
     within = (low - LENGTH <= depth) & (depth <= high + LENGTH)
+    cosine = 2e-4  # what the optimiser leaves of an angle
     return [
         *(
             Check(f"distance:{finger}", 100.0 * float(d), shown, bool(good))
@@ -27,8 +26,8 @@ def contact_checks(case: Case) -> list[Check]:
         at_most("normals as claimed", np.abs(touch.normals - case.record.normals).max(), 1e-5),
         *claim(case, "distances_cm", 100.0 * depth, 100.0 * LENGTH, unit="cm"),
         at_least("contact height", touch.points[:, 2].min(), limits.lowest_contact(case.top), "m", LENGTH),
-        at_least("tip cosine", (touch.axes * inward).sum(1).min(), limits.tip_cosine, "", _COSINE),
-        at_least("pad cosine", (touch.pads * inward).sum(1).min(), limits.pad_cosine, "", _COSINE),
+        at_least("tip cosine", (touch.axes * inward).sum(1).min(), limits.tip_cosine, "", cosine),
+        at_least("pad cosine", (touch.pads * inward).sum(1).min(), limits.pad_cosine, "", cosine),
     ]
 
 

@@ -9,8 +9,6 @@ from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import ROUNDING, Check, flag, same
 from dexgrasp_env.robot.table import SeenTable
 
-_OF_FRICTION = ("friction", "friction_hold")
-
 
 def convention_checks(case: Case) -> list[Check]:
     """Check the stated conventions, the thresholds, and that nothing is stated that is not looked at."""
@@ -54,7 +52,7 @@ def _exact_thresholds(stated: Thresholds, frozen: Thresholds) -> list[Check]:
     others = [
         name
         for name, value in vars(frozen).items()
-        if name not in _OF_FRICTION and getattr(stated, name) != value
+        if name not in ("friction", "friction_hold") and getattr(stated, name) != value
     ]
     of_one = abs(stated.friction / FRICTION_SHARE - stated.friction_hold / HOLD_SHARE) < ROUNDING
     return [

@@ -18,7 +18,6 @@ BALANCE = 1e-4  # of the weight
 CONE = 1e-6  # of the friction used
 TORQUE = 1e-5  # of the limit
 LOAD, CAPACITY = 1e-3, 2e-3  # relative
-_RATIO = 1e-3  # percent
 
 
 def closure_checks(case: Case) -> list[Check]:
@@ -30,14 +29,15 @@ def closure_checks(case: Case) -> list[Check]:
     forces = pyramid_forces(points, normals, mu)  # of Eq. 4 as it is in the paper
     wrench = wrench_map(points, points.mean(0)) @ forces.ravel()
     arms = np.cross(points - case.record.centre, forces)
+    ratio = 1e-3  # percent
     return [
         Check("Eq. 4 residual, exact cone", residual, f"< {RESIDUAL} N^2", residual < RESIDUAL),
         at_least("closure margin, exact cone", margin, case.limits.closure_margin, "", MARGIN),
         *claim(case, "closure_margin", margin, MARGIN, 1e-4),
         *claim(case, "friction", mu, 1e-12),
         *claim(case, "closure_residual", wrench @ wrench, RESIDUAL, 1e-3, "N^2"),
-        *claim(case, "force_ratio_percent", _ratio(forces), _RATIO, 1e-3),
-        *claim(case, "torque_ratio_percent", _ratio(arms), _RATIO, 1e-3),
+        *claim(case, "force_ratio_percent", _ratio(forces), ratio, 1e-3),
+        *claim(case, "torque_ratio_percent", _ratio(arms), ratio, 1e-3),
     ]
 
 

@@ -10,9 +10,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-TIPS_BESIDE = 0.004  # m that tips may be beside them, where fingers have too few joints
 SETPOINT = 1e-6  # rad: what two ways to compute a set-point may differ by
-_DENSE = 0.01  # rad of any joint between two states checked for collisions
 
 
 def setpoint_checks(case: Case) -> list[Check]:
@@ -35,21 +33,21 @@ def setpoint_checks(case: Case) -> list[Check]:
 
 def _closing_checks(case: Case) -> list[Check]:
     """Check that the hand meets no neighbour on the way on which it closes."""
-    if not case.scene.around:
+    if not case.scene.neighbours:
         return []
     found = [
         case.scene.clearances(q, tips_touch=True)["hand_neighbour"]
-        for q in densify([case.record.pregrasp, case.record.grasp, case.record.squeeze], _DENSE)
+        for q in densify([case.record.pregrasp, case.record.grasp, case.record.squeeze])
     ]
     return [at_least("closing: clearance hand_neighbour", min(found), 0.0, "m")]
 
 
 def _mendable(case: Case, missed: Array) -> Array:
-    """Return what joints could mend of a miss (N, 3) m below `TIPS_BESIDE`; with three a finger that is all of it."""
+    """Return what joints could mend of a miss (N, 3) m below 4 mm; with three a finger that is all of it."""
     case.scene.place(case.record.grasp)
     J = case.scene.jacobians(case.touch.tips, case.touch.normals)[:, :3].reshape(missed.size, -1)
     J = J[:, J.any(0)]
-    if J.shape[1] >= missed.size or _farthest(missed) > TIPS_BESIDE:
+    if J.shape[1] >= missed.size or _farthest(missed) > 0.004:
         return missed
     return (J @ np.linalg.pinv(J) @ missed.ravel()).reshape(missed.shape)
 
@@ -79,7 +77,7 @@ def approach_checks(case: Case) -> list[Check]:
         *phase_checks(phase, case.robot),
         same("approach starts at home", np.abs(rows[0] - case.robot.home).max(), SETPOINT, "rad"),
         same("approach ends at the pregrasp", np.abs(rows[-1] - case.record.pregrasp).max(), ROUNDING),
-        at_most("approach: collision", case.scene.first_contact(densify(rows, _DENSE)), 0.0, "m"),
+        at_most("approach: collision", case.scene.first_contact(rows), 0.0, "m"),
         *_table_checks(case, phase),
         # rad that a set-point may stand out of its neighbours' plane
         at_most("approach: bend", found, 2.5e-3, "rad"),
@@ -108,7 +106,7 @@ def lift_checks(case: Case) -> list[Check]:
         same("lift: stray", abs(strayed - phase.measure), 2e-6, "m"),
         # rad that a set-point of the lift may lie from its neighbours' cubic
         at_most("lift: jerk", jerkiness(rows), 4e-3, "rad"),
-        at_most("lift: collision", case.scene.first_contact(densify(rows, _DENSE), with_object=False), 0.0, "m"),
+        at_most("lift: collision", case.scene.first_contact(rows, with_object=False), 0.0, "m"),
         *_table_checks(case, phase),
         *carried_checks(case, "lift", rows),
     ]  # fmt: skip
@@ -118,13 +116,13 @@ def _table_checks(case: Case, phase: Phase) -> list[Check]:
     """Check a way against the points of the table that were seen, where some were."""
     if case.cell.table is None:
         return []
-    found = case.scene.over_seen(densify(phase.setpoints, _DENSE))
+    found = case.scene.over_seen(phase.setpoints)
     return [at_least(f"{phase.name}: clearance hand_seen", found, 0.0, "m")]
 
 
 def carried_checks(case: Case, phase: str, rows: Array) -> list[Check]:
     """Check that the object goes no farther into its neighbours than it seems to lie in them."""
-    if not case.scene.around:
+    if not case.scene.neighbours:
         return []
     lying, nearest = case.scene.carried(rows)
     # m: hulls of a cloud may touch, and are not the objects

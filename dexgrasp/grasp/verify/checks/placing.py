@@ -13,10 +13,7 @@ from dexgrasp.grasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.poses import inverse, placed, rigid
 
-DROP = 0.006  # m above the table from which an object may be let go of
 _OFF, _TURNED = 0.01, 2.0  # m and degrees that it may be set down beside its goal
-_DENSE = 0.01  # rad of any joint between two states checked for collisions
-_SAME_BEND = 1e-8  # rad
 
 
 def placing_checks(case: Case) -> list[Check]:
@@ -31,11 +28,13 @@ def placing_checks(case: Case) -> list[Check]:
     carried = np.concatenate(held)
     gaps = [one.setpoints[-1] - other.setpoints[0] for one, other in pairwise(ways)]
     T = rigid(*case.scene.palm(carried[-1])[::-1]) @ inverse(rigid(*case.scene.palm(lift[0])[::-1]))
-    there = Scene(case.cell, [placed(T, part) for part in record.parts], record.fingers, record.around)
+    there = Scene(
+        case.cell, [placed(T, part) for part in record.parts], record.fingers, record.neighbour_parts
+    )
     meets = {
-        "carry": case.scene.first_contact(densify(carried, _DENSE), with_object=False),
-        "release": case.scene.first_contact(densify(release, _DENSE), with_object=False),
-        "retreat": there.first_contact(densify(retreat, _DENSE)),
+        "carry": case.scene.first_contact(carried, with_object=False),
+        "release": case.scene.first_contact(release, with_object=False),
+        "retreat": there.first_contact(retreat),
     }
     return [
         *(check for phase in ways[1:] for check in [*phase_checks(phase, case.robot), _bend(phase)]),
@@ -44,13 +43,13 @@ def placing_checks(case: Case) -> list[Check]:
         same("release: arm still", np.abs(release - release[0])[:, : hand.start].max(), ROUNDING, "rad"),
         same("retreat: hand open", np.abs(retreat - record.pregrasp)[:, hand].max(), ROUNDING, "rad"),
         *(at_most(f"{name}: collision", depth, 0.0, "m") for name, depth in meets.items()),
-        *carried_checks(case, "carry", densify(np.concatenate([lift, carried]), _DENSE)),
+        *carried_checks(case, "carry", densify(np.concatenate([lift, carried]))),
         *_goal_checks(case, T),
     ]
 
 
 def _bend(phase: Phase) -> Check:
-    return same(f"{phase.name}: bend", abs(bend(phase.setpoints) - phase.measure), _SAME_BEND, "rad")
+    return same(f"{phase.name}: bend", abs(bend(phase.setpoints) - phase.measure), 1e-8, "rad")
 
 
 def _goal_checks(case: Case, T: Array) -> list[Check]:
@@ -64,7 +63,7 @@ def _goal_checks(case: Case, T: Array) -> list[Check]:
         at_most("goal: off its place", np.linalg.norm((placed(T, foot) - place)[:2]), _OFF, "m"),
         at_most("goal: off its heading", abs(off), _TURNED, "degrees"),
         at_most("goal: leaning", np.degrees(np.arccos(min(T[2, 2], 1.0))), _TURNED, "degrees"),
-        at_most("goal: let go above the table", lowest, DROP, "m"),
+        at_most("goal: let go above the table", lowest, 0.006, "m"),
         at_least("goal: let go above the table", lowest, 0.0, "m", 1e-3),
         at_most("goal: height of its place", abs(place[2]), _OFF, "m"),
     ]
