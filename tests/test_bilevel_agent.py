@@ -21,9 +21,7 @@ from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.move_until_contact import GuardedGrasp
-from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.plan_scene import plan_scene
-from dexgrasp.planning.result import PlansGrasps
 from dexgrasp.planning.scene_setup import look_at
 
 COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
@@ -151,20 +149,6 @@ def test_does_not_grasp_again_where_the_cameras_looked_but_once(attempt):
     assert agent._stage is stage
 
 
-@pytest.mark.parametrize(("lifting", "looks"), [(True, 2), (False, 0)])
-def test_waits_for_room_to_open_only_while_it_lifts(attempt, lifting, looks, monkeypatch):
-    agent = BilevelAgent()
-    agent.reset(attempt.observation, {"observe": "clear"})
-    carrying = GuardedCarry(agent._stage.motion)
-    carrying._lost_steps = 99
-    carrying._step = carrying._hold_start + (0 if lifting else 1)
-    stage = LiftAndHold(agent._stage.state, carrying)
-    monkeypatch.setattr("dexgrasp.agents.stages.way_home", lambda *_: None)
-    after = stage.next(attempt.observation)
-    assert after.motion is carrying
-    assert after.state.looks == looks
-
-
 def failures():
     nothing = {"cloud_mask": np.zeros(1024, np.int8)}
     nan = {"cloud": np.full((1024, 3), np.nan, np.float32), "cloud_mask": np.ones(1024, np.int8)}
@@ -203,39 +187,11 @@ def test_says_why_there_is_no_plan(change, info, reason, attempt, agent):
         agent.act(attempt.observation)
 
 
-def test_an_object_out_of_reach_is_a_reason_too(attempt, agent):
-    mask = attempt.observation["cloud_mask"].astype(bool)
-    cloud = attempt.observation["cloud"].copy()
-    cloud[mask] += np.float32([0.8, 0.0, 0.0])
-    agent.reset({**attempt.observation, "cloud": cloud}, {})
-    assert agent.report.failure == "no_grasp:no_reachable_posture"
-    with refused():
-        agent.act(attempt.observation)
-
-
-def test_recovers_after_a_failure_and_before_any_reset_has_no_plan(attempt):
-    fresh = BilevelAgent(proposals="surface")
-    with refused("no plan"):
-        fresh.act(attempt.observation)
-    fresh.reset({**attempt.observation, "cloud_mask": np.zeros(1024, np.int8)}, {})
-    fresh.seed(0)
-    fresh.reset(attempt.observation, {})
-    assert fresh.report.failure is None
-    assert_array_equal(fresh.result.grasp.q, attempt.agent.result.grasp.q)
-
-
 def test_the_mount_follows_the_environment(attempt, agent):
     agent.reset(attempt.observation, {"mount": "fingers_along"})
     assert agent.result.grasp is None or agent.result.grasp.cell.robot.mount.name == "fingers_along"
     agent.reset(attempt.observation, {"mount": "palm_normal"})
     assert agent.result.grasp.cell.robot.mount.name == "palm_normal"
-
-
-def test_unknown_sources_and_agents_without_plans():
-    with refused("valid are auto, surface, cvae"):
-        make_source("psychic")
-    assert not isinstance(make_agent("hardcoded"), PlansGrasps)
-    assert all(isinstance(make_agent(name), PlansGrasps) for name in ("bilevel", "cvae", "cvae_kinematics"))
 
 
 # Guarded execution

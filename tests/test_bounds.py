@@ -20,7 +20,7 @@ from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dictionary
 from dexgrasp.runs.arrays import read_arrays
 from dexgrasp.runs.lines import Lines, read_lines
 from dexgrasp_env import files
-from dexgrasp_env.files import read_file, read_json_object, read_npz, write_atomically
+from dexgrasp_env.files import read_json_object, read_npz, write_atomically
 from dexgrasp_env.objects import user_mesh
 from dexgrasp_env.objects.user_mesh import read_mesh
 from dexgrasp_env.perception import cloud
@@ -139,13 +139,6 @@ def test_text_is_bounded_closer_than_what_is_binary(tmp_path):
     os.truncate(path, 25 << 20)
     with refused(r"24 that are read of ascii \.ply files: save less in it"):
         read_mesh(path)
-
-
-def test_folders_and_missing_files_stay_errors_of_the_system(tmp_path):
-    with pytest.raises(IsADirectoryError):
-        read_file(tmp_path)
-    with pytest.raises(FileNotFoundError):
-        read_file(tmp_path / "nowhere")
 
 
 def test_faces_count_as_often_as_a_scene_shows_them(tmp_path, monkeypatch):

@@ -10,7 +10,6 @@ from dexgrasp.mechanics.kinematics.forward import body_frames, tip_jacobian, tip
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.mechanics.strength import capacity_of, hold_residual, torque_fraction
-from dexgrasp.motion.carried import turn_arm
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.move_until_contact import GuardedGrasp
 from dexgrasp.planning.carry import ENOUGH, plan_turn
@@ -75,16 +74,6 @@ def test_what_is_held_firmly_is_carried_as_it_was_lifted():
     plan, target = planned(0.08)
     assert plan.grasp.certificate.capacity >= ENOUGH
     assert plan_turn(plan.grasp, plan.script, GraspProblem(target, CELL, SETTINGS)) is None
-
-
-def test_an_arm_that_cannot_turn_is_told(heavy):
-    plan, target, turn = heavy
-    start, _ = at_the_end_of(turn, plan)
-    corners = target.hull.vertices - target.centre
-    stretched = start.copy()
-    stretched[:7] = [0.0, 1.2, 0.0, -0.3, 0.0, 1.5, 0.0]  # as far as it goes
-    centre = palm_frame(stretched, TREE)[1] + [0.3, 0.0, 0.0]
-    assert turn_arm(stretched, np.array([0.0, -1.2, 0.0]), centre, corners, CELL) is None
 
 
 def carried(motion, turn):

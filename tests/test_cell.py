@@ -5,24 +5,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 import pytest
 import yaml
 from processes import typed
 from refusals import refused
-from robots import ARM_JOINTS, CELL, HAND_JOINTS
 
 from dexgrasp.cli.commands import run_command
 from dexgrasp.data.dataset.generate import _identity
 from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.store import TrialStore, check_folder
-from dexgrasp.runs.folder import RunFolder
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.robot.cell import SIMULATED, default_cell, read_cell
-from dexgrasp_env.robot.model import robot_spec
 
 TABLE = 0.08
 LAB = {
@@ -42,20 +37,6 @@ def lab(tmp_path_factory):
     path = tmp_path_factory.mktemp("cell") / "lab.yaml"
     path.write_text(yaml.safe_dump(LAB))
     return path
-
-
-@pytest.mark.parametrize(("file", "joints"), [("panda.xml", ARM_JOINTS), ("allegro.xml", HAND_JOINTS)])
-def test_the_default_cell_says_what_the_robots_files_say(file, joints):
-    own = mujoco.MjModel.from_xml_path(str(asset_path("robot", file)))
-    whole = robot_spec(CELL).compile()
-    for name in joints:
-        assert np.array_equal(own.joint(name).range, whole.joint(name).range)
-        for part in ("gainprm", "biasprm", "forcerange", "ctrlrange"):
-            a, b = (getattr(model.actuator(name), part) for model in (own, whole))
-            if (
-                file == "panda.xml" or part != "biasprm"
-            ):  # the hand's damping follows from the inertia it moves
-                assert np.array_equal(a, b), (name, part)
 
 
 @pytest.mark.parametrize(
@@ -83,14 +64,6 @@ def test_a_mistake_is_said_in_one_line(change, words, tmp_path):
     with refused(words) as error:
         read_cell(path)
     assert str(path) in str(error.value)
-
-
-@pytest.mark.parametrize("text", ["", "[1, 2", "schema: 1\nname: [1]"])
-def test_a_file_that_is_no_cell_ends_a_command_in_two(text, tmp_path, capsys):
-    path = tmp_path / "cell.yaml"
-    path.write_text(text)
-    assert typed(f"verify nothing.json --robot {path}") == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 def test_the_environment_is_of_the_cell(lab):
@@ -182,17 +155,3 @@ def test_the_default_cell_has_a_hash_too():
     assert DemoSettings.of_json(saved) == DemoSettings.of(["pear"])
     with refused("give theirs with --robot"):
         DemoSettings.of_json(saved | {"cell": slower.version})
-
-
-def test_runs_go_on_in_their_cell_alone(tmp_path):
-    other = "our lab-00000000"
-    identity = EvaluationSettings.of(["random"], ["pear"]).identity()
-    check_folder(tmp_path / "run", identity)
-    TrialStore(tmp_path / "run", identity).close()
-    with refused(r"cell: simulated-.* there, our lab-0"):
-        check_folder(tmp_path / "run", identity | {"cell": other})
-    dataset = _identity(DatasetSettings.of(["pear"]))
-    run = RunFolder(tmp_path / "data", "manifest.json", "dataset")
-    run.claim(dataset).close()
-    with refused(r"cell: simulated-.* there, our lab-0"):
-        run.check(dataset | {"cell": other})

@@ -1,8 +1,6 @@
 """The command line: exit codes, one-line errors, JSON alone on standard output."""
 
 import argparse
-import errno
-import functools
 import json
 import os
 import subprocess
@@ -18,7 +16,6 @@ from dexgrasp.cli.command import Answer
 from dexgrasp.cli.commands import COMMANDS, make_parser
 from dexgrasp.cli.main import main
 from dexgrasp.cli.output import quiet
-from dexgrasp.cli.parsing import build
 from dexgrasp_env.errors import InputError
 
 
@@ -82,25 +79,6 @@ def one_line_after_notes(capsys):
     return lines[0]
 
 
-@pytest.mark.parametrize(
-    ("content", "suffix"),
-    [
-        (b"", ".stl"),
-        (b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ".obj"),
-    ],
-)
-def test_bad_meshes_are_one_line_and_2(content, suffix, capsys, tmp_path, monkeypatch):
-    for slow in ("check_rendering", "check_machine"):
-        monkeypatch.setattr(doctor, slow, list)
-    path = tmp_path / f"thing{suffix}"
-    path.write_bytes(content)
-    arguments = ["evaluate", "--agents", "random", "--objects", str(path), "--out", str(tmp_path / "out")]
-    assert main(arguments) == BAD_INPUT
-    assert "thing" in one_line_after_notes(capsys)
-    assert main(["doctor", str(path)]) == 1
-    assert "WRONG" in capsys.readouterr().out
-
-
 def test_no_command_teaches(capsys):
     assert main([]) == BAD_INPUT
     assert "examples" in capsys.readouterr().err
@@ -128,23 +106,6 @@ def every_action(parser):
 
 
 @pytest.mark.parametrize(
-    ("line", "field", "value"),
-    [
-        ("evaluate --agents a --objects pear --video failures", "video", "failures"),
-        ("evaluate --agents a --objects ycb6 --protocol lift heavy", "settings.protocols", ("lift", "heavy")),
-        ("evaluate --agents a --objects pear --size 320x240", "film.size", (240, 320)),
-        ("plan --cloud x.ply --object-near 1 2 3", "object_near", (1.0, 2.0, 3.0)),
-        ("train ppo --objects pear --out o --hold 4", "settings.hold", 4),
-        ("train bc --data d e --out o --seed 1 2", "seeds", (1, 2)),
-    ],
-)
-def test_options_fill_the_fields_they_are_declared_by(line, field, value):
-    args = make_parser(line.split()[0]).parse_args(line.split())
-    command = build(args.kind, args)
-    assert functools.reduce(getattr, field.split("."), command) == value
-
-
-@pytest.mark.parametrize(
     ("line", "words"),
     [
         ("train bc --data d --out o --epochs 3 --minutes 4", "not allowed with"),
@@ -162,17 +123,6 @@ def test_options_that_do_not_go_together_are_one_line_and_2(line, words, capsys)
 def test_a_bad_mujoco_gl_stops_nothing_that_draws_nothing():
     done = run("list", "agents", env={**os.environ, "MUJOCO_GL": "foo"})
     assert done.returncode == OK, done.stderr
-
-
-def test_a_full_disk_is_the_users_to_mend(monkeypatch, capsys):
-    import dexgrasp.cli.list as command
-
-    def full(self):
-        raise OSError(errno.ENOSPC, "No space left on device", "runs/x")
-
-    monkeypatch.setattr(command.List, "run", full)
-    assert main(["list", "objects"]) == BAD_INPUT
-    assert capsys.readouterr().err == "dexgrasp list: runs/x: No space left on device\n"
 
 
 @pytest.mark.parametrize("what", ["objects", "envs", "agents", "protocols"])
@@ -265,12 +215,6 @@ def test_doctor_survives_broken_backends(monkeypatch):
     assert "crashes (signal 11)" in findings[0].problem
     assert findings[-1].level == "warning"
     assert "libosmesa6" in findings[-1].remedy
-
-
-def test_doctor_knows_the_wrong_mujoco(monkeypatch):
-    monkeypatch.setattr(doctor, "package_version", lambda package: "4.0.0")
-    wrong = [finding for finding in doctor.check_versions() if finding.level == "error"]
-    assert ["mujoco" in finding.problem for finding in wrong] == [True]
 
 
 def test_libraries_with_their_own_check_at_exit_print_nothing(tmp_path):

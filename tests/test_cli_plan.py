@@ -112,30 +112,6 @@ def mesh_file(folder, mesh, name="part.stl"):
     return str(folder / name)
 
 
-def test_a_users_mesh_in_millimetres(printed, tmp_path):
-    """A part that is not convex, as CAD programs write it."""
-    part = trimesh.util.concatenate([
-        trimesh.creation.box((60, 40, 30)),
-        trimesh.creation.cylinder(15, 60, transform=trimesh.transformations.translation_matrix([10, 0, 40])),
-    ])  # fmt: skip
-    path = mesh_file(tmp_path, part)
-    arguments = [
-        "plan",
-        path,
-        "--mesh-scale",
-        "0.001",
-        "--mesh-mass",
-        "0.2",
-        "--out",
-        str(tmp_path),
-        "--json",
-    ]
-    assert main(arguments) == OK
-    result = printed()
-    assert result["success"] is True
-    assert main(["verify", str(tmp_path / "grasp.json")]) == OK
-
-
 @pytest.mark.parametrize(
     "size",
     [(0.3, 0.3, 0.25), (0.25, 0.25, 0.004)],
@@ -194,16 +170,6 @@ def test_demo_end_to_end(capsys, tmp_path, monkeypatch):
     assert sheet.std() > 10
     first, *_, last = imageio.imiter(tmp_path / "demo.mp4")
     assert np.abs(first.astype(int) - last.astype(int)).mean() > 1
-
-
-def test_demo_of_what_cannot_be_lifted_is_1(printed, tmp_path, monkeypatch):
-    monkeypatch.setattr("dexgrasp_env.rendering.rendering_fault", lambda: "no GL here")
-    path = mesh_file(tmp_path, trimesh.creation.box((0.25, 0.25, 0.004)))
-    code = main(["demo", "--object", path, "--mesh-mass", "0.3", "--out", str(tmp_path / "out"), "--json"])
-    assert code == ANSWER_IS_NO
-    result = printed()
-    assert result["success"] is False
-    assert result["outcome"]["failure"] == result["reason"]
 
 
 def test_a_floating_grasp_is_of_the_known_shape_and_is_scored(tmp_path, printed):

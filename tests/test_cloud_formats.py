@@ -347,15 +347,3 @@ def test_a_cloud_of_the_cameras_frame_is_planned_for_by_its_pose(tmp_path, capsy
     assert "w last, would be level too" in capsys.readouterr().err  # straight down in either order
     assert main([*objects, "--camera-pose", f"{place} 0 0 1 0 xyzw"]) == ANSWER_IS_NO
     assert "w last" not in capsys.readouterr().err
-
-
-def test_inverse_poses_of_a_folder_are_named(tmp_path, capsys):
-    lens = Camera("", POSE, Lens(160, 120, 150.0, 150.0, 80.0, 60.0))
-    rays = lens.intrinsics.directions() @ POSE[:3, :3].T  # of a table, and of a block on it
-    depth = -POSE[2, 3] / rays[..., 2]
-    depth[50:65, 70:90] = -(POSE[2, 3] - 0.06) / rays[50:65, 70:90, 2]
-    entry = {"depth": "d.npy", "width": 160, "height": 120, "fx": 150.0, "fy": 150.0, "cx": 80.0, "cy": 60.0}
-    for T, code in ((POSE, OK), (np.linalg.inv(POSE), ANSWER_IS_NO)):
-        folder_of(tmp_path / "a", {"cameras": [entry | {"T_base_camera": T.tolist()}]}, depth, "d.npy")
-        assert main(["plan", "--cloud", str(tmp_path / "a"), "--objects"]) == code
-    assert "right if T_base_camera were inverted" in capsys.readouterr().out

@@ -42,28 +42,6 @@ def test_a_script_without_a_guard_runs_once_with_an_empty_cache(tmp_path):
     assert len(kept) == 2  # the mark that a plan was made, and its lock
 
 
-@pytest.fixture
-def nowhere(monkeypatch):
-    """No folder but that of DEXGRASP_CACHE and those after it."""
-    monkeypatch.setattr(compiled._CacheFiles, "_locator_classes", compiled._CacheFiles._locator_classes[2:])
-    files.note_unwritable.cache_clear()
-
-
-def test_compiled_code_goes_to_the_cache_where_its_own_folder_cannot_be_written(
-    nowhere, tmp_path, monkeypatch
-):
-    monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "own"))
-    assert compiled.code_folder().is_relative_to(tmp_path / "own" / "numba")
-    monkeypatch.setenv("DEXGRASP_CACHE", "/proc/nowhere")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
-    assert compiled.code_folder().is_relative_to(tmp_path / "user")
-    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
-    monkeypatch.setattr(files.tempfile, "tempdir", str(tmp_path))
-    assert compiled.code_folder().is_relative_to(tmp_path)
-    monkeypatch.setattr(files.tempfile, "tempdir", "/proc/nowhere")
-    assert compiled.code_folder() is None
-
-
 NOBODY = """
 import os, sys
 os.setgroups([]); os.setgid(54321); os.setuid(54321)

@@ -42,18 +42,6 @@ def test_pictures_are_images_of_lerobot_and_described_by_colour(once, settings, 
     assert_allclose(stats["observation.depth"]["mean"], episode.observations["depth"][:-1].mean(), atol=1e-6)
 
 
-def test_minaris_environment_has_every_mesh(settings, folder, tmp_path):
-    minari = pytest.importorskip("minari")
-    import trimesh
-
-    files = [str(tmp_path / f"{name}.obj") for name in ("ball", "brick")]
-    trimesh.creation.icosphere(radius=0.03).export(files[0])
-    trimesh.creation.box((0.04, 0.05, 0.06)).export(files[1])
-    write_minari(tmp_path, DemoSettings.of(files, agent=settings.agent), list(read_episodes(folder))[:1])
-    env = minari.MinariDataset(tmp_path / "data").recover_environment()
-    assert list(env.unwrapped.settings.objects) == files
-
-
 def test_robomimic_finds_its_layout(settings, folder, tmp_path):
     import h5py
 

@@ -114,15 +114,6 @@ def test_what_an_agent_does_in_the_modes_of_the_demonstrations_is_kept_as_it_did
     assert_allclose(replayed.actions, episode.actions, atol=1e-2)
 
 
-def test_demonstrations_are_followed_where_actions_are_scaled_and_at_their_pace_alone(folder):
-    settings = {"objects": "sugar_box", "control_mode": "joint_delta", "disable_env_checker": True}
-    states = DemoResets(folder).attach(gym.make("DexGrasp/Lift-v2", action_scale=0.7, **settings)).states[0]
-    targets = next(read_episodes(folder)).observations["joint_targets"][::4]
-    assert_allclose([state.commands[0] for state in states], targets[: len(states)], atol=1e-5)
-    with refused("followed at that pace alone"):
-        DemoResets(folder).attach(gym.make("DexGrasp/Lift-v2", frame_skip=50, **settings))
-
-
 @pytest.mark.parametrize(("observe", "most"), [("reset", 1), ("step", 0), ("clear", 4)])
 def test_what_cameras_saw_along_demonstrations_is_kept_once_a_look(folder, observe, most):
     settings = {"objects": "sugar_box", "obs_mode": "state+depth", "views": 1, "observe": observe}
@@ -196,15 +187,6 @@ def test_what_is_brought_to_a_place_begins_along_them_with_their_end_as_goal(fol
     resets._demos[0].observations.pop("object_pose")
     with refused("say where they end"):
         resets.attach(env)
-
-
-def test_an_episode_knows_its_scene_and_what_the_cameras_saw(folder):
-    episode = next(read_episodes(folder))
-    assert episode.about["object"] == "sugar_box"
-    assert episode.once["cloud"].shape == (1024, 3)
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
-    observation, _ = env.reset(seed=episode.about["scene_seed"])
-    assert_array_equal(observation["object_pose"], episode.observations["object_pose"][0])
 
 
 def test_noise_is_known_and_can_be_taken_out(folder):

@@ -94,17 +94,6 @@ def test_termination_ends_the_discount_and_the_time_limit_does_not():
     assert env.task.info["failure"] == "simulation_diverged"
 
 
-def test_what_truncates_ends_the_episode_and_not_the_discount():
-    env = dm.load("sugar_box", env_id="DexGrasp/Place-v2", seed=0)
-    env.reset()
-    env.physics.data.qpos[24] = 0.7
-    timestep = env.step(np.zeros(23))
-    assert env.task.info["failure"] == "object_lost"
-    assert timestep.last()
-    assert timestep.discount == 1.0
-    assert env.step(np.zeros(23)).first()
-
-
 def test_physics_is_the_environments_own():
     env = dm.load("sugar_box", seed=0)
     assert env.step(np.zeros(23)).first()  # no reset before

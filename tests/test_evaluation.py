@@ -15,7 +15,7 @@ from dexgrasp.cli.main import main
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.protocol import get_protocol
 from dexgrasp.evaluation.replay import replay
-from dexgrasp.evaluation.settings import EvaluationSettings, object_labels
+from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.runs.pool import Backend
 from dexgrasp_env.rendering import rendering_fault
@@ -119,11 +119,6 @@ def test_killed_run_keeps_what_is_finished(tmp_path):
     assert summary["complete"] is False
     assert summary["agents"]["random"]["trials"] == kept
     assert "goes on" in error
-
-
-def test_labels_tell_meshes_of_one_name_apart():
-    labels = object_labels(("soda", "x/soda.stl", "y/soda.stl", "z/cup.obj"))
-    assert (labels["soda"], labels["z/cup.obj"], len(set(labels.values()))) == ("soda", "cup", 4)
 
 
 def test_identity_knows_every_file(tmp_path, monkeypatch):

@@ -15,7 +15,6 @@ from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, solve_palm
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion import collision
 from dexgrasp.motion.approach import plan_arm
-from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker, densify
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
@@ -138,17 +137,6 @@ def test_timing_of_degenerate_paths():
     samples = time_path(np.stack([HOME, HOME, tiny]), robot_tree(CELL))
     assert_allclose(samples[-1], tiny)
     assert within_limits(HOME, samples, robot_tree(CELL))
-
-
-def test_palm_goes_straight_and_keeps_its_turn():
-    shifts = np.linspace(0.0, 0.15, 16)[:, None] * np.array([0.0, 0.6, 0.8])
-    path, error = shift_palm(LEFT, robot_tree(CELL), shifts)
-    R0, p0 = palm_frame(LEFT, robot_tree(CELL))
-    assert error < 1e-5
-    for q, shift in zip(path, shifts, strict=True):
-        R, p = palm_frame(q, robot_tree(CELL))
-        assert_allclose(p, p0 + shift, atol=1e-5)
-        assert_allclose(R, R0, atol=1e-4)
 
 
 def test_script_phases_limits_and_actions():

@@ -279,20 +279,6 @@ def test_a_scene_that_is_none_is_one_line(trajectory, folder):
         replay(read_trajectory(folder, CELL), folder / "scene.xml")
 
 
-def test_a_way_between_the_parts_of_an_object_touches_nothing(contents, tmp_path):
-    export_grasp(record_of(contents["hammer"]), tmp_path, "csv")
-    recording = read_trajectory(tmp_path, CELL)
-    assert len(recording.facts.parts) == 2
-
-    def reached(facts):
-        findings = check_trajectory(replace(recording, facts=facts), CELL)
-        return next(f for f in findings if "to the object" in f.name)
-
-    assert reached(recording.facts).holds
-    hull = replace(recording.facts, parts=(np.concatenate(recording.facts.parts),))  # one about all parts
-    assert reached(hull).value < reached(recording.facts).value
-
-
 def test_the_page_for_robots_reads_what_is_written_and_presses_once(contents, tmp_path):
     export_grasp(record_of(contents["sugar_box"]), tmp_path, "ros2")
     facts = json.loads((tmp_path / "segments.json").read_text())

@@ -6,7 +6,7 @@ from oracles import box_distance
 from refusals import refused
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.geometry.convex_kernel import convex_distance, convex_distance_hessian
+from dexgrasp.geometry.convex_kernel import convex_distance_hessian
 
 SIDES = np.array([0.06, 0.16, 0.21])
 
@@ -56,16 +56,6 @@ def test_gradient_and_hessian_agree_with_finite_differences(name, request):
         assert_allclose((ahead[0] - behind[0]) / 2e-6, g, atol=1e-4)
         agree.append(np.abs((ahead[1] - behind[1]) / 2e-6 - H).max() * d < 1e-6)
     assert np.mean(agree) > 0.99  # a point within the step of a feature's border has two Hessians
-
-
-def test_compiled_function_and_batch_give_the_same_bits(can):
-    points, g = scatter(np.random.default_rng(5), 50), np.empty(3)
-    distances, gradients = can.distance_gradient(points)
-    for p, d, expected in zip(points, distances, gradients, strict=True):
-        assert convex_distance(p, can.obstacle, g) == d
-        assert_array_equal(g, expected)
-        assert convex_distance(p, can.obstacle, g, d + 1e-3) == d
-        assert d - 0.01 <= convex_distance(p, can.obstacle, g, d - 0.01) <= d
 
 
 @pytest.fixture(scope="module")

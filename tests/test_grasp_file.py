@@ -131,38 +131,6 @@ def test_malformed_files_are_one_line(change, words, contents, tmp_path):
     assert "bad.json" in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "{",
-        "[]",
-        "null",
-        '{"schema": 3, "q": [NaN]}',
-        "\udcff",
-        "[" * 100000,
-        "1" * 5000,
-        '{"schema": 1e999}',
-    ],
-)
-def test_files_that_are_no_grasps(text, tmp_path):
-    path = tmp_path / "bad.json"
-    path.write_bytes(text.encode(errors="surrogateescape"))
-    with refused():
-        read_grasp(path)
-
-
-def test_truncated_missing_and_folder(contents, tmp_path):
-    path = tmp_path / "cut.json"
-    path.write_text(json.dumps(contents["pear"])[:2000])
-    with refused("cut off"):
-        read_grasp(path)
-    with refused("cannot read"):
-        read_grasp(tmp_path / "nowhere.json")
-    with refused("cannot read"):
-        read_grasp(tmp_path)
-
-
 def test_what_has_a_size_of_its_own_has_scale_1(tmp_path):
     """`mesh_scale` is for bare mesh files: members of sets, like the catalogue, do not heed it."""
     trimesh.creation.box((0.06, 0.06, 0.1)).export(tmp_path / "box.stl")

@@ -2,15 +2,12 @@
 
 import gymnasium as gym
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 from refusals import refused
-from robots import CELL, HOME
+from robots import CELL
 
 import dexgrasp_env  # noqa: F401
-from dexgrasp.learning.reinforcement.grip_policy import GRIP_SIZE, GripPolicy, arm_step
-from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
-from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.learning.reinforcement.grip_policy import GRIP_SIZE, GripPolicy
 from dexgrasp.registry import make_agent
 from dexgrasp.runs.policy_folder import read_policy
 
@@ -38,20 +35,6 @@ def test_without_a_correction_it_is_the_clone(clone):
     actions = [played(policy, env, 12)[0] for policy in (plain, bent)]
     assert_allclose(*actions, atol=1e-5)
     assert np.abs(actions[0]).max() > 0.01
-
-
-@pytest.mark.parametrize("axis", range(6))
-def test_the_palm_moves_along_and_about_its_own_axes(axis):
-    tree, move = robot_tree(CELL.mounted("palm_normal")), np.zeros(6)
-    move[axis] = 0.005 if axis < 3 else 0.04
-    R, p = palm_frame(HOME, tree)
-    q = HOME.copy()
-    q[:7] += arm_step(HOME, move, tree)
-    turned, shifted = palm_frame(q, tree)
-    assert_allclose(R.T @ (shifted - p), move[:3], atol=4e-4)
-    spin = R.T @ turned
-    found = 0.5 * np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
-    assert_allclose(found, move[3:], atol=3e-3)
 
 
 def test_a_correction_stays_on_top_of_the_clones_set_points(clone):

@@ -22,7 +22,6 @@ from dexgrasp.learning.imitation.demonstrated_grasp import demonstrated_grasp, g
 from dexgrasp.learning.imitation.demonstration_data import read_grips, read_rows
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
-from dexgrasp_env.poses import about_z
 from dexgrasp_env.tasks.features import features, initial_scene
 
 torch = pytest.importorskip("torch")
@@ -117,19 +116,6 @@ def test_numpy_weighs_grips_as_torch_does(demos, tmp_path):
         assert_allclose(one, other.detach().numpy(), atol=1e-4)
 
 
-def test_a_cloud_turned_with_its_grip_looks_the_same(demos):
-    first = next(read_episodes(demos)).once
-    angle = 0.7
-    other = first | {key: first[key] @ about_z(angle).T for key in ("cloud", "cloud_normals")}
-    one, turned = (
-        grip_features(observed_cloud(look), np.array([a])) for look, a in ((first, 0.2), (other, 0.2 + angle))
-    )
-    for a, b in zip(one, turned, strict=True):
-        assert_allclose(a, b, atol=1e-4)
-    lines = grip_features(observed_cloud(first), np.array([0.2, 1.2]))[0]
-    assert np.abs(lines[0] - lines[1]).max() > 0.1
-
-
 def test_the_grasp_of_a_demonstration_is_read_and_written(demos):
     episode, tree = next(read_episodes(demos)), robot_tree(CELL)
     grasp, look = demonstrated_grasp(episode, 0.0, CELL), observed_cloud(episode.once)
@@ -143,14 +129,6 @@ def test_the_grasp_of_a_demonstration_is_read_and_written(demos):
     again = grasp_from_row(grasp_to_row(grasp, look.middle), look.middle, grasp.azimuth, tree)
     for a, b in zip(grasp, again, strict=True):
         assert_allclose(a, b, atol=1e-9)
-
-
-def test_demonstrations_without_a_wait_teach_no_grasp(demos):
-    episode = next(read_episodes(demos))
-    targets = episode.observations["joint_targets"].copy()
-    targets[:, 0] += 1e-3 * np.arange(len(targets))
-    episode.observations["joint_targets"] = targets
-    assert demonstrated_grasp(episode, 0.0, CELL) is None
 
 
 def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, monkeypatch):

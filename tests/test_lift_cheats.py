@@ -73,14 +73,6 @@ def test_reward_is_what_the_sum_of_the_terms_gains():
             before = after
 
 
-def test_pushes_come_before_the_reward_of_holding():
-    env = make(disturbance="pushed")
-    seen = [info for info, _ in held(env, 20 + env.disturbance_steps + HOLD_STEPS)]
-    early = [info["reward_terms"]["hold"] for info in seen if info["disturbance"] != "over"]
-    assert set(early) == {0.0}
-    assert seen[-1]["reward_terms"]["hold"] == seen[-1]["reward_terms"]["success"] == 1.0
-
-
 def test_success_stays_and_failure_takes_the_rest():
     env = make()
     terms = held(env, HOLD_STEPS)[-1][0]["reward_terms"]
@@ -126,12 +118,6 @@ def held(env, steps, *, any_contacts=2, hand_contacts=2, forces=None):
         judge(env)
         seen.append((env._episodes.info(0), float(episodes.rewards[0])))
     return seen
-
-
-def test_honest_grasp_is_a_success_after_three_seconds():
-    seen = held(make(), HOLD_STEPS + 1)
-    assert [info["is_success"] for info, _ in seen].index(True) == HOLD_STEPS - 1
-    assert seen[-1][0]["reward_terms"]["success"] == 1.0
 
 
 def test_pinned_or_wedged_objects_are_not_held():

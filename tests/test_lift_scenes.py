@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from lift_envs import make
 from numpy.testing import assert_allclose
-from project_scripts import load_script
 from refusals import refused
 from robots import CELL, HOME, ROBOT
 
@@ -143,27 +142,6 @@ def test_randomised_model_equals_a_freshly_compiled_one(name):
     for field in names:
         a, b = getattr(written, field), getattr(fresh, field)
         assert_allclose(a, b, rtol=2e-4, atol=2e-6, err_msg=field)
-
-
-def test_drawn_places_stay_in_their_ranges():
-    env = make(object_pose={"x": (0.45, 0.5), "y": (-0.05, 0.0), "yaw": (0.2, 0.2), "rest_pose": "likely"})
-    for seed in range(4):
-        observation, info = env.reset(seed=seed)
-        x, y, _ = observation["object_pose"][:3]
-        assert 0.44 < x < 0.51
-        assert -0.06 < y < 0.01
-        assert abs(info["object_height"]) < 2e-3
-
-
-def test_short_soak():
-    """`scripts/soak.py` is the long one; two turns through six environments of two ids and two of cameras."""
-    ids = ["DexGrasp/Lift-v2", "DexGrasp/LiftPushed-v2"]
-    objects = ["sugar_box", "massage_ball", "tetrahedron"]
-    found = load_script("soak").run(992, objects, 1, episode=30, ids=ids)
-    assert found.steps == 992
-    assert np.isfinite(found.growth_mb)
-    assert found.is_clean, found
-    assert found.endings["dropped"] or found.endings["object_lost"]
 
 
 @pytest.mark.parametrize("obs_mode", ["depth", "pointcloud"])

@@ -132,10 +132,3 @@ def test_gltf_with_its_buffers_beside(tmp_path):
     next(tmp_path.glob("*.bin")).unlink()
     with refused("cannot be read as gltf"):
         read_mesh(tmp_path / "model.gltf")
-
-
-@pytest.mark.parametrize("kind", ["gltf", "off", "3mf"])
-def test_texts_that_are_no_mesh_are_refused(kind, tmp_path):
-    (tmp_path / f"a.{kind}").write_bytes(b"hello, I am no mesh\n")
-    with refused(f"cannot be read as {kind}"):
-        read_mesh(tmp_path / f"a.{kind}")

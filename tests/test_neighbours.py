@@ -18,7 +18,7 @@ from dexgrasp.grasp.planned_record import planned_record
 from dexgrasp.grasp.verify.scene import Scene as Judge
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR
-from dexgrasp.mechanics.kinematics.forward import body_frames, fingertips
+from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.collision import carried_into, raised_into
@@ -27,8 +27,6 @@ from dexgrasp.motion.script import check_way, make_script
 from dexgrasp.planning.certificate_builder import overlap, too_near
 from dexgrasp.planning.certifier import _in_the_way
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.postures import _has_room
-from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.rearrange import plan_rearrangement
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
@@ -77,23 +75,6 @@ def test_walled_in_all_round_there_is_no_grasp():
     plan = Planner(settings).plan(replace(ALONE, neighbours=wall), SEED, HOME)
     assert not plan.found
     assert plan.reason.startswith("no_grasp:")
-
-
-def test_tips_are_proposed_where_they_fit_and_idle_fingers_fold():
-    settings, rng = PlannerSettings(), np.random.default_rng(0)
-    close = replace(ALONE, neighbours=((box(0.5, 0.06, (0.05, 0.04, 0.2)),),))  # 5 mm from one side
-    found = SurfaceProposals().propose(close, settings, rng)
-    tips = (found.contacts + settings.tip_height * found.normals).reshape(-1, 3)
-    assert len(tips) > 30
-    assert close.around.distance(tips).min() > settings.tip_radius
-    open_hand, beside = HOME.copy(), np.setdiff1d(np.arange(23), TREE.moved)
-    tip = body_frames(open_hand, TREE).p[CELL.robot.bodies.index("ring_distal")]
-    in_the_way = replace(ALONE, neighbours=((box(*tip[:2], (0.02, 0.02, 0.06), tip[2] - 0.05),),))
-    problem = GraspProblem(in_the_way, CELL, settings)
-    assert overlap(open_hand, problem) > 0.005
-    assert _has_room(open_hand, problem)
-    assert overlap(open_hand, problem) < 0.005
-    assert np.flatnonzero(open_hand != HOME).tolist() == [k for k in beside if open_hand[k] != HOME[k]]
 
 
 def test_approach_and_lift_through_a_neighbour_are_refused(plans):

@@ -17,7 +17,6 @@ from refusals import refused
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.commands import run_script
-from dexgrasp.cli.main import main
 from dexgrasp.evaluation.protocol import trial_seeds
 from dexgrasp.evaluation.settings import EvaluationSettings, object_labels
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
@@ -80,16 +79,6 @@ def test_a_set_is_checked_as_a_whole(folder, objects, message):
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"[]", b"{}", b"\xff\xfe", b"[" * 99999, b'{"schema": 2, "objects": [1]}']
-)
-def test_files_that_are_no_sets_are_refused(folder, content):
-    (folder / "bad.json").write_bytes(content)
-    for target in ("bad.json", "bad.json#x", "missing.json"):
-        with refused("set file"):
-            resolve_targets([str(folder / target)])
-
-
 def test_a_member_is_named_in_results_and_seeds_by_its_name(folder):
     path = written(folder, BRICK, BALL)
     other = folder / "other.json"
@@ -131,12 +120,6 @@ def test_members_stand_upright_as_the_set_says(folder):
     vertical = env.unwrapped.data.body("object").xmat.reshape(3, 3)[2]
     assert_allclose(vertical, [0, 1, 0], atol=1e-2)
     env.close()
-
-
-def test_mesh_options_do_not_apply_to_a_set(folder, capsys):
-    path = written(folder, BRICK)
-    assert main(["plan", path, "--mesh-scale", "0.001"]) == 2
-    assert "mesh files alone" in capsys.readouterr().err
 
 
 @pytest.fixture
@@ -188,15 +171,3 @@ def test_ycb_meshes_are_fetched_on_the_users_word_and_once(folder, publisher, fe
     assert_allclose(model.extents, [0.04, 0.09, 0.17], atol=1e-6)
     arguments[-1] = "http://127.0.0.1:1"  # nobody is there: what is in the cache is not fetched again
     assert fetch_ycb([*arguments, "--yes"]) == 0
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [("011_banana", "no ply file"), ("013_apple", "404"), ("spoon", "unknown object 'spoon'")],
-)
-def test_what_cannot_be_fetched_is_said_in_one_line(folder, publisher, fetch_ycb, name, message, capsys):
-    arguments = [str(folder / "ycb.json"), "--objects", name, "--publisher", publisher, "--yes"]
-    assert fetch_ycb(arguments) == 2
-    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("object_sets")]
-    assert message in line
-    assert not (folder / "ycb.json").exists()

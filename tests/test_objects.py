@@ -6,15 +6,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 
-from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS, catalogue_object
 from dexgrasp_env.objects.load import load_object, resolve_targets
-from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.mjcf import add_to_spec
-from dexgrasp_env.objects.model import ObjectModel, centred_model, reduced_hull
-from dexgrasp_env.objects.parts import KINDS, MAX_VERTICES, ContactPart, hull_part
+from dexgrasp_env.objects.model import ObjectModel, reduced_hull
+from dexgrasp_env.objects.parts import MAX_VERTICES
 from dexgrasp_env.objects.repair import is_sound
-from dexgrasp_env.objects.shapes import prism, to_manifold, union
+from dexgrasp_env.objects.shapes import to_manifold, union
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.robot.hulls import mesh_of
 
@@ -130,18 +128,6 @@ def test_bad_lists_of_targets_are_refused():
             resolve_targets(targets)
 
 
-def test_bad_shapes_are_refused():
-    with refused("not convex"):
-        prism([(0, 0), (1, 0), (0.1, 0.1), (0, 1)], 0.1)
-    pear = load_object("pear")
-    with refused("contact parts"):
-        ObjectModel("x", pear.solid, (), 0.1, np.eye(3))
-    open_mesh = pear.mesh.copy()
-    open_mesh.update_faces(np.arange(1, len(open_mesh.faces)))
-    with refused("not watertight"):
-        centred_model("x", open_mesh, pear.parts, 0.1)
-
-
 @pytest.mark.parametrize("name", ["massage_ball", "sandwich_side"])
 def test_an_object_read_from_the_cache_is_the_one_that_was_made(name):
     made = CATALOGUE[name].build()
@@ -149,35 +135,6 @@ def test_an_object_read_from_the_cache_is_the_one_that_was_made(name):
         assert (read.content_hash, read.notes, read.rgba) == (made.content_hash, made.notes, made.rgba)
         assert_array_equal(read.inertia, made.inertia)
         assert_array_equal(read.solid.corners, made.solid.corners)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_support_of_a_part_is_that_of_its_surface(kind):
-    quat = np.array([0.8, 0.2, -0.4, 0.4])
-    corners = np.random.default_rng(0).normal(size=(20, 3)) * 0.03
-    part = ContactPart(
-        kind, np.array([0.03, 0.05, 0.02]), np.array([0.1, 0, 0.02]), quat / np.linalg.norm(quat), corners
-    )
-    directions = fibonacci_directions(50)
-    reach = (directions @ part.surface().vertices.T).max(1)
-    assert_allclose(part.support(directions), reach, atol=5e-4)
-    assert_allclose(part.scaled(2.0).support(directions), 2 * part.support(directions))
-
-
-def test_a_waisted_loft_is_split_at_its_waist():
-    sections = [Section(z, r, r) for z, r in ((0, 0.04), (0.05, 0.02), (0.1, 0.04))]
-    assert loft_mesh(sections).is_watertight
-    parts = loft_parts(sections)
-    assert len(parts) == 2
-    assert parts[0].vertices[:, 2].max() == pytest.approx(0.05)
-
-
-def test_a_reduced_hull_is_small_and_nearly_as_large():
-    ball = 0.05 * fibonacci_directions(2000)
-    hull = reduced_hull(ball, 100)
-    assert len(hull.vertices) <= 100
-    assert hull.volume > 0.93 * 4 / 3 * np.pi * 0.05**3
-    assert len(hull_part(np.concatenate([ball, 0.5 * ball])).vertices) <= 2000
 
 
 def test_a_sliver_has_a_reduced_hull():

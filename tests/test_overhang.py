@@ -52,13 +52,6 @@ def test_pushes_leave_the_object_lying_and_sticking_out():
     assert not pushes(lying(size=(0.05, 0.05, 0.012)), tips_apart(CELL), 0.014)
 
 
-def test_the_best_push_is_square_into_a_side():
-    turn = 0.6
-    best = pushes(lying(size=(0.147, 0.105, 0.01), turn=turn), tips_apart(CELL), 0.014)[0]
-    off = np.arctan2(best.direction[1], best.direction[0]) - turn
-    assert abs((off + np.pi / 4) % (np.pi / 2) - np.pi / 4) < np.deg2rad(1.6)
-
-
 def test_the_tips_go_straight_and_say_how_far(planned):
     _, _, slide = planned
     assert list(slide.script.phases) == ["reach", "slide", "leave"]

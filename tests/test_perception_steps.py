@@ -17,9 +17,7 @@ from dexgrasp_env.perception.cloud import (
     is_valid,
     pad,
     remove_flying,
-    remove_outliers,
 )
-from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.plane import Plane, fit_plane, level_views, view_corrections
 from dexgrasp_env.perception.robot import RobotShape, robot_geoms
 from dexgrasp_env.robot.model import compiled_robot, posed
@@ -132,20 +130,6 @@ def test_all_that_cameras_see_of_the_robot_over_the_table_is_its_own():
         seen = deproject(depth, camera)[is_valid(depth)]
         assert len(seen) > 1000
         assert own(seen).all()
-
-
-def test_outliers_and_small_clusters_go():
-    rng = np.random.default_rng(0)
-    big, small = rng.uniform(0, 0.05, (400, 3)), rng.uniform(0.1, 0.12, (60, 3))
-    cloud = as_cloud(np.concatenate([big, small, [[0.3, 0.3, 0.3]]]))
-    dense = remove_outliers(cloud)
-    assert 460 not in dense.pixel
-    labels = linked(dense.points, 0.015)
-    largest = dense.select(labels == np.bincount(labels).argmax())
-    assert set(largest.pixel) <= set(range(400))
-    assert len(largest) > 390
-    assert len(remove_outliers(as_cloud(np.zeros((2, 3))))) == 0
-    assert len(linked(np.empty((0, 3)), 0.015)) == 0
 
 
 def test_downsampling_is_even_exact_in_number_and_seeded():

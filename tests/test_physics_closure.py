@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_array_equal
 from oracles import closed, sample_box, sample_can
 
-from dexgrasp.grasp.verify.cones import conic_residual
 from dexgrasp.mechanics.closure import closure_sweep
 from dexgrasp.mechanics.equilibrium import rms_radius
 from dexgrasp.mechanics.wrench import solve_wrench_qp
@@ -45,33 +44,3 @@ def test_sweep_is_the_decision_of_every_triple():
     swept = closure_sweep(points, normals, 0.5, length_scale=scale)
     assert swept.dtype == np.int32
     assert_array_equal(swept, triples[decided & apart])
-
-
-def test_plain_cases():
-    around = np.array([[np.cos(a), np.sin(a), 0.0] for a in (0, 2.1, 4.2)])
-    face = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0]])
-    up = np.tile([0.0, 0, 1], (3, 1))
-    line = np.array([[0, 0, 0], [0.05, 0, 0], [0.1, 0, 0]])
-    lever = np.array([[0, 0, 1.0], [0, 0, -1], [0, 0, 1]])  # pressed down at the ends, up in the middle
-    same = np.zeros((3, 3))
-    P = np.array([0.04 * around, face, line, line, same, same])
-    N = np.array([around, up, lever, up, around, up])
-    assert_array_equal(closed(P, N, 0.5), [True, False, True, False, True, False])
-    assert_array_equal(
-        [solve_wrench_qp(p, n, 0.5).residual < 1e-6 for p, n in zip(P, N, strict=True)],
-        closed(P, N, 0.5),
-    )
-
-
-def test_fewer_than_three_points_make_no_triple():
-    assert closure_sweep(np.zeros((2, 3)), np.tile([0.0, 0, 1], (2, 1)), 0.5).shape == (0, 3)
-
-
-def test_pyramids_bracket_the_exact_cone():
-    points, normals = sample_can(60, np.random.default_rng(8))
-    triples = np.random.default_rng(9).integers(0, 60, (150, 3))
-    P, N = points[triples], normals[triples]
-    inner, outer = closed(P, N, 0.5 / 2**0.5), closed(P, N, 0.5)
-    exact = np.array([conic_residual(p, n, 0.5) < 1e-6 for p, n in zip(P, N, strict=True)])
-    assert not (exact & ~outer).any()
-    assert not (inner & ~exact).any()

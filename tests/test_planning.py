@@ -19,12 +19,10 @@ from dexgrasp.grasp.verify.cones import conic_margin
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.mechanics.margin import margins
 from dexgrasp.planning.atlas import hand_atlas, triangle_sides
 from dexgrasp.planning.constraints import evaluate, fixed_rows
-from dexgrasp.planning.cvae_source import make_source
-from dexgrasp.planning.postures import atlas_postures, oriented_postures
-from dexgrasp.planning.proposals import SurfaceProposals, robustness
+from dexgrasp.planning.postures import atlas_postures
+from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import bounds_of
 from dexgrasp_env.robot.model import robot_spec
@@ -33,7 +31,6 @@ TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
 CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS = fixed_rows(3)
 MODEL = robot_spec(CELL).compile()
 DATA = mujoco.MjData(MODEL)
-FRICTIONLESS = PlannerSettings(friction=0.01)
 
 
 def standing(mesh, x=0.5, y=0.0, yaw=0.4):
@@ -125,43 +122,6 @@ def test_proposals_lie_on_the_surface_above_the_table(name, proposals):
     assert np.min(apart) > 0.02
 
 
-def test_proposals_are_varied_and_reproducible(proposals):
-    again, other = propose(subject("box")), propose(subject("box"), seed=1)
-    assert_array_equal(again.contacts, proposals["box"].contacts)
-    assert not np.array_equal(other.contacts, again.contacts)
-    points, counts = np.unique(again.contacts.reshape(-1, 3), axis=0, return_counts=True)
-    assert len(points) > 15
-    assert counts.max() < 0.25 * len(again.contacts) + 5
-
-
-@pytest.mark.parametrize("source", ["surface", "cvae"])
-def test_every_source_ranks_alike(source):
-    target = subject("box")
-    found = make_source(source).propose(target, SETTINGS, np.random.default_rng(0))
-    known = margins(found.contacts, found.normals, SETTINGS.friction)
-    score = robustness(found.contacts, found.normals, known, target)
-    assert len(score) > 20
-    assert (
-        np.diff(score) <= (1e-9 if source == "surface" else 1e-3)
-    ).all()  # the network's are computed roughly
-
-
-@pytest.mark.parametrize(
-    ("name", "settings", "reason"),
-    [
-        ("plate", SETTINGS, "no_surface_above_table"),
-        ("tetrahedron", FRICTIONLESS, "no_closure_triple"),
-    ],
-)
-def test_no_proposals_with_the_reason(name, settings, reason):
-    plate = standing(trimesh.creation.box((0.3, 0.2, 0.002)))
-    grasp_target = plate if name == "plate" else subject(name)
-    found = propose(grasp_target, settings)
-    assert found.failure == reason
-    assert found.contacts.shape == (0, 3, 3)
-    assert list(atlas_postures(found, GraspProblem(grasp_target, CELL, settings))) == []
-
-
 def test_subject_assumptions_and_bad_input():
     box = trimesh.creation.box((0.05, 0.08, 0.12))
     assert GraspTarget.of(box).mass == pytest.approx(900 * 0.05 * 0.08 * 0.12, rel=1e-6)
@@ -213,22 +173,6 @@ def test_starting_postures_are_near_their_contacts(name, proposals):
         assert miss < 0.02
 
 
-def test_oriented_postures_say_how_far_they_miss(proposals):
-    found, grasp_target = proposals["ball"], subject("ball")
-    reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
-    total = 0
-    for k in range(6):
-        postures = oriented_postures(k, found, GraspProblem(grasp_target, CELL, SETTINGS))
-        assert len(postures) <= SETTINGS.initial_orientations
-        assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
-        targets = found.contacts[k] + reach * found.normals[k]
-        for posture in postures:
-            miss = np.linalg.norm(tips_by_mujoco(posture.q) - targets, axis=1).max()
-            assert posture.score == pytest.approx(-miss, abs=1e-9)
-            total += miss < 1.1e-3
-    assert total > 6
-
-
 def test_tip_ik_reaches_what_can_be_reached():
     rng, atlas, met = np.random.default_rng(3), hand_atlas(CELL), 0
     for k in rng.choice(len(atlas.joints), 40, replace=False):
@@ -246,19 +190,6 @@ def test_tip_ik_reaches_what_can_be_reached():
         assert miss == pytest.approx(true, abs=1e-9)
         met += true < 1e-4
     assert met >= 36
-
-
-def test_tip_ik_with_fingers_only_keeps_the_arm_and_reports_the_miss():
-    goal = HOME.copy()
-    goal[[8, 9, 12, 13, 20, 21]] += [0.2, 0.1, 0.15, 0.2, 0.2, 0.3]
-    targets, shift = tips_by_mujoco(goal).copy(), np.array([0.0, 0.3, 0.0])
-    q = HOME.copy()
-    assert solve_tips(q, targets, TREE, 100, 5e-4, True) < 5e-4
-    assert_array_equal(q[:7], HOME[:7])
-    far = HOME.copy()
-    miss = solve_tips(far, targets + shift, TREE, 100, 1e-4, True)
-    assert miss > 0.1
-    assert miss == pytest.approx(np.linalg.norm(tips_by_mujoco(far) - targets - shift, axis=1).max())
 
 
 # The constraints of the optimisation

@@ -12,7 +12,7 @@ from robots import CELL, HOME
 from dexgrasp.cli.codes import ANSWER_IS_NO, OK
 from dexgrasp.cli.main import main
 from dexgrasp.grasp.planned_record import Origin, planned_record
-from dexgrasp.grasp.variety import component_shares, hand_points
+from dexgrasp.grasp.variety import hand_points
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.planning.atlas import _key
@@ -97,13 +97,6 @@ def test_a_bad_count_is_refused(found, count):
     planner, target, _, _ = found
     with refused("a whole number from 1 to 10000"):
         plan_many(planner, target, count)
-
-
-def test_component_shares_of_a_line_and_of_too_few():
-    line = np.outer(np.arange(5.0), [1.0, 2.0, 3.0])
-    assert component_shares(line)[0] == pytest.approx(1.0)
-    assert component_shares(line[:2]) == []
-    assert component_shares(np.ones((4, 3))) == []
 
 
 def test_the_command_writes_files_a_table_and_json(tmp_path, capsys):

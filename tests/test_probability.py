@@ -11,7 +11,7 @@ from robots import CELL, HOME
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.probability import OUTCOMES, probability_of, shipped_model
-from dexgrasp.grasp.probability_features import Draws, _borne, features_of
+from dexgrasp.grasp.probability_features import features_of
 from dexgrasp.grasp.record import as_json
 from dexgrasp.planning.diverse import UNSURE, chances_of, with_success_probability
 from dexgrasp.planning.planner import Planner, small_box
@@ -27,20 +27,6 @@ def found():
 @pytest.fixture(scope="module")
 def record(found):
     return record_of(found.contents("box")[0])
-
-
-def test_pushes_are_borne_to_the_edge_of_the_cones():
-    """Three level presses of 3 N at 120 degrees, weight 1 N: friction 1/9 of the press bears it, and no push more."""
-    angle = 2.0 * np.pi * np.arange(3) / 3.0
-    normals = np.c_[np.cos(angle), np.sin(angle), np.zeros(3)]
-    draws = Draws(0.05 * normals[None], normals[None], np.zeros((1, 3)))
-    forces = -3.0 * normals + [0.0, 0.0, 1.0 / 3.0]
-    assert _borne(forces, draws, 1.0, 1.0 / 9.0)[1] == pytest.approx([0.0], abs=1e-9)
-    # Upwards and downwards a push d asks for (1 + d) / 3 of friction at each; sideways for less.
-    assert _borne(forces, draws, 1.0, 2.0 / 9.0)[1][0] <= 1.0 + 1e-9
-    assert _borne(forces, draws, 1.0, 0.1)[1][0] == pytest.approx(0.3 - 1.0 / 3.0)
-    # An object that weighs more than was planned for is answered by the contacts.
-    assert _borne(forces, draws, 2.0, 2.0 / 9.0)[1] == pytest.approx([0.0], abs=1e-9)
 
 
 def test_more_friction_and_less_weight_hold_better(record):

@@ -100,14 +100,6 @@ def test_what_stands_on_another_is_another_and_its_hull_ends_there():
     assert masked.target.foot == pytest.approx(0.06, abs=0.004)
 
 
-def test_what_is_neither_convex_nor_hollow_may_be_two(rng):
-    tall, low = np.array([0.05, 0.08, 0.16]), np.array([0.10, 0.08, 0.05])
-    points = np.concatenate([box(rng, (0.5, 0.0), tall, 4000), box(rng, (0.575, 0.0), low, 4000)])
-    assert refinement.may_be_two(points, points[:, 2])
-    one = box(rng, (0.5, 0.0), tall, 4000)
-    assert not refinement.may_be_two(one, one[:, 2])
-
-
 @pytest.mark.parametrize("known", [True, False])
 def test_what_another_hides_in_part_is_doubtful(known):
     cloud = views(((0.05, 0.07, 0.18), (0.55, 0.0, 0.09)), ((0.06, 0.26, 0.06), (0.40, 0.02, 0.03)))
@@ -131,18 +123,6 @@ def test_a_viewpoint_is_found_by_shadows_and_none_where_several_cameras_looked()
     high = points[:, 2] > 0.005
     assert find_viewpoint(points[high], points[~high]) is None
     assert views(*boxes).eye() == pytest.approx(EYE.position, abs=1e-6)
-
-
-def test_walls_go_straight_down_under_what_was_seen_from_above_alone():
-    above = Camera.look_at("above", (0.5, 0.0, 0.7), (0.5001, 0.0, 0.0), LENS)
-    scene = find_object(
-        views(((0.06, 0.08, 0.1), (0.5, 0.0, 0.05)), eye=above), np.random.default_rng(0), CELL
-    )
-    assert scene.target.doubt == refinement.TOP_ONLY
-    corners, _ = completed_corners(scene.target, scene.plane)
-    assert corners is not None
-    foot = corners[corners[:, 2] < 0.02]
-    assert np.ptp(foot, axis=0)[:2] == pytest.approx([0.06, 0.08], abs=0.012)
 
 
 def test_a_side_that_is_guessed_is_said():

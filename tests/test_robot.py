@@ -78,17 +78,6 @@ def test_names_and_orders(mount):
         assert model.geom(geom).size[0] == 0.014
 
 
-def test_the_specification_saves_and_loads_without_warnings(model, recwarn):
-    spec = robot_spec(CELL)
-    spec.compile()
-    shells = {file.name: file.read_bytes() for file in asset_path("robot", "shells").iterdir()}
-    loaded = mujoco.MjModel.from_xml_string(spec.to_xml(), shells)
-    assert [loaded.geom(i).name for i in range(loaded.ngeom)] == [
-        model.geom(i).name for i in range(model.ngeom)
-    ]
-    assert not recwarn.list
-
-
 def test_arm_kinematics_follow_the_dh_table(model):
     rng = np.random.default_rng(0)
     for _ in range(20):

@@ -15,26 +15,21 @@ from robots import CELL, GRASP_FINGERS, variant
 from dexgrasp.agent import public_info
 from dexgrasp.cli.commands import run_command
 from dexgrasp.evaluation.scoring.hand import find_hand
-from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, reach_palm
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
-from dexgrasp.mechanics.kinematics.sphere_cover import hull_cells
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.planner import Planner, Search, small_box
 from dexgrasp.planning.scene_setup import look_at
 from dexgrasp.registry import make_agent
-from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.make import make_robot
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot_file import read_robot
-
-PANDA = asset_path("robot", "panda.xml")
 
 
 @pytest.fixture(scope="module")
@@ -166,21 +161,6 @@ def test_starts_of_inverse_kinematics_are_data(tmp_path):
     (tmp_path / "six_arm.yaml").write_text(yaml.safe_dump(arm | {"starts": [[0.0]]}))
     with pytest.raises(InputError, match="a posture of starts has 1 numbers: valid are 6"):
         read_robot(tmp_path / "six.yaml")
-
-
-def test_spheres_cover_a_hull_from_outside():
-    rng = np.random.default_rng(0)
-    corners = rng.normal(size=(40, 3)) * [0.02, 0.012, 0.03]
-    centres, radii = hull_cells(corners, 0.006)
-    weights = rng.dirichlet(np.full(40, 0.1), 2000)
-    apart = np.linalg.norm((weights @ corners)[:, None] - centres, axis=2) - radii
-    import trimesh
-
-    hull = trimesh.convex.convex_hull(corners)
-    depth = closest_on_mesh(hull, weights @ corners).distances
-    assert (apart.min(1) < 1e-9)[np.abs(depth) < 0.001].all()
-    out = centres + radii[:, None] * (centres / np.linalg.norm(centres, axis=1)[:, None])
-    assert closest_on_mesh(hull, out).distances.max() < 0.008
 
 
 def test_what_a_description_includes_is_part_of_its_hash(made, tmp_path):

@@ -7,7 +7,7 @@ pytest.importorskip("stable_baselines3")
 
 import gymnasium as gym
 from refusals import refused
-from stable_baselines3 import PPO, SAC, HerReplayBuffer
+from stable_baselines3 import SAC, HerReplayBuffer
 
 from dexgrasp.learning.reinforcement.sb3_vec_env import SB3VecEnv
 
@@ -84,9 +84,6 @@ def test_what_is_lost_in_place_is_no_end_to_a_learner():
     env.close()
 
 
-LIFTS = sorted(name for name in gym.registry if name.startswith("DexGrasp/Lift"))
-
-
 def goal_learner(env, **kwargs):
     return SAC(
         "MultiInputPolicy", env, replay_buffer_class=HerReplayBuffer, batch_size=32, seed=0, device="cpu",
@@ -100,21 +97,3 @@ def test_hindsight_replay_runs_on_it():
     model.learn(64)
     assert model.num_timesteps == 64
     env.close()
-
-
-def learns(model):
-    model.learn(2000)
-    assert model.num_timesteps >= 2000
-    assert all(np.isfinite(part.detach().numpy()).all() for part in model.policy.parameters())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", LIFTS)
-def test_learners_run_2000_steps(name):
-    more = {"observe": "reset"} if "View" in name else {}
-    for learner, kwargs in (
-        (PPO, {"n_steps": 128}), (SAC, {"learning_starts": 500, "gradient_steps": 1, "buffer_size": 2000}),
-    ):  # fmt: skip
-        env = SB3VecEnv(name, num_envs=4, objects="seen", max_episode_steps=60, **more)
-        learns(learner("MultiInputPolicy", env, batch_size=64, seed=0, device="cpu", **kwargs))
-        env.close()

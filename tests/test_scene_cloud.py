@@ -11,7 +11,6 @@ from robots import CELL
 
 from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp_env.perception import reasons
-from dexgrasp_env.perception.camera_files import read_cameras
 from dexgrasp_env.perception.pipeline import find_object
 from dexgrasp_env.perception.scan import cloud_of, read_scan
 from dexgrasp_env.perception.scene import Scene
@@ -247,13 +246,3 @@ def test_a_unit_is_of_files(rng, tmp_path):
     assert np.abs(read_scan(tmp_path / "mm.npy", "mm").points - points).max() < 1e-9
     with refused("depth_scale"):
         read_scan(tmp_path, "mm")
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "[]", "cameras: []", "cameras: [3]", "cameras: [{depth: a.npy}]", "{", "cameras: &a [*a]"],
-)
-def test_wrong_camera_files_are_one_line(text, tmp_path):
-    (tmp_path / "cameras.yaml").write_text(text)
-    with refused():
-        read_cameras(tmp_path / "cameras.yaml")

@@ -14,8 +14,6 @@ from refusals import refused
 from robots import CELL, HAND_JOINTS, TIPS
 
 from dexgrasp.cli.main import main
-from dexgrasp.evaluation.scoring.closing import PRESS, balanced_forces, close_around
-from dexgrasp.evaluation.scoring.hand import HandStage, find_hand
 from dexgrasp.evaluation.scoring.readers import ReadOptions, ours, read_candidates
 from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dictionary
 from dexgrasp.evaluation.scoring.readers.plain import FORMAT
@@ -225,35 +223,6 @@ def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch):
 
 
 # -- closing ----------------------------------------------------------------------------------------------------
-
-
-def test_forces_are_in_balance_and_in_their_cones():
-    points = np.array([[0.03, 0.01, 0.0], [0.03, -0.01, 0.0], [-0.03, 0.0, 0.0]])
-    inward = np.array([[-1.0, 0, 0], [-1.0, 0, 0], [1.0, 0, 0]])
-    forces = balanced_forces(points, inward, np.zeros(3))
-    assert_allclose(forces.sum(0), 0.0, atol=1e-3)
-    assert_allclose(np.cross(points, forces).sum(0), 0.0, atol=1e-4)
-    normal = (forces * inward).sum(1)
-    assert normal.max() == pytest.approx(PRESS)
-    assert (np.linalg.norm(forces - normal[:, None] * inward, axis=1) <= 0.5 * normal + 1e-6).all()
-
-
-def test_closing_opens_away_and_presses_into():
-    hand = find_hand("allegro")
-    joints = np.array([0.0, 0.6, 0.6, 0.6] * 3 + [1.2, 0.3, 0.3, 0.6])
-    data = mujoco.MjData(hand.model)
-
-    def tips(q):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(hand.model, data)
-        return np.array([data.site(n).xpos.copy() for n in ("index_tip", "middle_tip", "thumb_tip")])
-
-    at = tips(joints)
-    middle = at.mean(0)
-    inward = (middle - at) / np.linalg.norm(middle - at, axis=1, keepdims=True)
-    first, last = close_around(hand, HandStage(np.eye(4), joints), at, inward, middle)
-    assert (((tips(first.joints) - at) * inward).sum(1) < -0.005).all()
-    assert (((tips(last.joints) - at) * inward).sum(1) > 0.0).all()
 
 
 # -- the command ------------------------------------------------------------------------------------------------

@@ -43,16 +43,6 @@ def test_damaged_lines_are_named_in_one_line(tmp_path, line):
     assert len(str(caught.value)) < 500
 
 
-@pytest.mark.parametrize("content", [None, b"[]", b"\xff\xfe", b"{", b"null", b"[" * 100_000])
-def test_trials_without_their_settings_are_refused(tmp_path, content):
-    (tmp_path / "trials.jsonl").write_text(json.dumps(row()) + "\n")
-    if content is not None:
-        (tmp_path / "run.json").write_bytes(content)
-    with refused("choose another --out"):
-        TrialStore(tmp_path, {"seed": 1})
-    assert (tmp_path / "trials.jsonl").read_text()
-
-
 def test_grasps_of_trials_that_fell_short_come_first(tmp_path):
     rows = [row(trial=k, success=k != 2, grasp=f"grasps/lift-{k}.json") for k in range(4)]
     rows[3]["clean"] = False

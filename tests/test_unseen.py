@@ -10,11 +10,8 @@ from robots import CELL
 import dexgrasp_env  # noqa: F401
 from dexgrasp.geometry.completion import NoTarget, completed_corners, target_of
 from dexgrasp.geometry.hull import cloud_corners
-from dexgrasp.geometry.visible_side import ONE_SIDED, one_sidedness
-from dexgrasp.planning.holding import narrowed_friction
 from dexgrasp.planning.plan_scene import plan_cloud, plan_scene
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
@@ -67,32 +64,6 @@ def test_what_was_seen_stays_where_it_was_seen(one_view):
     assert np.abs((corners @ near.T).max(0) - seen).max() < 0.008
 
 
-def test_the_far_side_is_less_certain_than_the_near_one_and_says_by_how_much(one_view):
-    corners, spread = completed_corners(*one_view.cloud)
-    away = one_view.eyes[0] - one_view.points.mean(0)
-    away[2] = 0.0
-    away /= np.linalg.norm(away)
-    near, far = spread.along(np.array([away, -away]))
-    assert far > 1.2 * near
-    expected = spread.along(LEVEL)
-    assert 0.3 < np.abs(one_view.off(corners)).mean() / expected.mean() < 3.0
-
-
-def test_contacts_on_a_guessed_face_may_rely_on_less_friction(one_view):
-    target, settings = target_of(one_view.scene), PlannerSettings()
-    tips = target.centre + 0.2 * LEVEL
-    distance, normals = target.distance.distance_gradient(tips)
-    tips -= (distance - settings.tip_radius)[:, None] * normals
-    errors = np.where(target.spread.directions[:, 0] > 0.5, 0.008, 0.002)
-    seen = narrowed_friction(tips, normals, replace(target, spread=None), settings)
-    unsure = replace(target, spread=target.spread._replace(errors=errors))
-    guessed = narrowed_friction(tips, normals, unsure, settings)
-    far = unsure.spread.along(normals) > 0.005
-    assert 10 < far.sum() < len(far) - 10
-    assert (guessed[far] < seen[far] - 0.01).all()
-    np.testing.assert_array_equal(guessed[~far], seen[~far])
-
-
 def test_an_object_seen_all_round_is_left_as_it_is():
     look = Look("soda", 4, seed=3)
     corners, spread = completed_corners(*look.cloud)
@@ -120,13 +91,6 @@ def test_a_plan_says_whether_contacts_hold_the_nearest_guess_too(one_view):
     assert plan.hidden_side.startswith("contacts hold the nearest")
     plan.target = replace(target, near=None)
     assert plan.hidden_side == ""
-
-
-def test_one_sidedness_of_a_ball_and_of_half_of_it():
-    ball = fibonacci_directions(500)
-    assert one_sidedness(ball) < 0.02
-    assert one_sidedness(ball[ball[:, 0] > 0.0]) > ONE_SIDED
-    assert one_sidedness(np.tile([0.0, 0.0, 1.0], (10, 1))) == 0.0
 
 
 def test_clouds_without_volume_or_table_are_not_completed():

@@ -4,7 +4,6 @@ import inspect
 
 import numpy as np
 import pytest
-import trimesh
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from lift_envs import few, skip_without_gl
@@ -128,10 +127,3 @@ def test_no_limit_in_gymnasiums_word_and_closed_environments_say_so():
             what()
         with pytest.raises(ClosedEnvironmentError):
             what()
-
-
-def test_a_path_is_an_object_as_its_text_is(tmp_path):
-    path = tmp_path / "part.stl"
-    trimesh.creation.box((0.06, 0.05, 0.08)).export(path)
-    assert native(1, objects=[path, "soda"]).unwrapped.settings.objects == (str(path), "soda")
-    assert native(1, objects=path).unwrapped.settings.objects == (str(path),)

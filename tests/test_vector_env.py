@@ -153,30 +153,6 @@ def test_presets_have_vector_environments():
         envs.close()
 
 
-def test_state_continues_bit_for_bit_here_and_in_a_single_environment():
-    envs = native(3, randomisation=RANDOM, max_episode_steps=12)
-    single = gym.make(ID, objects=OBJECTS, randomisation=RANDOM, disable_env_checker=True)
-    envs.reset(seed=0)
-    rng = np.random.default_rng(1)
-    acts = rng.uniform(-0.5, 0.5, (10, 3, 23))
-    for act in acts[:4]:
-        envs.step(act)
-    state = pickle.loads(pickle.dumps(envs.get_state(1)))
-    single.reset(seed=5)
-    single.unwrapped.set_state(state)
-    envs.set_state(state)  # all three
-    for act in acts[4:]:
-        together = np.repeat(act[1:2], 3, axis=0)
-        observation, rewards, _, truncated, _ = envs.step(together)
-        alone, reward, *_ = single.step(act[1])
-        assert all(np.array_equal(observation[key][2], alone[key]) for key in alone)
-        assert np.all(rewards == reward)
-        assert not truncated.any()
-    for _ in range(2):  # the count of steps came with the state: 12 in all
-        *_, truncated, _ = envs.step(together)
-    assert truncated.all()
-
-
 @pytest.mark.parametrize("obs_mode", ["state", "pointcloud"])
 def test_deepcopy_and_pickle_keep_the_episode(obs_mode):
     looks = {} if obs_mode == "state" else {"observe": "reset"}
