@@ -35,8 +35,6 @@ def pyramid_violation(forces, normals, mu):
     return np.maximum(-press, friction - mu * press)
 
 
-
-
 def random_grasps(K, seed=0):
     """Return points and unit normals (K, 3, 3) m, these leaning outwards."""
     rng = np.random.default_rng(seed)

@@ -17,6 +17,7 @@ import trimesh
 from numpy.testing import assert_array_equal
 from refusals import refused
 from robots import HOME, ROBOT
+from tables import mistakes
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp import Agent, make_agent
@@ -123,19 +124,7 @@ def test_random_is_seeded_and_fills_the_space():
     assert np.ptp(draws[0]) > 1.9
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("nobody", "valid are random, hardcoded"),
-        ("no.such.module:Thing", "no.such.module"),
-        ("dexgrasp.agent:Nothing", "no class 'Nothing'"),
-        (":Thing", "cannot be imported"),
-        ("fractions:Fraction", r"no method reset\(\)"),
-        ("nothing.zip", "does not exist"),
-        ("dqn:nothing.zip", "valid are ppo"),
-        ("~nosuchuser/policy", "no such user"),
-    ],
-)
+@pytest.mark.parametrize(("name", "message"), mistakes("agents"))
 def test_unknown_agents_name_what_is_valid(name, message):
     with refused(message):
         make_agent(name)

@@ -10,6 +10,7 @@ import pytest
 import yaml
 from processes import typed
 from refusals import refused
+from tables import mistakes
 
 from dexgrasp.cli.commands import run_command
 from dexgrasp.data.dataset.generate import _identity
@@ -39,25 +40,7 @@ def lab(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"name": "simulated", "hand": {"torque": 0.5}}, "a `name` of its own"),
-        ({"arms": {}}, "unknown key 'arms'"),
-        ({"arm": {"velocity": [1.0, 1.0, 1.0, 3.0, 1.0, 1.0, 1.0]}}, "velocity of joint 4 is 3.0.*most 2.175"),
-        ({"arm": {"upper": [2.8, 1.7, 2.8, -2.9, 2.8, 3.7, 2.8]}}, "joint 4 ranges .*hold home"),
-        ({"hand": {"stiffness": [8.0] * 15 + [9.0]}}, "one number"),
-        ({"mounts": {"sideways": {}}}, "unknown setting of mounts 'sideways'"),
-        ({"mounts": {"palm_normal": {"name": "other"}}}, "but for its name"),
-        ({"mounts": {"palm_normal": {"position": [47.5, 0.0, 150.0]}}}, "within 0.5 m"),
-        ({"table_height": 0.2}, "table_height is 0.2: valid is a finite number >= -0.15 and <= 0.15"),
-        ({"cameras": []}, "1 to 8 cameras"),
-        ({"cameras": [LAB["cameras"][0]] * 2}, "same name"),
-        ({"cameras": [{"name": "top", "position": [0, 0, 1]}]}, "look_at of top"),
-        ({"cameras": [{"name": "top", "T_base_camera": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]},
-         "orthonormal"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "words"), mistakes("cells"))
 def test_a_mistake_is_said_in_one_line(change, words, tmp_path):
     path = tmp_path / "cell.yaml"
     path.write_text(yaml.safe_dump({"schema": 1, "name": "mine"} | change))

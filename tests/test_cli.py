@@ -9,6 +9,7 @@ import textwrap
 
 import pytest
 from processes import typed
+from tables import mistakes
 
 from dexgrasp.cli import doctor
 from dexgrasp.cli.codes import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
@@ -25,40 +26,7 @@ def run(*arguments, module="dexgrasp.cli.main", **kwargs):
     )
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("nonsense", "evaluate"),
-        ("list objects --colour", "--colour"),
-        ("evaluate --objects seen", "--agents"),
-        ("evaluate --agents random --objects suger_box", "sugar_box"),
-        ("evaluate --agents random --objects seen --trials 0", ">= 1"),
-        ("evaluate --agents random --objects seen --protocol v9", "valid are lift"),
-        (
-            "evaluate --agents random --objects seen --protocol robust --friction 0.9",
-            "own",
-        ),
-        ("evaluate --agents random --objects seen --out /dev/null/x", "cannot write"),
-        ("report nowhere", "no evaluation"),
-        ("check nowhere --simulator bullet", "unrecognized arguments"),
-        (
-            "dataset generate --objects soda --out x --mount y",
-            "dexgrasp dataset --help",
-        ),
-        ("plan nowhere.stl", "nowhere.stl"),
-        ("plan pear --agent nobody", "bilevel"),
-        ("plan pear --agent hardcoded", "no certified plans"),
-        ("plan pear --mesh-scale nan", "> 0"),
-        ("plan", "TARGET"),
-        ("plan seen", "is a set"),
-        ("plan pear --mass 0.3", "are of --cloud"),
-        ("plan pear --mesh-scale 0.001", "mesh files alone"),
-        ("plan pear --agent os:system", "cannot be made"),
-        ("verify nowhere.json", "cannot read nowhere.json"),
-        ("demo --out /dev/null/x", "/dev/null/x"),
-        ("plan pear --count 99999", "a whole number from 1 to 10000"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), mistakes("commands"))
 def test_bad_input_is_one_line_and_2(arguments, words, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert typed(arguments) == BAD_INPUT
@@ -103,21 +71,6 @@ def every_action(parser):
         yield from (inner for one in within for inner in every_action(one))
         if action.nargs != argparse.PARSER:
             yield action
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("train bc --data d --out o --epochs 3 --minutes 4", "not allowed with"),
-        ("train bc --data d --out o --execute 9", "1 to 8, the chunk"),
-        ("plan pear --object-near 1 2", "expected 3"),
-        ("replay runs/x --agent a --object b", "--trial"),
-        ("evaluate --agents a --objects pear --size 321x240", "even numbers"),
-    ],
-)
-def test_options_that_do_not_go_together_are_one_line_and_2(line, words, capsys):
-    assert main(line.split()) == BAD_INPUT
-    assert words in one_line_after_notes(capsys)
 
 
 def test_a_bad_mujoco_gl_stops_nothing_that_draws_nothing():

@@ -183,9 +183,3 @@ def test_a_floating_grasp_is_of_the_known_shape_and_is_scored(tmp_path, printed)
     assert np.abs(trimesh.proximity.signed_distance(mesh, local)).max() < 1e-4
     assert typed(f"score {tmp_path / 'grasp.json'} --protocol dgb_fc --json") == OK
     assert printed()["protocols"]["dgb_fc"]["successes"] == 1
-
-
-@pytest.mark.parametrize("words", ["--cloud x.ply --floating", "pear --floating --agent cvae"])
-def test_floating_is_of_a_target_and_of_one_planner(words, capsys):
-    assert typed(f"plan {words}") == BAD_INPUT
-    assert "--floating" in capsys.readouterr().err

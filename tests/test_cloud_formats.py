@@ -9,6 +9,7 @@ import yaml
 from PIL import Image
 from refusals import refused
 from scipy.spatial.transform import Rotation
+from tables import mistakes
 from test_scene_cloud import scene_points
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, OK
@@ -246,29 +247,7 @@ def test_cameras_of_other_programs_are_the_same(tmp_path):
         read_scan(tmp_path / "own", T_base_camera=POSE)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"dept_scale": 1}, "'dept_scale' .the nearest is 'depth_scale'"),
-        ({"fx": 3.0}, "K and fx: give one"),
-        ({"k": K}, "has K twice, once as k"),
-        ({"K": [1, 2, 3]}, "K is .* 3 x 3 numbers"),
-        ({"K": [20.0, 1.0, *K[2:]]}, "K is"),
-        ({"R": [0, 1, 0, -1, 0, 0, 0, 0, 1]}, "R is .* rectify"),
-        ({"binning_x": 2}, "binning_x is 2"),
-        ({"roi": {"x_offset": 4, "y_offset": 0}}, "the whole image"),
-        ({"D": [0.1] * 4, "distortion_model": "equidistant"}, "'equidistant' is not undone"),
-        ({"distortion": [0.1] * 3}, "4, 5 or 8 numbers"),
-        ({"distortion": [900.0, -5e5, 0.0, 0.0]}, "folds the image"),
-        ({"T_base_camera": np.diag([1.0, 1.0, -1.0, 1.0]).tolist()}, "right-handed"),
-        ({"depth_scale": 1.0}, "500 m away .* 0.001"),
-        ({"K": {"rows": 3}}, "K is"),
-        ({"roi": 3}, "roi is"),
-        ({"T_base_camera": {"x": 3}}, "4 x 4 numbers"),
-        ({"distortion": {"rows": 3}}, "distortion is"),
-        ({"camera_info": 3}, "camera_info: valid is"),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), mistakes("cameras"))
 def test_cameras_that_are_wrong_are_refused_by_name(change, words, tmp_path):
     entry = {"depth": "d.png", "width": 16, "height": 12, "K": K, "T_base_camera": POSE.tolist()}
     with refused(words):

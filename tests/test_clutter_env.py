@@ -3,6 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from tables import mistakes
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.evaluation.evaluate import evaluate
@@ -182,13 +183,7 @@ def _inside(points, model, pose):
     return int(((local >= low) & (local <= high)).all(1).sum())
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"neighbours": 26}, "neighbours is 26"), ({"gaps": (0.05, 0.02)}, "gaps"),
-        ({"mask": "guess"}, "mask is"), ({"neighbour_objects": "nothing"}, "nothing"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("given", "words"), mistakes("clutter"))
 def test_bad_recipes_end_in_one_line(given, words):
     with pytest.raises(InputError, match=words):
         make(**given)

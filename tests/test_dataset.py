@@ -12,7 +12,6 @@ from processes import typed
 from refusals import refused
 from robots import CELL
 
-from dexgrasp.cli.main import main
 from dexgrasp.data.dataset.dataset import complete, fields_of, read_arrays, read_dataset, read_manifest
 from dexgrasp.data.dataset.generate import Job, generate, make
 from dexgrasp.data.dataset.info import check_sample, summary
@@ -232,13 +231,3 @@ def test_info_prints_json(made, printed):
     assert figures["grasps"] == 36
     assert figures["triples_feasible"] < figures["triples_decided"]
     assert sum(figures["margin_histogram"]["counts"]) == 36
-
-
-def test_bad_input_is_one_line(tmp_path, capsys):
-    assert typed(f"dataset generate --objects no_such_thing --out {tmp_path / 'a'}") == 2
-    assert typed(f"dataset generate --objects gelatin_box --out {tmp_path / 'a'} --backend x") == 2
-    assert "choose from 'processes', 'ray'" in capsys.readouterr().err
-    addressed = ["--objects", "gelatin_box", "--out", str(tmp_path / "a"), "--address", "auto"]
-    for command in ("dataset", "demos"):
-        assert main([command, "generate", *addressed]) == 2
-        assert "add --backend ray" in capsys.readouterr().err

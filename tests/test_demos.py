@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from processes import typed
 from refusals import refused
 from robots import CELL, HOME, ROBOT
+from tables import mistakes
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.agents.hardcoded import HardcodedAgent
@@ -295,16 +296,7 @@ def test_scenes_draw_what_is_asked_for_and_replays_draw_the_same(tmp_path):
         DemoResets(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
-        ({"agent": "nobody"}, "unknown agent"),
-        ({"control_mode": "x"}, "control_mode"),
-        ({"noise": 2.0}, "noise"),
-        ({"randomise": (("colour", 0.0, 1.0),)}, "valid are mass, friction, size"),
-        ({"randomise": (("size", 1.0, 0.5),)}, "low <= high"),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "says"), mistakes("demonstrations"))
 def test_wrong_settings_are_refused(wrong, says):
     with refused(says):
         DemoSettings.of(["sugar_box"], **wrong)
@@ -317,6 +309,3 @@ def test_the_command_line_tells_and_replays(folder, capsys, printed):
     assert figures["episodes"] == sum(figures["kept"].values())
     assert typed(f"demos replay {folder} --episodes 1") == 0
     assert "1 of 1 replays succeed" in capsys.readouterr().out
-    assert typed(f"demos info {folder / 'nothing'}") == 2
-    assert typed("demos generate --objects sugar_box --noise 2 --out x") == 2
-    assert typed(f"train bc --data {folder} --execute 9 --out {folder / 'x'}") == 2

@@ -171,23 +171,6 @@ def test_throwing_a_held_object_away_costs_what_holding_it_earned():
 # -- what is refused --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("kwargs", "word"),
-    [
-        ({"control_mode": "grasp", "obs_mode": "pointcloud"}, "state, features"),
-        ({"control_mode": "grasp_once", "hold": 2}, "hold=2 changes nothing"),
-        ({"hold": 0}, "hold"),
-        ({"reward_scale": 0.0}, "reward_scale"),
-        ({"control_mode": "grasp", "action_scale": 0.5}, "whose actions are changes"),
-        ({"control_mode": "grasp", "robot": "panda_gripper"}, "has postures of the fingers"),
-        ({"hold": 2, "backend": "warp"}, "backend='warp'"),
-    ],
-)
-def test_settings_that_cannot_be_are_refused(kwargs, word):
-    with refused(word):
-        make(**kwargs)
-
-
 def test_whole_grasps_bring_nothing_to_a_goal():
     with refused("brings nothing to a goal"):
         gym.make("DexGrasp/Place-v2", control_mode="grasp_once")

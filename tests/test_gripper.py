@@ -6,6 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 from refusals import refused
 from robots import variant
+from tables import mistakes
 
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
@@ -78,15 +79,7 @@ def test_it_lifts_what_is_pushed_and_the_judge_agrees(tmp_path):
     assert "coupled joints as stated" in failed
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"couplings": [{"joint": "up", "follows": "left_slide"}]}, "unknown joint of a coupling 'up'"),
-        ({"couplings": [{"joint": "left_slide", "follows": "left_slide"}]}, "that follows none itself"),
-        ({"torsion": 0.0}, "a grasp of 2 fingers: valid are 3 to 5"),
-        ({"grasp": ["left"]}, "a grasp of 1 fingers"),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), mistakes("grippers"))
 def test_what_no_gripper_is_ends_in_a_line(change, words, tmp_path):
     with refused(words):
         read_robot(variant(tmp_path, "panda_gripper", hand=change))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from lift_envs import judge
 from numpy.testing import assert_allclose
+from tables import table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.scene.sensors import READINGS
@@ -128,17 +129,7 @@ def test_pinned_or_wedged_objects_are_not_held():
     assert {info["reward_terms"][name] for info, _ in seen for name in ("lift", "hold")} == {0.0}
 
 
-@pytest.mark.parametrize(
-    ("forces", "grasped"),
-    [
-        ([[0.6, 0, 0], [0, 0, 0], [0, 0, 0], [-0.6, 0, 0]], True),
-        ([[0, 0, 0], [0, 0, 0], [0.6, 0, 0], [-0.6, 0.3, 0]], True),
-        ([[0.4, 0, 0], [0.4, 0, 0], [0.4, 0, 0], [-2, 0, 0]], False),  # too weak each
-        ([[2, 0, 0], [2, 0, 0], [2, 0, 0], [-0.4, 0, 0]], False),  # the thumb too weak
-        ([[0, 0, 2], [0, 0, 2], [0, 0, 2], [0, 0.1, 2]], False),  # a tray
-        ([[2, 0, 0], [-2, 0, 0], [0, 0, 0], [0, 0, 0]], False),  # without the thumb
-    ],
-)
+@pytest.mark.parametrize(("forces", "grasped"), table("opposed"))
 def test_grasp_needs_opposed_forces(forces, grasped):
     info, _ = held(make(), 1, forces=forces)[0]
     assert info["is_grasped"] is grasped

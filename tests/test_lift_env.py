@@ -10,6 +10,7 @@ from gymnasium.utils.env_checker import check_env
 from lift_envs import assert_same, few, make, rollout, skip_without_gl
 from refusals import refused
 from robots import HOME, LOWER, ROBOT, UPPER
+from tables import table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.rendering import choose_gl
@@ -74,15 +75,7 @@ def test_registrations_know_how_long_disturbances_take():
         gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
 
 
-@pytest.mark.parametrize(
-    ("name", "frame_skip", "settings", "wanted"),
-    [
-        ("Lift-v2", 25, {"disturbance": "pushed"}, 380),
-        ("Lift-v2", 5, {}, 1500),
-        ("LiftPushed-v2", 5, {}, 1900),
-        ("ClutterHeap-v1", 5, {}, 9000),
-    ],
-)
+@pytest.mark.parametrize(("name", "frame_skip", "settings", "wanted"), table("limits"))
 def test_a_limit_that_pace_or_disturbance_makes_too_short_is_warned_of(name, frame_skip, settings, wanted):
     settings = {"objects": "sugar_box", "frame_skip": frame_skip, **settings}
     with pytest.warns(UserWarning, match=f"max_episode_steps={wanted}$"):

@@ -14,6 +14,7 @@ import trimesh
 from numpy.testing import assert_allclose
 from project_scripts import load_script
 from refusals import refused
+from tables import mistakes
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.commands import run_script
@@ -58,20 +59,7 @@ def test_members_have_their_own_unit_mass_friction_and_pose(folder):
     assert_allclose(ball.upright, 0.5)
 
 
-@pytest.mark.parametrize(
-    ("objects", "message"),
-    [
-        ([], "must hold"),
-        ([BRICK, BRICK], "object 2: name 'brick' is taken"),
-        ([BRICK | {"name": "pear"}], "name 'pear' is taken"),
-        ([BRICK | {"name": "a/b"}], "name is 'a/b'"),
-        ([BRICK, BALL | {"mesh": "no.ply"}], "object 2: mesh file"),
-        ([BRICK | {"mass": 1e-300}], "mass is 1e-300: valid is a finite number >= 0.0001 and <= 100"),
-        ([BRICK | {"friction": 3}], "friction is 3"),
-        ([BRICK | {"upright": [1, 1, 0, 0]}], "unit quaternion"),
-        ([BRICK | {"wieght": 1}], "unknown key 'wieght'"),
-    ],
-)
+@pytest.mark.parametrize(("objects", "message"), mistakes("sets"))
 def test_a_set_is_checked_as_a_whole(folder, objects, message):
     path = written(folder, *objects)
     with refused() as caught:

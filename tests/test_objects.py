@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
+from tables import mistakes
 
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS, catalogue_object
 from dexgrasp_env.objects.load import load_object, resolve_targets
@@ -107,16 +108,7 @@ def test_scaling_keeps_the_density():
     assert_allclose(load_object("lego", mass=0.14).inertia, 2 * model.inertia)
 
 
-@pytest.mark.parametrize(
-    ("target", "options", "message"),
-    [
-        ("sugarbox", {}, "did you mean sugar_box"),
-        ("nothing like it", {}, "objects: cracker_box"),
-        ("sugar_box", {"scale": float("nan")}, "scale is nan"),
-        ("sugar_box", {"mass": -1.0}, "mass is -1.0"),
-        ("missing.obj", {}, "does not exist"),
-    ],
-)
+@pytest.mark.parametrize(("target", "options", "message"), mistakes("objects"))
 def test_bad_targets_are_refused_in_one_line(target, options, message):
     with refused(message):
         load_object(target, **options)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from tables import mistakes
 from test_scene_cloud import scene_points
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
@@ -83,21 +84,7 @@ def test_what_verify_rejects_is_neither_exported_nor_passed(scan, capsys):
     assert "NOT fit to run" in said
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--mask", "mask.npy"), "several labels"),
-        (("--mask", "mask.npy", "--label", 7), "no label 7: valid are 1, 2, 3"),
-        (("--mask", "short.npy"), "one value each of 15000"),
-        (("--mask", "empty.npy"), "marks no point"),
-        (("--mask", "floats.npy"), "not float64"),
-        (("--mask", "scene.ply"), "cannot read"),
-        (("--label", 2), "--label is of a --mask"),
-        (("--box", 0.5, 0, 0, 0.4, 1, 1), "box is empty"),
-        (("--pixel", "front", 3, 4), "points in a folder"),
-        (("--object-near", 0, 0, 0, "--mask", "mask.npy"), "in one way"),
-    ],
-)
+@pytest.mark.parametrize(("options", "words"), mistakes("pointing"))
 def test_pointing_at_nothing_is_one_line(scan, capsys, options, words):
     np.save(scan / "short.npy", np.ones(5, bool))
     np.save(scan / "empty.npy", np.zeros(15000, bool))

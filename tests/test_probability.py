@@ -8,7 +8,7 @@ import pytest
 from processes import typed
 from robots import CELL, HOME
 
-from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
+from dexgrasp.cli.codes import ANSWER_IS_NO, OK
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.probability import OUTCOMES, probability_of, shipped_model
 from dexgrasp.grasp.probability_features import features_of
@@ -90,5 +90,3 @@ def test_plan_at_least(printed, capsys):
     assert printed()["grasp"]["holds_probability"]["lifted"]["value"] >= 0.6
     assert typed("plan pear --at-least 0.99999") == ANSWER_IS_NO
     assert "not_sure_enough" in capsys.readouterr().out
-    assert typed("plan pear --at-least 1.5") == BAD_INPUT
-    assert typed("plan pear --at-least 0.9 --friction 0.1") == BAD_INPUT

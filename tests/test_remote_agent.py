@@ -131,16 +131,7 @@ def test_trials_that_met_no_server_are_made_again(tmp_path):
         outcomes(server.name, tmp_path / "run", trials=3)
 
 
-def test_an_address_that_is_none_is_said(capsys):
-    for name, words in (
-        ("ws://127.0.0.1:1", "no policy server"),
-        ("ws://:80", "valid is ws://HOST:PORT"),
-        ("ws://a:0", "valid is ws://HOST:PORT"),
-        ("ws://127.0.0.1:8000?timeout=no", "valid is ws://HOST:PORT"),
-        ("ws://127.0.0.1:8000?speed=1", "valid is ws://HOST:PORT"),
-    ):
-        assert main(["evaluate", "--agents", name, "--objects", "pear", "--trials", "1"]) == 2
-        assert words in capsys.readouterr().err
+def test_what_the_protocol_decides_is_no_wish_of_a_server(capsys):
     with PolicyServer(still, {"env_settings": {"friction": 3}}) as server:
         assert main(["evaluate", "--agents", server.name, "--objects", "pear", "--trials", "1"]) == 2
         assert "which the protocol decides" in capsys.readouterr().err

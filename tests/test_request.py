@@ -196,5 +196,3 @@ def test_the_command_takes_it(tmp_path, capsys):
         assert words in capsys.readouterr().err
     assert main(["plan", "pear", "--hold", f"mask:{tmp_path / 'mask.npy'}"]) == 2
     assert "of the faces of a mesh file" in capsys.readouterr().err
-    assert main(["plan", "pear", "--floating", "--approach", "top"]) == 2
-    assert "of agent bilevel" in capsys.readouterr().err

@@ -53,8 +53,6 @@ def test_one_file_is_made_without_being_told_what_it_is_and_drawn(hand, tmp_path
     said = json.loads(capsys.readouterr().out)
     assert (said["robot"], said["picture"]) == ("claw.yaml", "claw.png")
     assert (tmp_path / "claw.png").stat().st_size > 10_000
-    assert main(["robot", "make"]) == 2
-    assert "name what to make a robot of" in capsys.readouterr().err
 
 
 def test_recipes_replace_what_a_file_states(hand):

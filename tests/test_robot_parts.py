@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from foreign_parts import six_joint_arm
+from tables import table
 
 from dexgrasp.cli.commands import run_command
 from dexgrasp_env.errors import InputError
@@ -20,19 +21,7 @@ def driven(folder, servos, change=lambda text: text):
     return path
 
 
-@pytest.mark.parametrize(
-    ("servo", "torque", "stiffness"),
-    [
-        ('<position joint="j{k}" kp="500" forcerange="-80 80"/>', 80.0, 500.0),
-        ('<position joint="j{k}" kp="5" gear="10" forcerange="-8 8"/>', 80.0, 500.0),
-        ('<motor joint="j{k}" gear="20" ctrlrange="-4 4"/>', 80.0, 2000.0),
-        ('<motor joint="j{k}" gear="-20" forcerange="-4 4"/>', 80.0, 2000.0),
-        ('<velocity joint="j{k}" kv="7" forcerange="-80 80"/>', 80.0, 2000.0),
-        ('<position joint="j{k}" kp="500" forcerange="-80 80"/><velocity joint="j{k}" kv="7"/>', 80.0, 500.0),
-        ('<general joint="j{k}" biastype="affine" biasprm="0 -500 -10" forcerange="-80 80"/>', 80.0, 500.0),
-        ('<position jointinparent="j{k}" kp="500" forcerange="-80 80"/>', 80.0, 500.0),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("servo", "torque", "stiffness"), table("servos"))
 def test_torque_and_stiffness_are_the_joints(servo, torque, stiffness, tmp_path):
     path = driven(tmp_path, "".join(servo.format(k=k) for k in range(6)))
     entry, notes = arm_entry(path)

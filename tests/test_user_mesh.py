@@ -9,6 +9,7 @@ import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from scipy.spatial import ConvexHull
+from tables import mistakes
 
 from dexgrasp_env.objects import decompose
 from dexgrasp_env.objects.decompose import convex_parts
@@ -90,21 +91,7 @@ def bad_file(folder: Path, defect: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("defect", "message"),
-    [
-        ("millimetres", "millimetres: pass --mesh-scale 0.001"),
-        ("centimetres", "--mesh-scale 0.01 or 0.001"),
-        ("tiny", "1.6 mm"),
-        ("nan", "1 vertices that are not finite"),
-        ("flat", "flat"),
-        ("points", "no faces"),
-        ("missing.obj", "does not exist"),
-        ("text.fbx", "wrong kind '.fbx': valid are .obj, .stl, .ply, .glb"),
-        *((f"half.{suffix}", "cannot be read|no faces|damaged") for suffix in ("obj", "stl", "ply", "glb")),
-        ("range.obj", "cannot be read|damaged"),
-    ],
-)
+@pytest.mark.parametrize(("defect", "message"), mistakes("meshes"))
 def test_a_file_that_cannot_be_used_is_refused_in_one_line(tmp_path, defect, message):
     path = bad_file(tmp_path, defect)
     with refused(message):

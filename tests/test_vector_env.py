@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from lift_envs import few
 from refusals import refused
+from tables import mistakes
 from vector_envs import ID, OBJECTS, RANDOM, assert_same, native, singles
 
 
@@ -219,19 +220,7 @@ def test_resets_without_options_begin_where_they_are_told():
     assert not np.array_equal(seen["object_pose"][0], seen["object_pose"][1])
 
 
-@pytest.mark.parametrize(
-    ("settings", "word"),
-    [
-        ({"control_mode": "ee_delta"}, "control_mode"),
-        ({"mount": "fingers_along"}, "mount"),
-        ({"disturbance": "pushed"}, "disturbance"),
-        ({"frame_skip": 50}, "frame_skip"),
-        ({"reward_weights": {"reach": 1.0}}, "reward_weights"),
-        ({"objects": "soda"}, "sugar_box"),
-        ({"env_id": "DexGrasp/Place-v2"}, "task"),
-        ({"obs_mode": "depth", "views": 2}, "obs_mode"),
-    ],
-)
+@pytest.mark.parametrize(("settings", "word"), mistakes("states"))
 def test_states_of_other_settings_are_refused_in_one_line(settings, word):
     env = gym.make(ID, objects="sugar_box", disable_env_checker=True)
     env.reset(seed=0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from planned import failing
 from robots import HOME, LOWER, UPPER
+from tables import table
 from tampering import named, standing
 
 from dexgrasp.grasp.file import record_of
@@ -237,17 +238,7 @@ def test_small_shifts_of_every_joint_that_bears_a_grasping_tip_are_seen(contents
         assert "contacts as claimed" in failed, joint
 
 
-@pytest.mark.parametrize(
-    ("true", "other", "expected"),
-    [
-        ("sugar_box", "cracker_box", "contacts inside the object"),
-        ("sugar_box", "mask", "volume that hull and object share"),
-        ("sugar_box", "chips", "volume that hull and object share"),
-        ("tomato_soup_can", "lego", "tips short of the object"),
-        ("pear", "chips", "object outside the hull"),
-        ("pear", "lego", "tips short of the object"),
-    ],
-)
+@pytest.mark.parametrize(("true", "other", "expected"), table("taken_for"))
 def test_a_grasp_is_not_taken_for_one_of_another_object_in_its_place(true, other, expected, contents):
     renamed = standing(record_of(contents[true]), other)
     broken = {check.name for check in verify(renamed, ["object"]) if not check.holds}
