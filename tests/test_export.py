@@ -194,18 +194,13 @@ def test_damaged_files_are_one_line(folder, tmp_path):
     text = (folder / "arm.csv").read_text()
     wrong = {
         "header": text.replace("panda_joint1", "joint_1", 1),
-        "cut": text[: len(text) // 2],
         "words": text.replace("\n0.001", "\nabc", 1),
         "nan": text.replace("\n0.002000,", "\nnan,", 1),
-        "empty": "",
     }
     for content in wrong.values():
         (folder / "arm.csv").write_text(content)
         with refused():
             read_trajectory(folder, CELL)
-    (tmp_path / "trajectory.json").write_text('{"arm": 3}')
-    with refused():
-        read_trajectory(tmp_path / "trajectory.json", CELL)
     with refused():
         read_trajectory(tmp_path / "nothing", CELL)
 

@@ -83,15 +83,11 @@ def test_the_check_finds_a_fault_of_a_description(change, problem, tmp_path, cap
     assert "Traceback" not in said.err
 
 
-
-
 @pytest.mark.parametrize(("change", "words"), mistakes("hands"))
 def test_a_broken_robot_file_is_said_in_one_line(change, words, tmp_path, capsys):
     assert run_command(["robot", "check", str(variant(tmp_path, hand=change))]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(words, line), line
-
-
 
 
 @pytest.mark.parametrize(("changes", "words"), mistakes("robots"))

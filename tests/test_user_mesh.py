@@ -81,10 +81,7 @@ def bad_file(folder: Path, defect: str) -> Path:
         return saved(folder, meshes[defect], "bad.ply")
     kind, _, suffix = defect.partition(".")
     path = folder / f"bad.{suffix}"
-    if kind == "half":
-        data = saved(folder, CAPSULE, path.name).read_bytes()
-        path.write_bytes(data[: len(data) // 2])
-    elif kind == "range":
+    if kind == "range":
         path.write_text("v 0 0 0\nv .1 0 0\nv 0 .1 0\nf 1 2 9\n")
     elif kind == "text":
         path.write_text("hello, I am no mesh")
