@@ -105,7 +105,7 @@ def test_demonstrations_fill_a_replay_buffer(demos):
 @pytest.mark.parametrize(("more", "rollouts"), table("rollouts"))
 def test_a_round_is_an_episode_in_equal_rollouts_or_one_of_many(more, rollouts):
     settings = RlSettings(("sugar_box",), **more)
-    assert settings.rollouts == rollouts
+    assert settings.rollouts == tuple(rollouts)
     assert settings.round_steps == settings.num_envs * rollouts[0] * rollouts[1]
 
 

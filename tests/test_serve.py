@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tables import mistakes
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -146,31 +147,11 @@ def test_a_target_a_mesh_and_a_depth_image_are_planned_for(served, points):
 
 
 def test_a_mistake_is_a_line(served, points):
-    grasp = {"schema": 3}
     with served.connect() as socket:
-        for request, words in (
-            ({"request": "dance"}, "valid are plan, plan_cloud, objects, verify"),
-            ({"request": 3}, "valid are plan"),
-            ({"points": points}, "no agent is served"),
-            ({"request": "plan_cloud"}, "send points, or depth with K"),
-            ({"request": "plan_cloud", "points": points, "depth": points[:, :2]}, "send points, or depth"),
-            ({"request": "plan_cloud", "points": points, "sede": 1}, "unknown option 'sede'"),
-            ({"request": "plan_cloud", "points": points, "T_base_camera": [[1, 2]]}, "valid is a pose"),
-            ({"request": "plan_cloud", "points": points, "camera_pose": "/etc/passwd"}, "unknown option"),
-            ({"request": "plan_cloud", "points": points, "hold": ["mask:/etc/passwd"]}, "no files"),
-            ({"request": "plan_cloud", "points": points, "approach": "under"}, "valid is top, side"),
-            ({"request": "plan_cloud", "points": points, "robot": "leap"}, "unknown option 'robot'"),
-            ({"request": "plan_cloud", "points": points, "seed": -1}, "seed is -1"),
-            ({"request": "plan_cloud", "points": points, "target": "pear"}, "of the request plan"),
-            ({"request": "plan_cloud", "points": points * np.nan}, "no finite point"),
-            ({"request": "plan_cloud", "points": points, "marked": [True]}, "mask has shape"),
-            ({"request": "plan", "target": "/etc/passwd"}, "no object '/etc/passwd' here"),
-            ({"request": "plan", "vertices": points[:4], "faces": [[0, 1, 9]]}, "corners that it lacks"),
-            ({"request": "plan", "target": "pear", "mass": 1.0}, "mass is of plan_cloud"),
-            ({"request": "verify", "grasp": grasp, "robot": "x"}, "nothing else"),
-            ({"request": "verify", "grasp": grasp}, "is missing"),
-        ):
-            answer = ask(socket, **request)
+        for request, words in mistakes("requests"):
+            answer = ask(
+                socket, **request | ({"points": points} if request.get("points") == "POINTS" else {})
+            )
             assert isinstance(answer, str), request
             assert words in answer, (answer, words)
             assert len(answer.splitlines()) == 1
