@@ -14,12 +14,10 @@ from robots import CELL, LOWER, ROBOT, UPPER, denormalise
 from dexgrasp import make_agent
 from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
-from dexgrasp.agents.stages import LiftAndHold
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.move_until_contact import GuardedGrasp
 from dexgrasp.planning.plan_scene import plan_scene
 from dexgrasp.planning.scene_setup import look_at
@@ -135,18 +133,6 @@ def test_looks_again_where_there_is_no_grasp(blind, reason, steps, monkeypatch):
     assert outcome.steps < 300
     assert outcome.details["regrasps"] == min(blind, 2)
     assert outcome.planning_seconds >= sum(plan.log.seconds["bilevel"] for plan in plans[: blind + 1])
-
-
-def test_does_not_grasp_again_where_the_cameras_looked_but_once(attempt):
-    agent = BilevelAgent()
-    agent.reset(attempt.observation, {"observe": "reset"})
-    carrying = GuardedCarry(agent._stage.motion)
-    carrying._lost_steps = 99
-    assert carrying.lost
-    stage = agent._stage = LiftAndHold(agent._stage.state, carrying)
-    agent.act(attempt.observation)
-    assert "regrasps" not in agent.report.details
-    assert agent._stage is stage
 
 
 def failures():

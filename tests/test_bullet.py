@@ -97,20 +97,6 @@ def test_objects_touch_the_table_where_their_surface_is(name):
         assert world.height() == pytest.approx(pose[2] - 0.0005, abs=1e-4)
 
 
-@pytest.mark.parametrize("slope", [0.65, 0.75])
-def test_friction_is_the_scenes(slope):
-    """Gravity is tilted: within 0.3 s a flat box slides as far as Coulomb's law says, here with 0.7."""
-    pytest.importorskip("pybullet")
-    _, world, pose = world_of("sandwich_side")
-    across, down = 9.81 * np.array([slope, 1.0]) / np.hypot(1.0, slope)
-    with contextlib.closing(world):
-        world.client.setGravity(0.0, across, -down)
-        for _ in range(round(0.3 / STEP)):
-            world.client.stepSimulation()
-        position, _ = world.client.getBasePositionAndOrientation(world.object)
-    assert position[1] - pose[1] == pytest.approx(0.5 * max(0.0, across - 0.7 * down) * 0.3**2, abs=5e-4)
-
-
 def test_what_is_not_grasped_stays_on_the_table(tmp_path):
     pytest.importorskip("pybullet")
     T = np.eye(4)

@@ -1,7 +1,6 @@
 """The cell as data: the default is the model's own numbers, mistakes take a line, another one is used throughout."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -17,8 +16,7 @@ from dexgrasp.data.dataset.generate import _identity
 from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp_env.assets import asset_path
-from dexgrasp_env.robot.cell import SIMULATED, default_cell, read_cell
+from dexgrasp_env.robot.cell import read_cell
 
 TABLE = 0.08
 LAB = {
@@ -125,16 +123,3 @@ def test_the_page_of_the_docs_shows_a_cell_that_can_be_read(tmp_path):
     path = tmp_path / "cell.yaml"
     path.write_text(page.split("```yaml\n")[1].split("```")[0])
     assert read_cell(path).name == "our lab"
-
-
-def test_the_default_cell_has_a_hash_too():
-    cell = default_cell()
-    assert read_cell(asset_path("robot", "cell.yaml")) == cell
-    assert (cell.stamp, cell.version[: len(SIMULATED) + 1]) == (SIMULATED, f"{SIMULATED}-")
-    joints = replace(cell.robot.arm.joints, velocity=(0.1,) * 7)
-    slower = replace(cell, robot=replace(cell.robot, arm=replace(cell.robot.arm, joints=joints)))
-    assert slower.version != cell.version
-    saved = DemoSettings.of(["pear"]).as_json()
-    assert DemoSettings.of_json(saved) == DemoSettings.of(["pear"])
-    with refused("give theirs with --robot"):
-        DemoSettings.of_json(saved | {"cell": slower.version})

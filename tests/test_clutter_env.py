@@ -74,24 +74,6 @@ def test_a_heap_lies_on_the_table_and_touches():
         env.reset(options={"object_pose": [0.5, 0, 0.1, 1, 0, 0, 0]})
 
 
-def test_no_neighbours_is_lift_bit_for_bit():
-    ours = gym.make("DexGrasp/ClutterSparse-v1", objects=FEW["objects"], neighbours=0)
-    lift = gym.make("DexGrasp/Lift-v2", objects=FEW["objects"])
-    ours.reset(seed=4)
-    lift.reset(seed=4)
-    pose = lift.unwrapped.simulation.object_pose()
-    start = {"object": lift.unwrapped.target, "object_pose": pose}
-    rng = np.random.default_rng(0)
-    lift.reset(options=start)
-    ours.reset(options=start)
-    ours.unwrapped.simulation.set_state(lift.unwrapped.simulation.get_state())
-    for _ in range(10):
-        action = rng.uniform(-1, 1, 23).astype(np.float32)
-        ours.step(action)
-        lift.step(action)
-    np.testing.assert_array_equal(ours.unwrapped.data.qpos, lift.unwrapped.data.qpos)
-
-
 @pytest.mark.parametrize(
     ("kind", "obs_mode"),
     [

@@ -10,7 +10,7 @@ from dexgrasp.mechanics.closure import opposed_pairs
 from dexgrasp.mechanics.contact_models import contact_model
 from dexgrasp.mechanics.contacts import Contacts, shape_of
 from dexgrasp.mechanics.internal_force import firmest_squeeze
-from dexgrasp.mechanics.margin import UNDEFINED, cone_margin, margins
+from dexgrasp.mechanics.margin import cone_margin, margins
 from dexgrasp.mechanics.strength import capacity_of, hold_residual, load_of, torque_fraction
 from dexgrasp_env.arrays import cube_directions
 
@@ -65,15 +65,6 @@ def test_margins_are_the_judges_and_have_slopes(count, torsion):
         assert slope == pytest.approx((by_points * way).sum(), rel=2e-3, abs=1e-2)
         slope = (moved(points, normals + step * way) - moved(points, normals - step * way)) / (2 * step)
         assert slope == pytest.approx((by_normals * way).sum(), rel=2e-3, abs=1e-4)
-
-
-def test_two_points_leave_a_turn_free_and_two_soft_ones_do_not():
-    points, normals = np.array([[0.03, 0.0, 0.0], [-0.03, 0.0, 0.0]]), np.array([[1.0, 0, 0], [-1.0, 0, 0]])
-    assert margins(points[None], normals[None], MU)[0] == UNDEFINED
-    assert conic_margin(points, normals, MU) is None
-    assert margins(points[None], normals[None], MU, contact_model(0.008))[0] == pytest.approx(1.0)
-    line = np.array([[-0.03, 0, 0], [0, 0, 0], [0.03, 0, 0.0], [0.05, 0, 0]])
-    assert margins(line[None], np.eye(3)[[0, 1, 2, 0]][None], MU)[0] == UNDEFINED
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ pytest.importorskip("dexgrasp_env.dm", exc_type=ImportError)
 
 import dm_env
 from dm_control.rl import control
-from dm_control.suite.wrappers import action_scale, pixels
-from dm_control.viewer.runtime import Runtime
+from dm_control.suite.wrappers import pixels
 
 from dexgrasp_env import dm
 from dexgrasp_env.rendering import rendering_fault
@@ -113,23 +112,6 @@ def test_physics_is_the_environments_own():
     copy = physics.copy()
     copy.step()
     assert copy.time() > physics.time()
-
-
-def test_the_viewers_runtime_and_action_wrappers_run():
-    env = action_scale.Wrapper(dm.load("ycb6", seed=0), minimum=-2.0, maximum=2.0)
-    changed = []
-    runtime = Runtime(env, policy=lambda timestep: np.zeros(23))
-    runtime.on_physics_changed += lambda: changed.append(env.physics)
-    runtime.tick(0.05, paused=False)
-    runtime.single_step()
-    runtime.tick(0.05, paused=True)
-    assert runtime.get_time() >= 0.25  # the settling and a step
-    for _ in range(6):
-        runtime.restart()
-        runtime.stop()
-        runtime.restart()
-        runtime.tick(0.05, paused=False)
-    assert changed  # another object is another model: the viewer loads it
 
 
 @pytest.mark.skipif(rendering_fault() is not None, reason="no GL here")

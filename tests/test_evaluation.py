@@ -138,18 +138,6 @@ def test_identity_knows_every_file(tmp_path, monkeypatch):
         known = changed
 
 
-def test_identity_knows_what_is_shipped(tmp_path, monkeypatch):
-    monkeypatch.setattr("dexgrasp.evaluation.settings.asset_path", lambda *parts: tmp_path)
-    path = tmp_path / "weights" / "cvae.safetensors"
-    path.parent.mkdir(parents=True)
-    path.write_text("one")
-    before = EvaluationSettings(("random",), ("pear",)).identity()
-    (tmp_path / "README.md").write_text("only people read this")
-    assert EvaluationSettings(("random",), ("pear",)).identity() == before
-    path.write_text("two")
-    assert EvaluationSettings(("random",), ("pear",)).identity() != before
-
-
 def test_replay_is_exact(finished, tmp_path):
     folder, _ = finished
     for name in ("sugar_box", "gelatin_box"):

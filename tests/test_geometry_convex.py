@@ -80,26 +80,6 @@ def test_distance_to_a_union_is_the_least_of_its_parts(hammer):
     assert union.distance([[0.05, 0.03, 0.0]])[0] == pytest.approx(0.015)  # in the hull's air
 
 
-def test_curvature_of_a_union_is_that_of_its_nearest_part(hammer):
-    union, g, H, expected = ConvexDistance.union(hammer), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
-    for p in scatter(np.random.default_rng(9), 200, 0.2):
-        part = min(hammer, key=lambda part, p=p: part.distance(p)[0])
-        d = convex_distance_hessian(p, part.obstacle, g, expected)
-        assert convex_distance_hessian(p, union.obstacle, g, H) == d
-        assert_array_equal(H, expected)
-
-
-def test_a_simplified_hull_lies_a_little_inside():
-    mesh = trimesh.creation.icosphere(4, 0.05)
-    full, small = ConvexDistance.from_points(mesh.vertices), ConvexDistance.from_points(mesh.vertices, 200)
-    points = scatter(np.random.default_rng(6), 2000)
-    points = points[full.distance(points) > 0]
-    gap = small.distance(points) - full.distance(points)
-    assert len(small.triangles) <= 200
-    assert gap.min() > -1e-12
-    assert 1e-4 < gap.max() < 2.5e-3
-
-
 @pytest.mark.parametrize(
     "points",
     [

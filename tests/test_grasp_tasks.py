@@ -92,17 +92,6 @@ def test_every_height_of_the_grasp_space_is_above_the_table(name):
     assert 0.11 < heights[0] < heights[1] - 0.01
 
 
-def test_what_lies_beyond_a_grasp_action_is_mirrored():
-    env = make(control_mode="grasp").unwrapped
-    for beyond, within in ((1.5, 0.5), (-1.25, -0.75), (3.0, -1.0), (2.0, 0.0), (-4.5, -0.5), (0.9, 0.9)):
-        told = []
-        for value in (beyond, within):
-            env.reset(seed=1)
-            env.step(np.full(GRASP_SIZE, value))
-            told.append(env.targets)
-        np.testing.assert_allclose(*told, atol=1e-9)
-
-
 def test_held_actions_are_repeated_ones_and_rewards_their_sum():
     held, plain = make(hold=5, reward_scale=0.5), make()
     for env in (held, plain):

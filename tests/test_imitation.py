@@ -15,7 +15,7 @@ from dexgrasp.data.demonstrations.minari_format import read_episodes
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.learning.imitation.bc_policy import BcPolicy, BcRun
+from dexgrasp.learning.imitation.bc_policy import BcPolicy
 from dexgrasp.learning.imitation.cloud_features import grip_features, observed_cloud
 from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
 from dexgrasp.learning.imitation.demonstrated_grasp import demonstrated_grasp, grasp_from_row, grasp_to_row
@@ -129,18 +129,6 @@ def test_the_grasp_of_a_demonstration_is_read_and_written(demos):
     again = grasp_from_row(grasp_to_row(grasp, look.middle), look.middle, grasp.azimuth, tree)
     for a, b in zip(grasp, again, strict=True):
         assert_allclose(a, b, atol=1e-9)
-
-
-def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, monkeypatch):
-    StateBcTraining([demos], settings_of("state", execute=3), tmp_path / "out").run()
-    clone, looks = BcPolicy(*read_policy(tmp_path / "out")), []
-    predict = clone.predict
-    monkeypatch.setattr(clone, "predict", lambda *a: looks.append(1) or predict(*a))
-    seen = {key: array[0] for key, array in next(read_episodes(demos)).observations.items()}
-    run = BcRun(clone, seen, CELL)
-    for _ in range(7):
-        assert np.abs(run.action(seen)).max() <= 1.0
-    assert len(looks) == 3
 
 
 def test_policies_are_tried_while_they_learn(demos, tmp_path):

@@ -95,17 +95,6 @@ def test_upright_stands_as_built():
     env.reset(seed=0, options={"object": "massage_ball"})
 
 
-def test_one_view_is_drawn_by_the_seed():
-    env = make(obs_mode="depth", views=1, sensor="none")
-    chosen = []
-    for seed in range(6):
-        observation, info = env.reset(seed=seed)
-        assert observation["depth"].shape == (1, 120, 160)
-        chosen.append(tuple(info["perception_T_world_camera"][0, :3, 3]))
-        assert np.array_equal(env.reset(seed=seed)[0]["depth"], observation["depth"])
-    assert len(set(chosen)) > 1
-
-
 def test_calibration_error_is_one_rigid_motion():
     errors = []
     for seed in range(2):

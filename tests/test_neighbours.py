@@ -151,19 +151,6 @@ def test_what_reaches_around_the_target_is_columns():
     assert columns(np.zeros((0, 3))) == ()
 
 
-def test_neighbours_that_may_be_pushed_are_smaller_and_walls_are_not():
-    size, wall = np.array([0.05, 0.05, 0.1]), shell(0.6, 0.0, np.array([0.004, 0.2, 0.08]))
-    scene = Scene(shell(0.5, 0.0, size), neighbours=(shell(0.5, 0.1, size),), rest=wall)
-    (firm,), *walls = neighbours_of(scene)
-    (loose,), *same = neighbours_of(scene, give=0.01)
-    for mine, its in zip(walls, same, strict=True):
-        np.testing.assert_array_equal(mine, its)
-    np.testing.assert_allclose(np.ptp(firm, axis=0) - np.ptp(loose, axis=0), [0.02, 0.02, 0.01], atol=1e-9)
-    assert loose[:, 2].min() == pytest.approx(firm[:, 2].min())
-    (pin,), *_ = neighbours_of(scene, give=1.0)
-    assert (np.ptp(pin, axis=0) < 0.01).all()
-
-
 def test_what_stands_in_the_way_is_set_aside_where_there_is_room():
     size = np.array([0.05, 0.05, 0.12])
     around = tuple(shell(0.5 + x, y, size) for x, y in [(0, 0.065), (0.06, 0), (0, -0.065)])

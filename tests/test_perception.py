@@ -12,7 +12,7 @@ from robots import CELL
 
 from dexgrasp_env.arrays import unit
 from dexgrasp_env.perception.pipeline import segment
-from dexgrasp_env.perception.scene import ObjectCloud, Scene
+from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.sensor import SensorModel
 
@@ -175,15 +175,3 @@ def test_an_observation_gives_back_the_scene_it_was_made_of():
     holed = Scene.of_observation(arrays)
     assert len(holed.target) == len(seen.target) - 1
     assert np.linalg.norm(holed.target.normals, axis=1).max() < 1.01
-
-
-@pytest.mark.parametrize(
-    ("points", "normals"), [(np.zeros((3, 2)), np.zeros((3, 2))), (np.zeros((3, 3)), np.zeros((2, 3)))]
-)
-def test_what_is_no_cloud_of_an_object_is_refused(points, normals):
-    with refused(r"valid are \(N, 3\) both"):
-        ObjectCloud(points, normals)
-    with refused("finite"):
-        ObjectCloud(np.full((2, 3), np.nan), np.zeros((2, 3)))
-    with refused("poses"):
-        Scene(cameras=np.zeros(4))

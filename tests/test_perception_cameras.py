@@ -3,7 +3,6 @@
 import mujoco
 import numpy as np
 import pytest
-from refusals import refused
 from robots import CELL
 
 from dexgrasp_env.errors import InputError
@@ -51,21 +50,6 @@ def test_default_cameras_see_the_whole_region_of_objects():
         assert (uv > -0.5).all(), camera.name
         assert (uv < [159.5, 119.5]).all(), camera.name
         assert depth.min() > 0.2
-
-
-def test_bad_cameras_are_refused_in_one_line():
-    model, _ = small_scene()
-    small = CameraIntrinsics.from_fovy(45.0, 32, 24)
-    with refused("coincide"):
-        Camera.look_at("a", (0, 0, 1), (0, 0, 1))
-    with refused("orthonormal"):
-        Camera("a", 2.0 * np.eye(4))
-    with refused("image sizes"):
-        RayCameras(model, (CELL.make_cameras()[0], Camera("b", np.eye(4), small)))
-    with refused("one or more"):
-        RayCameras(model, ())
-    with refused("dropout is 2"):
-        SensorModel(dropout=2)
 
 
 def test_rays_miss_nothing_that_single_rays_hit():

@@ -75,19 +75,6 @@ def test_a_goal_that_is_given_has_not_been_reached_before():
     assert told == [False] * 19 + [True]
 
 
-def test_a_goal_alone_is_an_option_of_ones_own():
-    env = make(disable_env_checker=True)
-    env.reset(seed=0)
-    env.unwrapped.data.qpos[25] = 0.5
-    state, begun = env.unwrapped.get_state(), [0.5, 0.1, 0.2, 1.0]
-    env.unwrapped.start_from(lambda slot, rng, record: {"state": state, "goal": begun})
-    observation, _ = env.reset()
-    assert observation["achieved_goal"][2] == 0.5
-    assert_allclose(observation["desired_goal"], begun, atol=1e-6)
-    observation, _ = env.reset(options={"goal": [0.45, 0.0, 0.2, 1.0]})
-    assert observation["achieved_goal"][2] < 0.1
-
-
 @pytest.mark.parametrize("reward_mode", ["sparse", "dense"])
 def test_where_the_object_is_nowhere_no_goal_is_reached(reward_mode):
     env = make(reward_mode=reward_mode).unwrapped

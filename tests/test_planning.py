@@ -155,24 +155,6 @@ def test_atlas_postures_are_what_mujoco_says():
     assert_array_equal(atlas.search.data, triangle_sides(atlas.tips.centres))
 
 
-@pytest.mark.parametrize("name", ["box", "ball"])
-def test_starting_postures_are_near_their_contacts(name, proposals):
-    found, grasp_target = proposals[name], subject(name)
-    reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
-    postures = list(atlas_postures(found, GraspProblem(grasp_target, CELL, SETTINGS)))
-    assert 10 < len(postures) <= SETTINGS.postures
-    assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
-    for posture in postures:
-        assert ((posture.q >= LOWER) & (posture.q <= UPPER)).all()
-        targets = found.contacts[posture.proposal] + reach * found.normals[posture.proposal]
-        tips = tips_by_mujoco(posture.q)
-        miss = min(
-            np.linalg.norm(tips - targets[list(order)], axis=1).max()
-            for order in itertools.permutations(range(3))
-        )
-        assert miss < 0.02
-
-
 def test_tip_ik_reaches_what_can_be_reached():
     rng, atlas, met = np.random.default_rng(3), hand_atlas(CELL), 0
     for k in rng.choice(len(atlas.joints), 40, replace=False):

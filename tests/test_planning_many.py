@@ -7,15 +7,13 @@ import pytest
 from planned import lying
 from processes import typed
 from refusals import refused
-from robots import CELL, HOME
+from robots import HOME
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, OK
 from dexgrasp.cli.main import main
 from dexgrasp.grasp.planned_record import Origin, planned_record
 from dexgrasp.grasp.variety import hand_points
 from dexgrasp.grasp.verify.verify import verify
-from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.planning.atlas import _key
 from dexgrasp.planning.diverse import plan_many
 from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp.planning.planner import Planner
@@ -130,12 +128,3 @@ def test_too_few_from_a_cloud_say_so_and_end_in_no(tmp_path, capsys):
     np.save(tmp_path / "far.npy", points + np.array([0.9, 0.0, 0.0]))
     assert typed(f"plan --cloud {tmp_path / 'far.npy'} --count 2") == ANSWER_IS_NO
     assert "0 of 2 grasps" in capsys.readouterr().out
-
-
-def test_an_atlas_is_made_again_where_its_postures_would_be_others():
-    tree = robot_tree(CELL)
-    fewer, thinner = (
-        tree._replace(pairs=tree.pairs[1:]),
-        tree._replace(sphere_radius=0.9 * tree.sphere_radius),
-    )
-    assert len({_key(CELL.robot, own) for own in (tree, fewer, thinner)}) == 3

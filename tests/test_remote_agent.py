@@ -96,14 +96,6 @@ def test_chunks_are_carried_out_before_the_next_is_asked_for(tmp_path):
     assert first["joint_positions"].shape == (23,)
 
 
-def test_a_server_of_another_people_is_an_agent_as_it_is(tmp_path):
-    """A policy of `openpi-client`'s examples: its metadata and answers know nothing of this suite."""
-    answer = {"actions": np.zeros((5, 23)), "server_timing": {"infer_ms": 3.0}}
-    with PolicyServer(lambda *_: answer, metadata={}) as server:
-        _, (row,) = outcomes(server.name, tmp_path)
-        assert row["steps"] == 300
-
-
 def test_what_a_server_says_of_itself_is_part_of_the_run(tmp_path):
     with PolicyServer(still, {"env_settings": STATE, "weights": "a"}) as server:
         outcomes(server.name, tmp_path)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import yaml
 from foreign_parts import foreign_hand, six_joint_arm
-from PIL import Image
 from robots import CELL, GRASP_FINGERS, variant
 
 from dexgrasp.agent import public_info
@@ -190,15 +189,3 @@ def test_policies_move_one_robot_and_weights_are_of_one_hand(made):
         agent = make_agent(name)
         agent.reset(observation, public_info(env, info))
         assert re.search("the policy moves the robot panda-.*-allegro-.*, not panda-", agent.report.failure)
-
-
-@pytest.mark.slow
-def test_the_check_draws_the_hand(made, tmp_path, capsys):
-    assert run_command(["robot", "check", str(made), "--picture", str(tmp_path / "hand.png"), "--json"]) == 0
-    assert not any(
-        "no grasp of" in finding["problem"] for finding in json.loads(capsys.readouterr().out)["findings"]
-    )
-    width, height = Image.open(tmp_path / "hand.png").size
-    assert width > 4 * height  # five side by side
-    assert run_command(["robot", "check", "nowhere.yaml", "--picture", str(tmp_path / "none.png")]) == 2
-    assert not (tmp_path / "none.png").exists()

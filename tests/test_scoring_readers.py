@@ -161,19 +161,6 @@ def test_frogger_layout_by_names_and_palm(folder):
     assert_allclose(press, 2.0 * (found.squeeze.joints - found.grasp.joints))
 
 
-def test_frogger_mistakes(folder):
-    for change, words in [
-        ({"joint_names": np.array(["a"])}, "16 joints"),
-        ({"X_WO": np.zeros((4, 4))}, "no rigid transform"),
-        ({"body_names": np.array(["arm", "palm"])}, "must have algr_rh_palm"),
-    ]:
-        with refused(words):
-            read_candidates(frogger(folder, **change), options(folder))
-    np.savez(folder / "p.npz", q=np.array([Evil()], dtype=object))
-    with refused("plain arrays"):
-        read_candidates(folder / "p.npz", options(folder))
-
-
 def plain(folder, **more):
     names = list(HAND_JOINTS)[::-1]
     stage = {"T_world_hand": [0.4, 0, 0.2, 0, 1, 0, 0], "joints": list(np.arange(16) / 20)}

@@ -1,6 +1,5 @@
 """Seasons: seeds that only a release gives, one scoring, trials published, pages written from them."""
 
-import dataclasses
 import gzip
 import json
 from datetime import UTC, datetime
@@ -128,23 +127,6 @@ def test_without_a_beacon_entropy_is_entered_and_recorded_as_unchecked(house):
         season.play(path, 1, SIGNATURE, root=root)
     drawn = commitment.entropy_of(None, None, "the lottery of 2 January")
     assert drawn == ("the lottery of 2 January", {"entropy": "the lottery of 2 January", "checked": False})
-
-
-def test_pages_show_the_evaluations_that_the_season_names(tmp_path):
-    known = commitment.Season("2026-12", tmp_path, {"small": {"seeds": 2}, "small-view": {}})
-    for name in ("small-0", "small-1", "small-view-0"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "run.json").touch()
-    found = pages.published(tmp_path, known, "small")
-    assert [path.name for path in found] == ["small-0", "small-1"]
-    with pytest.raises(InputError, match="unknown entry"):
-        pages.published(tmp_path, known, "large")
-    more = dataclasses.replace(known, entries={"small": {"seeds": 3}, "small-view": {}})
-    with pytest.raises(InputError, match="small-2 is not there"):
-        pages.published(tmp_path, more, "small")
-    fewer = dataclasses.replace(known, entries={"small": {"seeds": 1}, "small-view": {}})
-    with pytest.raises(InputError, match="small-1 is no evaluation of season 2026-12: remove it"):
-        pages.published(tmp_path, fewer, "small")
 
 
 def test_what_was_interrupted_goes_on(house):

@@ -277,16 +277,6 @@ def test_a_tall_thing_that_is_seen_from_above_does_not_hang():
     assert not found.boxes  # it is solid down to the table
 
 
-def test_what_is_pointed_at_tells_which_level_is_the_table():
-    rng = np.random.default_rng(2)
-    surfaces, _ = beside_a_plate(rng)
-    points = seen_at(rng, leaning(0.0), *surfaces, block(rng, (0.5, -0.25), CARTON, 0.02))
-    for y, height in ((0.1, 0.0), (-0.25, 0.02)):
-        for pointing in ({"near": (0.5, y, 0.1)}, {"box": [[0.44, y - 0.06, 0.03], [0.56, y + 0.06, 0.16]]}):
-            table = look(points, **pointing).table
-            assert table.height(np.array([0.5, y])) == pytest.approx(height, abs=0.003)
-
-
 @pytest.mark.skipif(not GIVEN.is_dir(), reason="clouds of others are not here")
 @pytest.mark.parametrize(
     ("name", "height", "lean"),

@@ -10,7 +10,7 @@ from robots import CELL
 import dexgrasp_env  # noqa: F401
 from dexgrasp.geometry.completion import NoTarget, completed_corners, target_of
 from dexgrasp.geometry.hull import cloud_corners
-from dexgrasp.planning.plan_scene import plan_cloud, plan_scene
+from dexgrasp.planning.plan_scene import plan_scene
 from dexgrasp.planning.planner import Planner
 from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
@@ -70,15 +70,6 @@ def test_an_object_seen_all_round_is_left_as_it_is():
     plain = cloud_corners(look.points, look.plane)
     assert spread is None
     np.testing.assert_array_equal(corners, plain)
-
-
-def test_the_planner_from_a_file_completes_too(one_view):
-    rng = np.random.default_rng(0)
-    table = np.column_stack([rng.uniform(0.3, 0.75, 6000), rng.uniform(-0.35, 0.35, 6000), np.zeros(6000)])
-    under = np.linalg.norm(table[:, :2] - one_view.points[:, :2].mean(0), axis=1) < 0.12
-    plan = plan_cloud(np.concatenate([table[~under], one_view.points]), seed=0)
-    assert plan.target is not None
-    assert np.abs(one_view.off(plan.target.corners[0])).mean() < 0.006
 
 
 def test_a_plan_says_whether_contacts_hold_the_nearest_guess_too(one_view):

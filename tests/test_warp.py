@@ -80,29 +80,6 @@ def test_episodes_are_those_of_mujoco_while_objects_change(pair):
     assert worst.max() < 5e-3
 
 
-@pytest.mark.parametrize(("share", "slides"), [(0.99, False), (1.01, True)])
-def test_slip_on_the_table_begins_at_mu_times_the_weight(physics, scenes, share, slides):
-    from dexgrasp_env.tasks.randomisation import Variation
-
-    (scene,) = (scene for scene in scenes if scene.object.name == "sugar_box")
-    friction, home = 0.3, scene.cell.robot.home
-    scene.vary(Variation(friction=friction))
-    angles = np.linspace(0.0, 2.0 * np.pi, N, endpoint=False)
-    for i in range(N):
-        scene.place(np.array([0.5, 0.0, 0.5 * scene.object.extents[0], np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0]))
-        scene.settle()
-        physics.load(i, scene)
-    start = physics.current.qpos[:, 23:25].copy()
-    weight = friction * share * 9.81 * scene.object.mass
-    push = weight * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(N)])
-    rows = np.broadcast_to(home, (N, 25, len(home)))
-    for force in [*[push] * 10, np.zeros_like(push)]:
-        physics.step(rows, force, np.arange(N))
-    moved = np.linalg.norm(physics.current.qpos[:, 23:25] - start, axis=1)
-    assert (moved > 0.002).all() if slides else (moved < 0.0005).all()
-    scene.vary(Variation())
-
-
 def play(name, target, seed):
     """Have an agent act in MuJoCo, and be pushed: return its actions, when it first succeeded, and the poses."""
     agent = make_agent(name)
