@@ -167,52 +167,10 @@ def test_a_checkpoint_acts_and_is_told_by_a_file_beside_it(tmp_path):
         make_agent(str(path))
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"control_mode": "ee_delta", "obs_mode": "state"},
-        {"control_mode": "joint_delta", "obs_mode": "state+pointcloud", "observe": "reset"},
-    ],
-)
-def test_a_checkpoint_tells_its_modes_and_brings_its_normalisation(settings, tmp_path):
-    library = pytest.importorskip("stable_baselines3")
-    from stable_baselines3.common.vec_env import VecNormalize
-
-    from dexgrasp.learning.reinforcement.sb3_vec_env import SB3VecEnv
-
-    env = VecNormalize(
-        SB3VecEnv("DexGrasp/Lift-v2", 2, objects="lego", **settings), norm_obs_keys=["palm_pose"]
-    )
-    trained = library.PPO("MultiInputPolicy", env, n_steps=2, batch_size=2, n_epochs=1, device="cpu")
-    trained.learn(4)
-    trained.save(tmp_path / "ppo.zip")
-    env.save(tmp_path / "vecnormalize.pkl")
-    agent = make_agent(str(tmp_path / "ppo.zip"))
-    assert agent.env_settings == {key: settings[key] for key in ("control_mode", "obs_mode")}
-    alone = gym.make("DexGrasp/Lift-v2", objects="lego", **settings)
-    observation, _ = alone.reset(seed=0)
-    agent.reset(observation, {})
-    expected = trained.predict(env.normalize_obs(observation), deterministic=True)[0]
-    assert_array_equal(agent.act(observation), expected)
-    (tmp_path / "ppo.pkl").write_bytes(b"no pickle")
-    with refused("VecNormalize"):
-        make_agent(str(tmp_path / "ppo.zip"))
-
-
 def saved_ppo(env, path):
     library = pytest.importorskip("stable_baselines3")
     library.PPO("MultiInputPolicy", env, n_steps=2, batch_size=2, device="cpu").save(path)
     return make_agent(str(path))
-
-
-def test_a_checkpoint_is_given_the_keys_that_it_was_trained_with(tmp_path):
-    whole = gym.make("DexGrasp/Lift-v2", objects="lego")
-    env = gym.wrappers.FilterObservation(whole, ["object_pose", "palm_pose"])
-    agent, (observation, _) = saved_ppo(env, tmp_path / "ppo.zip"), whole.reset(seed=0)
-    assert whole.action_space.contains(agent.act(observation))
-    other = gym.spaces.Dict({"object_pose": whole.observation_space["object_pose"]})
-    with refused("trained on observations palm_pose .*, here they are of object_pose"):
-        agent.check_info({"observation_space": other})
 
 
 READS = """

@@ -8,11 +8,9 @@ from robots import CELL, HOME, ROBOT, denormalise
 
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.mechanics.strength import capacity_of, hold_residual, torque_fraction
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.move_until_contact import GuardedGrasp
 from dexgrasp.planning.carry import ENOUGH, plan_turn
-from dexgrasp.planning.certificate_builder import contacts_of
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 
@@ -51,22 +49,6 @@ def test_a_heavy_object_is_turned_about_its_centre_and_no_corner_sinks(heavy):
     corners = target.hull.vertices - target.centre
     assert (after + corners @ R.T)[:, 2].min() >= (centre + corners)[:, 2].min() - 0.005
     assert_array_less(np.abs(np.diff(turn.arm, axis=0, prepend=start[None, :7])), 0.12)
-
-
-def test_what_it_presses_with_balances_gravity_as_the_object_then_lies(heavy):
-    plan, target, turn = heavy
-    start, end = at_the_end_of(turn, plan)
-    R = palm_frame(end, TREE)[0] @ palm_frame(start, TREE)[0].T
-    before, _ = contacts_of(plan.grasp.q, GraspProblem(target, CELL, SETTINGS), SETTINGS.friction_hold)
-    turned = before._replace(
-        points=before.points @ R.T, normals=before.normals @ R.T, centre=R @ before.centre,
-        jacobians=R @ before.jacobians,
-    )  # fmt: skip
-    forces = turn.forces @ R.T
-    assert hold_residual(turned, forces) < 0.02
-    assert hold_residual(turned, plan.grasp.forces @ R.T) > 0.2  # those of the lift do not
-    assert torque_fraction(turned, forces) <= SETTINGS.torque_share + 1e-6
-    assert capacity_of(turned) > capacity_of(before) + 0.05
 
 
 def test_what_is_held_firmly_is_carried_as_it_was_lifted():

@@ -34,12 +34,6 @@ def outlines(simulation):
     return [outline(one, pose) for one, pose in zip(corners, simulation.poses(), strict=True)]
 
 
-def same(a, b):
-    assert a.keys() == b.keys()
-    for key in a:
-        np.testing.assert_array_equal(a[key], b[key], err_msg=key)
-
-
 @pytest.mark.parametrize("kind", ["Sparse", "Dense"])
 def test_neighbours_stand_still_at_the_gaps_that_are_asked_for(kind):
     env = make(kind, neighbours=5)
@@ -72,40 +66,6 @@ def test_a_heap_lies_on_the_table_and_touches():
     assert info["neighbours_moved"] < 0.005
     with pytest.raises(InputError, match="object_pose"):
         env.reset(options={"object_pose": [0.5, 0, 0.1, 1, 0, 0, 0]})
-
-
-@pytest.mark.parametrize(
-    ("kind", "obs_mode"),
-    [
-        ("Sparse", "state"),
-        pytest.param("Sparse", "pointcloud", marks=pytest.mark.slow),
-        pytest.param("Heap", "state", marks=pytest.mark.slow),
-    ],
-)
-def test_native_vector_is_the_single_environments_bit_for_bit(kind, obs_mode):
-    number = 3
-    envs = gym.make_vec(
-        f"DexGrasp/Clutter{kind}-v1", number, **FEW, obs_mode=obs_mode, max_episode_steps=4, threads=2
-    )
-    loose = gym.make_vec(
-        f"DexGrasp/Clutter{kind}-v1", number, vectorization_mode="sync", **FEW, obs_mode=obs_mode,
-        max_episode_steps=4,
-    )  # fmt: skip
-    a, b = envs.reset(seed=3), loose.reset(seed=3)
-    same(a[0], b[0])
-    rng = np.random.default_rng(1)
-    for _ in range(7):  # past a reset
-        actions = rng.uniform(-1, 1, (number, 23)).astype(np.float32)
-        a, b = envs.step(actions), loose.step(actions)
-        same(a[0], b[0])
-        np.testing.assert_array_equal(a[1], b[1])
-        for key in ("neighbours", "neighbours_moved", "neighbours_hit", "neighbours_hit_names", "is_clean"):
-            np.testing.assert_array_equal(a[4][key], b[4][key])
-    state = envs.get_state(1)
-    single = loose.envs[0].unwrapped
-    single.set_state(state)
-    np.testing.assert_array_equal(single.data.qpos, envs.simulation(1).data.qpos)
-    envs.close()
 
 
 def push_into(env):

@@ -8,7 +8,6 @@ import sys
 import textwrap
 from pathlib import Path
 
-import numpy as np
 import pytest
 from numba.core import caching
 from processes import python
@@ -110,16 +109,3 @@ def test_nothing_is_compiled_by_plans_and_episodes_on_a_machine_that_is_warm():
     said = python(code)
     assert "grasp found" in said
     assert "compiles" not in said
-
-
-def test_constants_of_calls_make_no_versions_of_their_own():
-    @compiled.njit
-    def scaled(x, by):
-        return by * x
-
-    @compiled.njit
-    def both(x):
-        return scaled(x, 2) + scaled(x, 3) + scaled(x, int(np.rint(x)))
-
-    assert both(2.0) == 14.0
-    assert len(scaled.signatures) == 1

@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose
 
 from dexgrasp.grasp.verify.cones import conic_margin, largest_push, slides, wrench_map
 from dexgrasp.grasp.verify.rays import least_way
-from dexgrasp.mechanics.closure import opposed_pairs
 from dexgrasp.mechanics.contact_models import contact_model
 from dexgrasp.mechanics.contacts import Contacts, shape_of
 from dexgrasp.mechanics.internal_force import firmest_squeeze
@@ -97,10 +96,3 @@ def test_squeeze_load_and_capacity_are_the_judges(count, torsion, shared):
             for way in cube_directions()
         ]
         assert capacity_of(contacts) == pytest.approx(1.0 + min(most), rel=2e-3)
-
-
-def test_pairs_face_each_other():
-    points = np.array([[0.03, 0, 0], [-0.03, 0, 0], [0, 0.03, 0], [-0.03, 0.01, 0], [0.03, 0.0, 0.001]])
-    normals = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]])
-    assert opposed_pairs(points, normals, 0.5, 0.01).tolist() == [[0, 1], [0, 3], [1, 4], [3, 4]]
-    assert opposed_pairs(points, normals, 0.1, 0.01).tolist() == [[0, 1], [1, 4]]

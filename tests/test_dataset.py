@@ -12,8 +12,8 @@ from processes import typed
 from refusals import refused
 from robots import CELL
 
-from dexgrasp.data.dataset.dataset import complete, fields_of, read_arrays, read_dataset, read_manifest
-from dexgrasp.data.dataset.generate import Job, generate, make
+from dexgrasp.data.dataset.dataset import fields_of, read_arrays, read_dataset, read_manifest
+from dexgrasp.data.dataset.generate import generate
 from dexgrasp.data.dataset.info import check_sample, summary
 from dexgrasp.data.dataset.rest_scene import rest_scene
 from dexgrasp.data.dataset.sampler import bearable
@@ -97,13 +97,6 @@ def test_two_workers_make_the_same_files(kind, made, tmp_path):
     assert one == two
 
 
-def test_shards_share_no_triple(made):
-    for pose in read_dataset(made):
-        halves = np.split(np.sort(pose.grasps["triple"], axis=1), 2)
-        first, second = ({tuple(t) for t in half.tolist()} for half in halves)
-        assert not first & second
-
-
 def test_cut_off_and_missing_files_are_refused_and_made_again(made, tmp_path):
     generate(SETTINGS, tmp_path / "set")
     shard = sorted((tmp_path / "set" / "grasps").iterdir())[3]
@@ -151,11 +144,6 @@ def test_a_cell_is_found_from_anywhere_and_no_other_is_taken_for_it(made, tmp_pa
     (folder / "manifest.json").write_text(json.dumps(manifest))
     assert summary(folder)["cell"] == "not stated"
     assert check_sample(folder, 1, robot=str(asset_path("robot", "cell.yaml")))["passed"] == 1
-
-
-def test_a_shard_of_another_dataset_does_not_count(made, tmp_path):
-    make(Job("gelatin_box", 0, 0), SETTINGS, tmp_path, "another")
-    assert not complete(next((tmp_path / "grasps").iterdir()), read_manifest(made)["key"])
 
 
 def copied(made, tmp_path):

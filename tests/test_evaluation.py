@@ -158,14 +158,6 @@ def test_replay_is_exact(finished, tmp_path):
         replay(folder, "random", "sugar_box", 7)
 
 
-def test_a_foreign_trial_is_refused(finished, tmp_path):
-    line = json.loads((finished[0] / "trials.jsonl").read_text().splitlines()[0]) | {"agent": "somebody"}
-    (tmp_path / "trials.jsonl").write_text(json.dumps(line) + "\n")
-    (tmp_path / "run.json").write_text((finished[0] / "run.json").read_text())
-    with refused("somebody"):
-        evaluate(SETTINGS, tmp_path)
-
-
 @pytest.mark.skipif(rendering_fault() is not None, reason="no GL library here")
 def test_videos_of_a_finished_run(finished, tmp_path, monkeypatch):
     monkeypatch.setattr("dexgrasp.evaluation.video.Video.add", lambda self, env: write_one(self))

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
-from refusals import refused
 from robots import CELL, HOME, LOWER, ROBOT, UPPER, VELOCITY
 
 from dexgrasp.geometry.convex import ConvexDistance
@@ -154,13 +153,6 @@ def test_script_phases_limits_and_actions():
     assert_allclose(rise, [0, 0, 0.14], atol=1e-4)
     assert_array_equal(script.way("approach")[0], HOME)
     assert_array_equal(script.at(10_000), script.targets[-1])
-
-
-@pytest.mark.parametrize("bad", [{"grasp": np.zeros(22)}, {"squeeze": np.full(23, np.nan)}])
-def test_bad_motion_is_refused(bad):
-    good = {"pregrasp": HOME, "grasp": HOME, "squeeze": HOME}
-    with refused():
-        GraspMotion(**good | bad)
 
 
 def test_speed_along_a_straight_line_is_that_of_the_triangle_or_trapezium():

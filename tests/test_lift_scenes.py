@@ -16,20 +16,6 @@ from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.tasks.control import max_step, normalise
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
-from dexgrasp_env.tasks.settings import WEIGHTS
-
-
-def test_reset_is_true_from_the_first_moment():
-    env = make()
-    pose = [0.5, 0.0, 0.3, 1, 0, 0, 0]
-    observation, info = env.reset(seed=0, options={"object_pose": pose})
-    vertices = env.unwrapped.simulation.hull
-    lowest = (vertices @ env.unwrapped.data.body("object").xmat.reshape(3, 3)[2]).min()
-    assert info["object_height"] == pytest.approx(env.unwrapped.data.qpos[25] + lowest, abs=1e-12)
-    assert observation["progress"][0] == pytest.approx(info["object_height"], abs=1e-6)
-    assert set(info["reward_terms"]) == set(WEIGHTS)
-    assert info["reward_terms"]["reach"] > 0
-    assert_allclose(observation["palm_pose"][:3], env.unwrapped.data.site("palm").xpos, atol=1e-6)
 
 
 def test_info_has_one_type_each():

@@ -4,7 +4,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from refusals import refused
-from vector_envs import assert_same, native, singles
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
@@ -67,16 +66,6 @@ def test_what_the_hand_touches_is_displaced_no_farther_and_a_belt_goes_on():
     assert moves_now(motions, records)[:, :3].all()
     records["touched"] = True
     assert moves_now(motions, records).tolist() == [[0, 0, 0, -0.1, -0.2, -0.3], [0.1, 0.2, 0.3, 0, 0, 0]]
-
-
-@pytest.mark.parametrize("disturbance", [MOVED, BELT], ids=lambda one: one["kind"])
-def test_vector_environments_move_objects_as_single_ones_do(disturbance):
-    many, few = (make(2, disturbance=disturbance, obs_mode="state") for make in (native, singles))
-    assert_same(many.reset(seed=7), few.reset(seed=7))
-    rng = np.random.default_rng(0)
-    for _ in range(35):
-        actions = rng.uniform(-0.3, 0.3, many.action_space.shape)
-        assert_same(many.step(actions), few.step(actions))
 
 
 def test_an_episode_goes_on_from_a_state_within_its_motion():

@@ -67,16 +67,6 @@ def test_what_stands_beside_is_not_touched_and_changes_the_plan(plans):
     assert np.array_equal(again.grasp.q, alone.grasp.q)
 
 
-def test_walled_in_all_round_there_is_no_grasp():
-    wall = tuple(
-        (box(0.5 + x, y, (0.05, 0.07, 0.2)),) for x, y in [(0.055, 0), (-0.055, 0), (0, 0.075), (0, -0.075)]
-    )
-    settings = PlannerSettings(breadths=(1.0,), patience=0)
-    plan = Planner(settings).plan(replace(ALONE, neighbours=wall), SEED, HOME)
-    assert not plan.found
-    assert plan.reason.startswith("no_grasp:")
-
-
 def test_approach_and_lift_through_a_neighbour_are_refused(plans):
     grasp, script = plans[0].found[0].grasp, plans[0].found[0].script
     palm = palm_frame(grasp.motion.pregrasp, TREE)[1]

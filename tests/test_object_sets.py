@@ -19,7 +19,7 @@ from tables import mistakes
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import trial_seeds
-from dexgrasp.evaluation.settings import EvaluationSettings, object_labels
+from dexgrasp.evaluation.settings import object_labels
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 
 BRICK = {
@@ -79,15 +79,6 @@ def test_a_member_is_named_in_results_and_seeds_by_its_name(folder):
     assert trial_seeds(0, targets[0], 2) == trial_seeds(0, targets[2], 2) == trial_seeds(0, "brick", 2)
     with refused(r"no object 'x': valid are brick, ball"):
         resolve_targets([f"{path}#x"])
-
-
-def test_an_evaluation_knows_the_set_and_its_meshes(folder):
-    path = written(folder, BRICK, BALL)
-    settings = EvaluationSettings.of(["random"], [path], trials=1)
-    files = settings.identity()["files"]
-    assert {Path(name).name for name in files} == {"my.json", "brick.stl", "ball.ply"}
-    trimesh.creation.box((50, 60, 81)).export(folder / "brick.stl")
-    assert settings.identity()["files"] != files
 
 
 def test_environments_take_the_friction_of_the_member_unless_they_name_one(folder):

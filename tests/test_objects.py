@@ -7,14 +7,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from tables import mistakes
 
-from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS, catalogue_object
+from dexgrasp_env.objects.catalogue import CATALOGUE, catalogue_object
 from dexgrasp_env.objects.load import load_object, resolve_targets
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel, reduced_hull
 from dexgrasp_env.objects.parts import MAX_VERTICES
 from dexgrasp_env.objects.repair import is_sound
 from dexgrasp_env.objects.shapes import to_manifold, union
-from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.robot.hulls import mesh_of
 
 EVERY = sorted(CATALOGUE)
@@ -73,29 +72,6 @@ def test_contact_geoms_lie_where_the_parts_are(name):
             continue
         world = mesh_of(mj_model, geom)[0] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
         assert_allclose(world.max(0), (part.vertices + part.position).max(0), atol=1e-6)
-
-
-def test_sets_are_those_of_the_tables():
-    assert {name: len(names) for name, names in OBJECT_SETS.items()} == {
-        "ycb6": 6, "seen": 3, "familiar": 4, "novel": 13, "all20": 20,
-    }  # fmt: skip
-    assert resolve_targets(["seen", "sugar_box", "pear"]) == [*OBJECT_SETS["seen"], "pear"]
-    assert set(resolve_targets(list(OBJECT_SETS))) == set(CATALOGUE)
-
-
-def test_presented_poses_of_the_sandwich():
-    for name, height in (("sandwich_upright", 0.12), ("sandwich_side", 0.07)):
-        model = load_object(name)
-        tall = np.ptp((model.mesh.vertices @ quat_to_matrix(model.fixed_pose).T)[:, 2])
-        assert tall == pytest.approx(height, abs=1e-9)
-
-
-def test_hash_follows_the_content_and_nothing_else():
-    model = load_object("castle")
-    assert CATALOGUE["castle"].build().content_hash == model.content_hash
-    assert load_object("sandwich_side").content_hash == load_object("sandwich_upright").content_hash
-    hashes = {model.content_hash, model.scaled(1.01).content_hash, model.with_mass(0.2).content_hash}
-    assert len(hashes) == 3
 
 
 def test_scaling_keeps_the_density():

@@ -1,6 +1,5 @@
 """Properties that hold for every input: poses, cones, distances, parsers."""
 
-import argparse
 import json
 
 import numpy as np
@@ -13,7 +12,6 @@ from refusals import refused
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.cli.parsing import reader
 from dexgrasp.grasp.file import record_of
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.margin import cone_margin
@@ -21,7 +19,6 @@ from dexgrasp_env.perception.cloud import remove_outliers
 from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.poses import quat_conjugate, quat_multiply, quat_to_matrix, rotate
-from dexgrasp_env.valid import NATURAL, number
 
 COORDINATES = st.floats(-1.0, 1.0, width=32)
 
@@ -72,17 +69,6 @@ def test_neighbours_and_clusters_are_those_of_all_distances(points, radius):
     assert_array_equal(kept, np.flatnonzero((near <= radius).sum(axis=1) > 3))
     labels = connected_components(near <= radius, directed=False)[1]
     assert_array_equal(linked(points, radius), labels)
-
-
-@pytest.mark.parametrize("rule", [NATURAL, number(ge=1, whole=True), number(gt=0)])
-@given(text=st.text(max_size=20) | st.integers().map(str) | st.floats().map(str))
-def test_options_are_a_number_in_range_or_refused(rule, text):
-    try:
-        value = reader(rule)(text)
-    except argparse.ArgumentTypeError:
-        return
-    assert np.isfinite(float(value))
-    assert value >= 0 if rule is NATURAL else value > 0
 
 
 JSON = st.recursive(

@@ -17,7 +17,7 @@ from refusals import refused
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
-from dexgrasp_env.rendering import choose_gl, make_renderer, render, show_camera, show_options
+from dexgrasp_env.rendering import choose_gl, make_renderer, render, show_camera
 from dexgrasp_env.robot.cell import default_cell
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -83,16 +83,6 @@ def test_draws_what_is_there():
     assert ((above := render(renderer, data, "above"))[..., 0] > 60).any()
     assert not np.array_equal(above, picture)
     renderer.close()
-
-
-@NEEDS_GL
-def test_collision_shapes_are_hidden():
-    model, data = scene(group=3)
-    renderer = make_renderer(model, 64, 64)
-    picture = render(renderer, data, show_camera())
-    assert not ((picture[..., 0] > 60) & (picture[..., 1] < 40)).any()
-    renderer.close()
-    np.testing.assert_array_equal(show_options().geomgroup, [1, 1, 1, 0, 0, 0])
 
 
 @NEEDS_GL

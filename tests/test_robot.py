@@ -9,7 +9,6 @@ from robots import (
     BODIES,
     CELL,
     FINGERS,
-    HAND_JOINTS,
     HOME,
     JOINTS,
     LOWER,
@@ -129,17 +128,6 @@ def test_mount_geometry(mount):
         assert_allclose(R[:, 0], (np.sqrt(0.5), -np.sqrt(0.5), 0), atol=1e-9)
 
 
-def test_only_named_geoms_of_group_3_collide(model):
-    for i in range(model.ngeom):
-        geom = model.geom(i)
-        collides = bool(geom.contype[0] or geom.conaffinity[0])
-        assert collides == (geom.group[0] == 3)
-        if collides:
-            assert geom.name
-            assert geom.condim[0] == 3
-            assert geom.friction[0] == 0.7
-
-
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_no_contact_at_home_and_few_in_random_arm_poses(mount):
     model = robot_spec(CELL.mounted(mount)).compile()
@@ -156,16 +144,6 @@ def test_no_contact_at_home_and_few_in_random_arm_poses(mount):
     assert all(int(b[-1]) - int(a[-1]) >= 3 for a, b in links)
     near = {("palm", f"panda_link{i}") for i in (6, 7)}
     assert not near & set().union(*found)
-
-
-def test_no_contact_within_a_swept_finger(model):
-    data = mujoco.MjData(model)
-    for i, joint in enumerate(HAND_JOINTS):
-        own = [f"{joint[:-2]}_{link}" for link in ("base", "proximal", "medial", "distal")]
-        for value in np.linspace(LOWER[7 + i], UPPER[7 + i], 12):
-            q = HOME.copy()
-            q[7 + i] = value
-            assert not [p for p in pairs_at(model, data, q) if p[0] in own and p[1] in (*own, "palm")]
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])

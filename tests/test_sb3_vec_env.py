@@ -70,20 +70,6 @@ def test_attributes_and_methods_are_of_each():
     env.close()
 
 
-def test_what_is_lost_in_place_is_no_end_to_a_learner():
-    env = SB3VecEnv("DexGrasp/Place-v2", num_envs=2, objects="sugar_box")
-    env.seed(0)
-    env.reset()
-    state = env.envs.get_state(1)
-    state.physics[1 + 24] = 0.7  # time, then positions: the object's y
-    env.envs.set_state(state, [1])
-    _, _, done, infos = env.step(np.zeros((2, 23)))
-    assert done.tolist() == [False, True]
-    assert infos[1]["failure"] == "object_lost"
-    assert infos[1]["TimeLimit.truncated"] is True
-    env.close()
-
-
 def goal_learner(env, **kwargs):
     return SAC(
         "MultiInputPolicy", env, replay_buffer_class=HerReplayBuffer, batch_size=32, seed=0, device="cpu",

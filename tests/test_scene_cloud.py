@@ -81,30 +81,6 @@ def tilted(points, degrees):
     return points @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
-def test_what_is_pointed_at_is_found_on_a_tilted_table(rng):
-    points = tilted(scene_points(rng, (0.5, 0.1), (0.5, -0.06)), 19.0)
-    near = tilted(np.array([[0.5, 0.1, 0.02]]), 19.0)[0]
-    for pointing in ({"near": near}, {"box": [near - 0.05, near + 0.05]}):
-        found = find(points, **pointing)
-        assert found.reason is None
-        assert np.isclose(np.degrees(found.table.lean), 19.0, atol=0.5)
-        assert np.abs(found.target.points.mean(0)[:2] - [0.5, 0.1]).max() < 0.02
-        assert len(found.neighbours) == 1
-
-
-def test_a_table_that_is_too_steep_and_none_are_said(rng):
-    good = scene_points(rng, (0.5, 0.1))
-    for degrees in (25.0, 35.0):
-        found = find(tilted(good, degrees))
-        assert found.reason == reasons.TILTED
-        assert f"({degrees:.0f} degrees)" in found.sentence
-    alone = box(rng, (0.5, 0.1))
-    low = alone[alone[:, 2] < 0.008]
-    assert find(np.concatenate([alone, low, low])).reason == reasons.NO_PLANE
-    several = np.concatenate([box(rng, place) for place in ((0.5, 0.12), (0.55, -0.1))])
-    assert find(several, near=(0.5, 0.12, 0.03)).reason == reasons.NO_PLANE
-
-
 def test_a_table_at_another_height_is_where_the_cell_has_it(rng):
     points, up = scene_points(rng, (0.5, 0.15), (0.5, -0.15)), np.array([0.0, 0.0, 0.08])
     beside = find(points, near=(0.5, -0.15, 0.03))
@@ -141,23 +117,6 @@ def test_what_hangs_high_is_in_the_way_and_what_is_under_it_is_free(rng):
     around = np.concatenate([corners for parts in neighbours_of(found) for corners in parts])
     assert around[:, 2].min() > 0.56
     assert np.abs(np.ptp(around, axis=0)[:2] - [0.05, 0.6]).max() < 0.06
-
-
-def test_points_masks_and_boxes_choose(rng):
-    points = scene_points(rng, (0.5, 0.15), (0.5, -0.15))
-    mask = np.arange(len(points)) >= 9000
-    box_around = [[0.4, -0.25, 0.0], [0.6, -0.05, 0.2]]
-    for pointing in ({"mask": mask}, {"box": box_around}, {"near": (0.5, -0.15, 0.03)}):
-        found = find(points, **pointing)
-        assert found.target.points[:, 1].max() < -0.1
-        assert len(found.neighbours) == 1
-    assert find(points, near=(0.3, -0.4, 0.3)).reason == reasons.NOTHING_NEAR
-    assert find(points, mask=np.zeros(len(points), bool)).reason == reasons.NOTHING_MARKED
-    assert find(points, box=[[0.4, 0.3, 0.0], [0.6, 0.4, 0.2]]).reason == reasons.NOTHING_MARKED
-    with refused("one value each of 12000"):
-        find(points, mask=mask[1:])
-    with refused("box is empty"):
-        find(points, box=[[0.4, 0.3, 0.0], [0.6, 0.2, 0.2]])
 
 
 def test_flying_pixels_and_holes_leave_the_object(rng):

@@ -209,16 +209,7 @@ def under_a_shelf(rng, height=0.45):
     return [*standing(rng, (0.5, 0.0), CARTON), flat(rng, (0.3, -0.3), (0.8, 0.3), height, 0.008)], 0.0
 
 
-def in_a_bin(rng):
-    """A carton on the floor of a bin, whose rims are 9 cm high and 2 cm wide, on a table."""
-    table = without(flat(rng, (0.2, -0.45), (0.85, 0.45)), (0.52, 0.0), (0.34, 0.44))
-    floor = without(flat(rng, (0.37, -0.20), (0.67, 0.20), 0.012), (0.5, 0.0), CARTON)
-    rims = [flat(rng, (x, -0.22), (x + 0.02, 0.22), 0.09) for x in (0.35, 0.67)]
-    rims += [flat(rng, (0.35, y), (0.69, y + 0.02), 0.09) for y in (-0.22, 0.20)]
-    return [table, floor, *rims, block(rng, (0.5, 0.0), CARTON, 0.012)], 0.012
-
-
-SCENES = (beside_a_plate, on_a_plate, before_a_ramp, under_a_shelf, in_a_bin)
+SCENES = (beside_a_plate, on_a_plate, before_a_ramp, under_a_shelf)
 
 
 @pytest.mark.parametrize("noise", [0.0005, 0.003])

@@ -8,12 +8,12 @@ import pytest
 from robots import CELL
 
 import dexgrasp_env  # noqa: F401
-from dexgrasp.geometry.completion import NoTarget, completed_corners, target_of
+from dexgrasp.geometry.completion import completed_corners
 from dexgrasp.geometry.hull import cloud_corners
 from dexgrasp.planning.plan_scene import plan_scene
 from dexgrasp.planning.planner import Planner
 from dexgrasp_env.arrays import fibonacci_directions
-from dexgrasp_env.perception.scene import ObjectCloud, Scene
+from dexgrasp_env.perception.scene import Scene
 
 LEVEL = fibonacci_directions(200)
 LEVEL = LEVEL[np.abs(LEVEL[:, 2]) < 0.5]
@@ -82,11 +82,3 @@ def test_a_plan_says_whether_contacts_hold_the_nearest_guess_too(one_view):
     assert plan.hidden_side.startswith("contacts hold the nearest")
     plan.target = replace(target, near=None)
     assert plan.hidden_side == ""
-
-
-def test_clouds_without_volume_or_table_are_not_completed():
-    points = np.random.default_rng(0).normal(size=(50, 3)) * 0.02 + [0.5, 0.0, 0.05]
-    normals = np.tile([1.0, 0.0, 0.0], (50, 1))
-    assert completed_corners(ObjectCloud(points, normals), None)[1] is None
-    with pytest.raises(NoTarget, match="empty_cloud"):
-        target_of(Scene(ObjectCloud(points[:3], normals[:3])))
