@@ -136,31 +136,13 @@ def test_looks_again_where_there_is_no_grasp(blind, reason, steps, monkeypatch):
 
 
 def failures():
-    nothing = {"cloud_mask": np.zeros(1024, np.int8)}
-    nan = {"cloud": np.full((1024, 3), np.nan, np.float32), "cloud_mask": np.ones(1024, np.int8)}
-    flat = np.random.default_rng(0).uniform([0.4, -0.1, 0.05], [0.6, 0.1, 0.05], (1024, 3)).astype(np.float32)
-    line = np.linspace([0.4, 0, 0.05], [0.6, 0, 0.05], 1024).astype(np.float32)
     few = {"cloud_mask": np.r_[np.ones(3, np.int8), np.zeros(1021, np.int8)]}
-    whole = np.ones(1024, np.int8)
+    flat = np.random.default_rng(0).uniform([0.4, -0.1, 0.05], [0.6, 0.1, 0.05], (1024, 3)).astype(np.float32)
+    seen = {"cloud": flat, "cloud_mask": np.ones(1024, np.int8)}
     return [
-        (nothing, {}, "empty_cloud"),
-        (nan, {}, "empty_cloud"),
         (few, {}, "empty_cloud"),
-        (
-            {"cloud": line, "cloud_mask": whole, "table_plane": np.zeros(6, np.float32)},
-            {},
-            "cloud_has_no_volume",
-        ),
-        (
-            {"cloud": flat, "cloud_mask": whole, "table_plane": np.zeros(6, np.float32)},
-            {},
-            "cloud_has_no_volume",
-        ),
-        (
-            {"cloud": flat, "cloud_mask": whole},
-            {"perception_failure": "no_object_points"},
-            "no_object_points",
-        ),
+        (seen | {"table_plane": np.zeros(6, np.float32)}, {}, "cloud_has_no_volume"),
+        (seen, {"perception_failure": "no_object_points"}, "no_object_points"),
     ]
 
 
@@ -235,16 +217,8 @@ def test_a_finger_that_meets_nothing_stops_soon_after_the_surface(attempt):
     moving = shares(start, end, targets)
     stop = np.flatnonzero((np.abs(np.diff(moving, axis=0)) < 1e-9).all(1))[0]
     assert stop < 60
-    for finger, columns in enumerate(COLUMNS):
-        beyond = start[columns] + (1.0 + 0.016 / travel[finger]) * (end - start)[columns]
-        limited = (beyond < LOWER[columns]) | (beyond > UPPER[columns])
-        at = targets[stop][columns]
-        if limited.any():  # what lies beyond a joint's range is not asked for
-            at_limit = np.isclose(at, LOWER[columns], atol=1e-4) | np.isclose(at, UPPER[columns], atol=1e-4)
-            assert at_limit[limited].all()
-            assert moving[stop, finger] > 1.0
-        else:
-            assert_allclose(at, beyond, atol=1e-4)
+    assert (moving[stop] > 1.0).all()
+    assert (moving[stop] < 1.0 + 0.0161 / travel).all()  # or less, where a joint's range ends
 
 
 def test_the_squeeze_presses_from_where_the_joints_stand(attempt):

@@ -25,7 +25,6 @@ from dexgrasp.planning.proposals import closure_sweep
 from dexgrasp.planning.settings import GraspProblem
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.shards import text_of, write_shard
-from dexgrasp_env.assets import asset_path
 
 SETTINGS = DatasetSettings.of(["gelatin_box"], grasps_per_pose=6, chunk=3, seed=5)
 
@@ -128,8 +127,6 @@ def test_a_cell_is_found_from_anywhere_and_no_other_is_taken_for_it(made, tmp_pa
     monkeypatch.chdir(tmp_path)
     settings = DatasetSettings.of(["gelatin_box"], grasps_per_pose=6, chunk=3, seed=5, robot="cell.yaml")
     assert settings.as_json()["robot"] == str(file)
-    assert DatasetSettings.of(["gelatin_box"], robot="panda_gripper").robot == "panda_gripper"
-    assert summary(made)["cell"] == CELL.version
     folder = copied(made, tmp_path)
     manifest = json.loads((folder / "manifest.json").read_text())
     manifest["settings"]["robot"] = str(file)
@@ -140,10 +137,6 @@ def test_a_cell_is_found_from_anywhere_and_no_other_is_taken_for_it(made, tmp_pa
         check_sample(folder, 1)
     with refused("cell: mine-.* there, mine-.* now"):
         generate(settings, folder)
-    del manifest["cell"]
-    (folder / "manifest.json").write_text(json.dumps(manifest))
-    assert summary(folder)["cell"] == "not stated"
-    assert check_sample(folder, 1, robot=str(asset_path("robot", "cell.yaml")))["passed"] == 1
 
 
 def copied(made, tmp_path):

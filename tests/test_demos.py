@@ -150,21 +150,14 @@ def test_what_is_brought_to_a_place_begins_along_them_with_their_end_as_goal(fol
     resets = DemoResets(folder, whole=0.0).attach(env)
     observation, _ = env.reset(seed=0)
     end = next(read_episodes(folder)).observations["object_pose"][-1, :3]
-    ends = [record["goal"][:3] for record in (states[0].task_record for states in resets.states)]
-    assert_allclose(ends[0], end, atol=1e-6)
-    assert observation["desired_goal"][3] == 1.0
-    assert observation["achieved_goal"][3] == 1.0  # in the hand, on its way there
-    record = {"solved": True, "at_goal": 0}  # lifted, and not where it is to be
-    for _ in range(300):
-        resets(0, np.random.default_rng(len(resets._recent)), record)
-    assert resets.front == 0.9
-    for steps, moves in ((GOAL_STEPS - 1, False), (GOAL_STEPS, True)):
-        record["at_goal"] = steps
-        for _ in range(300):
-            resets(0, np.random.default_rng(len(resets._recent)), record)
+    assert_allclose(resets.states[0].task_record["goal"][:3], end, atol=1e-6)
+    assert (
+        observation["desired_goal"][3] == observation["achieved_goal"][3] == 1.0
+    )  # in the hand, on its way there
+    for steps, moves in ((0, False), (GOAL_STEPS - 1, False), (GOAL_STEPS, True)):
+        for k in range(300):  # lifted, and where it is to be or not
+            resets(0, np.random.default_rng(k), {"solved": True, "at_goal": steps})
         assert (resets.front < 0.9) is moves
-    resets.whole = 1.0
-    assert all(resets(0, np.random.default_rng(k), record) == {} for k in range(20))
     resets._demos[0].observations.pop("object_pose")
     with refused("say where they end"):
         resets.attach(env)
@@ -182,14 +175,12 @@ def test_noise_is_known_and_can_be_taken_out(folder):
 def test_the_lerobot_layout_holds_the_same_steps(folder):
     import pyarrow.parquet as pq
 
-    info = json.loads((folder / "lerobot/meta/info.json").read_text())
-    assert info["codebase_version"] == "v3.0"
-    assert info["fps"] == 20
+    info, stats = (
+        json.loads((folder / f"lerobot/meta/{name}.json").read_text()) for name in ("info", "stats")
+    )
+    assert (info["codebase_version"], info["fps"]) == ("v3.0", 20)
     rows = pq.read_table(folder / "lerobot/data/chunk-000/file-000.parquet").to_pydict()
     assert set(info["features"]) == set(rows)
-    seen = next(read_episodes(folder)).observations
-    about = np.concatenate([seen[key][0] for key in seen if key.startswith("object_")])
-    assert_allclose(rows["observation.environment_state"][0], about, atol=1e-6)
     assert rows["index"] == list(range(info["total_frames"]))
     episode = next(read_episodes(folder))
     first = np.array(rows["action"])[np.array(rows["episode_index"]) == 0]
@@ -197,11 +188,8 @@ def test_the_lerobot_layout_holds_the_same_steps(folder):
     table = pq.read_table(folder / "lerobot/meta/episodes/chunk-000/file-000.parquet").to_pydict()
     assert table["length"][0] == len(episode)
     assert_array_equal(table["once/cloud"][0], episode.once["cloud"].ravel())
-    stats = json.loads((folder / "lerobot/meta/stats.json").read_text())
     assert_allclose(stats["action"]["mean"], np.mean(rows["action"], axis=0), atol=1e-6)
-    assert all(a <= b for a, b in zip(stats["action"]["q10"], stats["action"]["q90"], strict=True))
-    pandas = pytest.importorskip("pandas")
-    tasks = pandas.read_parquet(folder / "lerobot/meta/tasks.parquet")
+    tasks = pytest.importorskip("pandas").read_parquet(folder / "lerobot/meta/tasks.parquet")
     assert tasks.iloc[0].name == "lift sugar_box"
 
 

@@ -37,23 +37,11 @@ def finished(tmp_path_factory):
 def test_summary_has_the_documented_form(finished):
     folder, summary = finished
     assert json.loads((folder / "summary.json").read_text()) == json.loads(json.dumps(summary))
-    assert summary["schema"] == 1
-    assert (summary["protocol"], summary["seed"], summary["complete"]) == ("lift", 3, True)
+    assert [summary[key] for key in ("schema", "protocol", "seed", "complete")] == [1, "lift", 3, True]
     agent = summary["agents"]["random"]
-    assert {
-        "trials",
-        "successes",
-        "rate",
-        "ci95",
-        "by_set",
-        "by_object",
-        "failures",
-        "planning_seconds",
-        "constraints",
-    } <= set(agent)
+    assert {"rate", "ci95", "by_set", "planning_seconds", "constraints"} <= set(agent)
     assert (agent["trials"], agent["by_object"]["sugar_box"]) == (4, {"trials": 2, "successes": 0})
     assert set(agent["by_set"]) == {"seen", "ycb6"}
-    assert {"trials", "successes", "rate", "ci95"} <= set(agent["by_set"]["seen"])
     assert sum(agent["failures"].values()) == 4 - agent["successes"]
 
 

@@ -137,20 +137,17 @@ def test_a_captured_image_has_holes_shadows_and_steps():
     camera = Camera.look_at("c", (0.5, 0.0, 0.8), (0.5001, 0.0, 0.0), LENS)
     step = np.full((1, 240, 320), 0.8, np.float32)
     step[:, :, 160:] = 0.5
-    hidden = SensorModel(focal_px=580.0, baseline=0.075, hidden_dropout=1.0)
-    lost = ~np.isfinite(hidden.measure(step, (camera,), np.random.default_rng(0))[0])
+
+    def measured(depth, **settings):
+        return SensorModel(**settings).measure(depth, (camera,), np.random.default_rng(0))[0]
+
+    lost = ~np.isfinite(measured(step, focal_px=580.0, baseline=0.075, hidden_dropout=1.0))
     wide = 290.0 * 0.075 * (1.0 / 0.5 - 1.0 / 0.8)  # pixels, of which the other imager sees the nearer side
     assert lost[100].sum() == pytest.approx(wide, abs=1.5)
     assert lost[100, 150]
-    flat = np.full((1, 240, 320), 0.8, np.float32)
-    holes = SensorModel(hole_share=0.05).measure(flat, (camera,), np.random.default_rng(0))
+    holes = measured(np.full((1, 240, 320), 0.8, np.float32), hole_share=0.05)
     assert (~np.isfinite(holes)).mean() == pytest.approx(0.05, abs=0.005)
-    smeared = SensorModel(smear=7, edge_jump=0.02).measure(
-        np.where(step < 0.6, 0.79, step), (camera,), np.random.default_rng(0)
-    )
-    assert 0.791 < smeared[0, 100, 159] < 0.799
-    with pytest.raises(ValueError, match="window"):
-        SensorModel(window=4)
+    assert 0.791 < measured(np.where(step < 0.6, 0.79, step), smear=7, edge_jump=0.02)[100, 159] < 0.799
 
 
 @pytest.fixture

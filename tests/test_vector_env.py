@@ -220,9 +220,10 @@ def test_what_cameras_have_not_seen_is_not_left_out_of_a_reset():
 
 def test_wrong_use_is_named_in_one_line():
     for kwargs, word in (
-        ({"render_mode": "human"}, "'human'"), ({"threads": 0}, "threads"), ({"autoreset_mode": "Later"}, "NextStep"),
-        ({"control_mode": "torque"}, "ee_delta"),
-    ):  # fmt: skip
+        ({"render_mode": "human"}, "'human'"),
+        ({"threads": 0}, "threads"),
+        ({"autoreset_mode": "Later"}, "NextStep"),
+    ):
         with refused(word):
             native(2, **kwargs)
     envs = native(2, objects="sugar_box", autoreset_mode="Disabled", max_episode_steps=1)
