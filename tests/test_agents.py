@@ -7,7 +7,6 @@ import pathlib
 import pickle
 import subprocess
 import sys
-import textwrap
 import zipfile
 
 import gymnasium as gym
@@ -20,7 +19,7 @@ from robots import HOME, ROBOT
 from tables import mistakes
 
 import dexgrasp_env  # noqa: F401
-from dexgrasp import Agent, make_agent
+from dexgrasp import make_agent
 from dexgrasp.agents.hardcoded import HardcodedAgent
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.poses import quat_to_matrix
@@ -111,43 +110,10 @@ def test_hardcoded_without_a_cloud_or_a_reset_is_a_users_mistake():
         HardcodedAgent().act({"joint_targets": HOME})
 
 
-def test_random_is_seeded_and_fills_the_space():
-    agent = make_agent("random")
-    space = gym.spaces.Box(-1.0, 1.0, (22,), np.float32)
-    agent.reset({}, {"action_space": space})
-    draws = []
-    for _ in range(2):
-        agent.seed(3)
-        draws.append([agent.act({}) for _ in range(50)])
-    assert_array_equal(*draws)
-    assert all(space.contains(action) for action in draws[0])
-    assert np.ptp(draws[0]) > 1.9
-
-
 @pytest.mark.parametrize(("name", "message"), mistakes("agents"))
 def test_unknown_agents_name_what_is_valid(name, message):
     with refused(message):
         make_agent(name)
-
-
-def test_a_users_class_in_the_current_directory(tmp_path, monkeypatch):
-    (tmp_path / "users_own_agent.py").write_text(
-        textwrap.dedent("""
-        class Still:
-            def reset(self, observation, info):
-                pass
-            def act(self, observation):
-                return observation["zero"]
-        """)
-    )
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    agent = make_agent("users_own_agent:Still")
-    agent.seed(0)
-    assert not isinstance(agent, Agent)
-    assert dict(agent.env_settings) == {}
-    assert agent.report.failure is None
-    assert agent.act({"zero": 0}) == 0
 
 
 def test_a_checkpoint_acts_and_is_told_by_a_file_beside_it(tmp_path):

@@ -108,17 +108,6 @@ def test_bags(name, tmp_path):
     np.testing.assert_allclose(seen.points, -POINTS @ POSE[:3, :3].T + POSE[:3, 3])
 
 
-def test_bags_that_are_none(tmp_path):
-    pytest.importorskip("rosbags")
-    (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(30))
-    (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "metadata.yaml").write_text("rosbag2_bagfile_information: 3")
-    (tmp_path / "c.mcap").write_bytes(bytes(9))
-    for name in ("a.bag", "b", "c.mcap", "d.bag"):
-        with refused(name):
-            read_scan(tmp_path / name)
-
-
 @pytest.mark.parametrize("path", sorted((DATA / "poses").iterdir()), ids=lambda path: path.name)
 def test_poses(path):
     found = read_pose(str(path))

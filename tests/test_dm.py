@@ -99,19 +99,14 @@ def test_physics_is_the_environments_own():
     physics, inner = env.physics, env.task.inner
     assert physics.data.ptr is inner.data
     assert physics.model.ptr is inner.model
-    timestep = env.step(np.zeros(23))
-    np.testing.assert_allclose(
-        physics.named.data.xpos["object"], timestep.observation["object_pose"][:3], atol=1e-6
-    )
     physics.named.data.xfrc_applied["object", 2] = 100.0  # as the viewer's mouse does
     env.step(np.zeros(23))
     assert physics.named.data.qvel["object"][2] > 1.0
     time = physics.time()
     physics.step(2)  # without a task: physics steps
     assert physics.time() == pytest.approx(time + 0.004)
-    copy = physics.copy()
-    copy.step()
-    assert copy.time() > physics.time()
+    physics.copy().step()
+    assert physics.time() == pytest.approx(time + 0.004)
 
 
 @pytest.mark.skipif(rendering_fault() is not None, reason="no GL here")

@@ -129,15 +129,6 @@ def test_timing_keeps_velocity_and_acceleration_limits(speed):
     assert (np.abs(change) <= 1.1 * speed * ROBOT.acceleration).all()
 
 
-def test_timing_of_degenerate_paths():
-    assert len(time_path(HOME[None], robot_tree(CELL))) == 0
-    assert len(time_path(np.stack([HOME, HOME, HOME]), robot_tree(CELL))) == 0
-    tiny = HOME + 1e-4
-    samples = time_path(np.stack([HOME, HOME, tiny]), robot_tree(CELL))
-    assert_allclose(samples[-1], tiny)
-    assert within_limits(HOME, samples, robot_tree(CELL))
-
-
 def test_script_phases_limits_and_actions():
     q = palm_down(0.5, 0.1, 0.25)
     grasp, squeeze = q.copy(), q.copy()

@@ -2,13 +2,11 @@
 
 import gymnasium as gym
 import numpy as np
-import pytest
 from numpy.testing import assert_array_equal
-from refusals import refused
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.evaluation.protocol import trial_seeds
-from dexgrasp.learning.lerobot.env import LeRobotEnv, lerobot_observation, obs_mode_of
+from dexgrasp.learning.lerobot.env import LeRobotEnv, lerobot_observation
 
 NEW = {"lerobot_new_rollout": True}
 
@@ -44,17 +42,3 @@ def test_an_episode_ends_with_success():
     inner = env.env.step
     env.env.step = lambda action: (*inner(action)[:4], {**inner(action)[4], "is_success": True})
     assert env.step(np.zeros(23))[2]
-
-
-@pytest.mark.parametrize("obs_type", ["pixels_agent_pos", "pixels_environment_state_agent_pos"])
-def test_pictures_are_pixels_by_view(obs_type):
-    observation = {
-        "joint_positions": np.zeros(23, np.float32),
-        "rgb": np.arange(2 * 4 * 5 * 3, dtype=np.uint8).reshape(2, 4, 5, 3),
-    }
-    seen = lerobot_observation(observation)
-    assert list(seen["pixels"]) == ["view_0", "view_1"]
-    assert_array_equal(seen["pixels"]["view_1"], observation["rgb"][1])
-    assert "rgbd" in obs_mode_of(obs_type)
-    with refused("valid are environment_state_agent_pos"):
-        obs_mode_of("pixels")

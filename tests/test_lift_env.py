@@ -96,18 +96,10 @@ def test_a_limit_that_a_wrapper_keeps_is_warned_of_where_it_has_ended_an_episode
 def test_renders():
     if choose_gl() is None:
         pytest.skip("no GL library here")
-    env = make(render_mode="rgb_array", render_size=(120, 160))
-    env.reset(seed=0)
-    picture = env.render()
-    assert picture.shape == (120, 160, 3)
-    assert picture.dtype == np.uint8
-    assert picture.std() > 10
-    env.close()
     env = make(render_mode="depth_array", render_size=(120, 160))
     env.reset(seed=0)
     depth = env.render()
-    assert depth.shape == (120, 160)
-    assert depth.dtype == np.float32
+    assert (depth.shape, depth.dtype) == ((120, 160), np.float32)
     assert 0.3 < depth.min() < depth.max()
     env.close()
 

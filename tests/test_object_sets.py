@@ -1,11 +1,8 @@
 """Set files: members with units, masses, friction and poses of their own; fetching from a publisher."""
 
-import http.server
 import io
 import json
 import tarfile
-import threading
-from functools import partial
 from pathlib import Path
 
 import gymnasium as gym
@@ -101,28 +98,6 @@ def test_members_stand_upright_as_the_set_says(folder):
     env.close()
 
 
-@pytest.fixture
-def publisher():
-    """A server on this machine that holds one archive that is whole and one that is not."""
-    mesh = trimesh.creation.box((0.04, 0.09, 0.17)).export(file_type="ply")
-    archives = {"004_sugar_box": archive(mesh), "011_banana": archive(b"no mesh", "011_banana")}
-
-    class Handler(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            content = archives.get(self.path.strip("/").removesuffix("_google_16k.tgz"))
-            self.send_response(200 if content else 404)
-            self.end_headers()
-            self.wfile.write(content or b"")
-
-        def log_message(self, *_: object) -> None:
-            pass
-
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{server.server_port}"
-    server.shutdown()
-
-
 def archive(content: bytes, name: str = "004_sugar_box") -> bytes:
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w:gz") as tar:
@@ -132,21 +107,17 @@ def archive(content: bytes, name: str = "004_sugar_box") -> bytes:
     return buffer.getvalue()
 
 
-@pytest.fixture(scope="module")
-def fetch_ycb():
-    return partial(run_script, load_script("object_sets").Ycb)
-
-
-def test_ycb_meshes_are_fetched_on_the_users_word_and_once(folder, publisher, fetch_ycb, capsys):
-    path = folder / "sets" / "ycb.json"
-    arguments = [str(path), "--objects", "004_sugar_box", "--publisher", publisher]
-    assert fetch_ycb(arguments) == 0
+def test_ycb_meshes_are_fetched_on_the_users_word_and_once(folder, capsys):
+    mesh = trimesh.creation.box((0.04, 0.09, 0.17)).export(file_type="ply")
+    (folder / "004_sugar_box_google_16k.tgz").write_bytes(archive(mesh))
+    fetch, path = load_script("object_sets").Ycb, folder / "sets" / "ycb.json"
+    arguments = [str(path), "--objects", "004_sugar_box", "--publisher"]
+    assert run_script(fetch, [*arguments, folder.as_uri()]) == 0
     assert not path.exists()
     assert "--yes" in capsys.readouterr().out
-    assert fetch_ycb([*arguments, "--yes"]) == 0
+    for publisher in (folder.as_uri(), "file:///nowhere"):  # what is in the cache is not fetched again
+        assert run_script(fetch, [*arguments, publisher, "--yes"]) == 0
     (target,) = resolve_targets([str(path)])
     model = load_object(target)
     assert (model.name, model.mass) == ("ycb_004_sugar_box", 0.514)
     assert_allclose(model.extents, [0.04, 0.09, 0.17], atol=1e-6)
-    arguments[-1] = "http://127.0.0.1:1"  # nobody is there: what is in the cache is not fetched again
-    assert fetch_ycb([*arguments, "--yes"]) == 0

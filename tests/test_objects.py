@@ -74,16 +74,6 @@ def test_contact_geoms_lie_where_the_parts_are(name):
         assert_allclose(world.max(0), (part.vertices + part.position).max(0), atol=1e-6)
 
 
-def test_scaling_keeps_the_density():
-    model, large = load_object("lego"), load_object("lego", scale=2.0)
-    assert_allclose(large.extents, 2 * model.extents)
-    assert large.mass == pytest.approx(8 * model.mass)
-    assert_allclose(large.inertia, 32 * model.inertia)
-    assert_allclose(large.parts[1].position, 2 * model.parts[1].position)
-    assert load_object("lego", mass=0.5).mass == 0.5
-    assert_allclose(load_object("lego", mass=0.14).inertia, 2 * model.inertia)
-
-
 @pytest.mark.parametrize(("target", "options", "message"), mistakes("objects"))
 def test_bad_targets_are_refused_in_one_line(target, options, message):
     with refused(message):

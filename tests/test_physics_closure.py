@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from oracles import closed, sample_box, sample_can
+from oracles import closed, pyramid_violation, random_grasps, sample_box, sample_can
 
 from dexgrasp.mechanics.closure import closure_sweep
 from dexgrasp.mechanics.equilibrium import rms_radius
@@ -44,3 +44,13 @@ def test_sweep_is_the_decision_of_every_triple():
     swept = closure_sweep(points, normals, 0.5, length_scale=scale)
     assert swept.dtype == np.int32
     assert_array_equal(swept, triples[decided & apart])
+
+
+def test_forces_are_feasible_and_their_residual_decides_as_the_sweep():
+    P, N = random_grasps(60, 1)
+    decided = closed(P, N, 0.5)
+    for p, n, feasible in zip(P, N, decided, strict=True):
+        answer = solve_wrench_qp(p, n, 0.5)
+        assert pyramid_violation(answer.forces, n, 0.5).max() < 1e-9
+        assert (-(answer.forces * n).sum(-1)).min() > 1 - 1e-9
+        assert (answer.residual < 1e-6) == feasible

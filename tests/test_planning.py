@@ -9,7 +9,6 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 from planned import hammer
-from refusals import refused
 from robots import CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 
 from dexgrasp.geometry.convex_kernel import NOTHING
@@ -120,18 +119,6 @@ def test_proposals_lie_on_the_surface_above_the_table(name, proposals):
         for i, j in ((0, 1), (0, 2), (1, 2))
     ]
     assert np.min(apart) > 0.02
-
-
-def test_subject_assumptions_and_bad_input():
-    box = trimesh.creation.box((0.05, 0.08, 0.12))
-    assert GraspTarget.of(box).mass == pytest.approx(900 * 0.05 * 0.08 * 0.12, rel=1e-6)
-    assert GraspTarget.of(trimesh.creation.box((0.3, 0.3, 0.3))).mass == 0.65
-    known = GraspTarget.of(box, mass=0.2, centre=np.array([0.0, 0.01, 0.02]))
-    assert known.mass == 0.2
-    assert_array_equal(known.centre, [0, 0.01, 0.02])
-    for mass in (0.0, -1.0, np.nan, np.inf):
-        with refused("mass"):
-            GraspTarget.of(box, mass=mass)
 
 
 # Atlas and starting postures

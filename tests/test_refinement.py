@@ -13,7 +13,6 @@ from dexgrasp_env.perception.pipeline import find_object, stand_on
 from dexgrasp_env.perception.refinement import refine_instances
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.selection import TargetSelector
-from dexgrasp_env.perception.viewpoint import find_viewpoint
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.sensing.raycast import RayCameras
@@ -108,21 +107,6 @@ def test_what_another_hides_in_part_is_doubtful(known):
     behind = [bool(points[:, 0].mean() < 0.47) for points in found]
     assert len(found) >= 2
     assert hidden == behind
-
-
-def test_a_viewpoint_is_found_by_shadows_and_none_where_several_cameras_looked():
-    boxes = (((0.05, 0.07, 0.15), (0.55, 0.05, 0.075)), ((0.06, 0.08, 0.10), (0.45, -0.1, 0.05)))
-    points = views(*boxes).points
-    high = points[:, 2] > 0.005
-    eye = find_viewpoint(points[high], points[~high])
-    assert eye is not None
-    way, true = (place - points[high].mean(0) for place in (eye, EYE.position))
-    assert way @ true > np.cos(np.radians(15.0)) * np.linalg.norm(way) * np.linalg.norm(true)
-    other = Camera.look_at("other", (0.0, -0.1, 0.5), (0.5, 0.0, 0.05), LENS)
-    points = np.concatenate([points, views(*boxes, eye=other).points])
-    high = points[:, 2] > 0.005
-    assert find_viewpoint(points[high], points[~high]) is None
-    assert views(*boxes).eye() == pytest.approx(EYE.position, abs=1e-6)
 
 
 def test_a_side_that_is_guessed_is_said():

@@ -69,13 +69,6 @@ def test_slip_begins_at_mu_times_the_normal_force(scene, friction, degrees):
     assert slides(model, 1.05 * friction, direction) > 0.010
 
 
-def test_every_contact_has_the_friction_asked_for():
-    model = build_scene(load_object("castle"), CELL, friction=0.45)
-    colliding = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
-    assert np.all(model.geom_friction[colliding, 0] == 0.45)
-    assert np.all(model.pair_friction[:, :2] == 0.45)
-
-
 def test_nothing_sticks(scene):
     assert scene.neq == 0
     assert scene.ntendon == 0

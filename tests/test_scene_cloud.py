@@ -1,7 +1,6 @@
 """Clouds of whole scenes: read from files, one object isolated, or a reason."""
 
 import struct
-from dataclasses import replace
 
 import lzf
 import numpy as np
@@ -80,19 +79,6 @@ def test_what_is_wrong_is_named(rng):
 def tilted(points, degrees):
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return points @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-
-
-def test_a_table_at_another_height_is_where_the_cell_has_it(rng):
-    points, up = scene_points(rng, (0.5, 0.15), (0.5, -0.15)), np.array([0.0, 0.0, 0.08])
-    beside = find(points, near=(0.5, -0.15, 0.03))
-    assert "the cell has 0 m" in find(points + up).sentence
-    raised = replace(CELL, table_height=0.08)
-    found = find(points + up, raised, near=(0.5, -0.15, 0.11))
-    assert found.reason is None  # the object is in the world, whose z = 0 is the table's top
-    assert np.abs(found.target.points.mean(0) - beside.target.points.mean(0)).max() < 0.002
-    assert "the cell has 0.08 m" in find(points, raised).sentence
-    # What is said is in the frame of the base: middles are 2.5 cm above the table.
-    assert find(points + up, raised).sentence.count("0.11)") == 2
 
 
 def test_what_stands_around_is_seen(rng):

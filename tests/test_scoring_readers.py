@@ -3,22 +3,19 @@
 import json
 import os
 import pickle
-from types import SimpleNamespace
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose
 from refusals import refused
-from robots import CELL, HAND_JOINTS, TIPS
+from robots import HAND_JOINTS
 
 from dexgrasp.cli.main import main
-from dexgrasp.evaluation.scoring.readers import ReadOptions, ours, read_candidates
+from dexgrasp.evaluation.scoring.readers import ReadOptions, read_candidates
 from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dictionary
 from dexgrasp.evaluation.scoring.readers.plain import FORMAT
 from dexgrasp_env.poses import pose_matrix
-from dexgrasp_env.robot.model import robot_spec
 
 OFFSET = np.array([0.02, -0.01, 0.05])  # of the box's centre in the mesh file, m
 SIDES = (0.05, 0.06, 0.10)
@@ -182,31 +179,6 @@ def test_plain_json(folder):
     (folder / "plain.json").write_text(json.dumps(content))
     with refused("contacts is missing"):
         read_candidates(folder / "plain.json", options(folder))
-
-
-def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch):
-    """The tips of the floating hand are where those of arm and hand are."""
-    rng = np.random.default_rng(0)
-    q = np.concatenate([[0.1, 0.4, -0.2, -1.9, 0.3, 2.0, 0.7], rng.uniform(0.3, 0.8, 16)])
-    identity = SimpleNamespace(source="sugar_box", name="sugar_box", scale=1.0)
-    record = SimpleNamespace(
-        T_world_object=np.eye(4), object=identity, check_cell=lambda: CELL.mounted("fingers_along"),
-        pregrasp=q - 0.1, grasp=q, squeeze=np.r_[q[:7], q[7:] + 0.02],
-    )  # fmt: skip
-    monkeypatch.setattr(ours, "record_of", lambda *_: record)
-    (found,) = ours.read_ours({}, tmp_path / "grasp.json", ReadOptions())
-    robot, hand = robot_spec(CELL.mounted("fingers_along")).compile(), found.hand.model
-    whole, alone = mujoco.MjData(robot), mujoco.MjData(hand)
-    whole.qpos[:23], alone.qpos[:] = q, found.grasp.joints
-    mujoco.mj_kinematics(robot, whole)
-    mujoco.mj_kinematics(hand, alone)
-    T = found.grasp.T_world_hand
-    for tip in TIPS:
-        assert_allclose(T[:3, :3] @ alone.site(tip).xpos + T[:3, 3], whole.site(tip).xpos, atol=1e-9)
-    assert_allclose(found.squeeze_for(5.0).joints - found.grasp.joints, np.full(16, 0.04))
-    record.T_world_object = None
-    with refused("T_world_object is missing"):
-        ours.read_ours({}, tmp_path / "grasp.json", ReadOptions())
 
 
 # -- closing ----------------------------------------------------------------------------------------------------

@@ -127,14 +127,6 @@ def test_a_table_that_is_higher_than_it_was_planned_for_is_hit():
     assert {"clearance hand_table", "clearance hand_seen"} <= failed
 
 
-def test_files_of_before_are_read():
-    content = copy.deepcopy(bar_on_a_higher_table()[1])
-    del content["table"]
-    record = record_of(content)
-    assert record.table is None
-    assert record.here is CELL.mounted(content["mount"])
-
-
 def test_a_trajectory_is_checked_against_the_table_that_was_seen(tmp_path):
     _, content = bar_on_a_higher_table()
     export_grasp(record_of(content), tmp_path, "json")
@@ -254,18 +246,6 @@ def test_what_is_level_beside_or_above_is_an_obstacle():
         middle = found.target.points.mean(0)
         assert not any(((low < middle) & (high > middle)).all() for low, high in corners)
         assert not isinstance(file_of(points), str)
-
-
-def test_a_tall_thing_that_is_seen_from_above_does_not_hang():
-    rng = np.random.default_rng(6)
-    place, sides = np.array([0.6, 0.25]), (0.12, 0.12)
-    table, carton = standing(rng, (0.5, -0.05), CARTON)
-    lid = flat(rng, place - 0.06, place + 0.06, 0.32)
-    found = look(
-        seen_at(rng, leaning(0.0), without(table, place, sides), carton, lid), near=(0.5, -0.05, 0.1)
-    )
-    assert found.reason is None
-    assert not found.boxes  # it is solid down to the table
 
 
 @pytest.mark.skipif(not GIVEN.is_dir(), reason="clouds of others are not here")

@@ -81,13 +81,3 @@ def _run(robot: str | None, folder: Path) -> str:
     code = "import json, sys; from pathlib import Path; from test_two_cells import played\n"
     code += "print(json.dumps(played(sys.argv[1] or None, Path(sys.argv[2]))))"
     return python(code, robot or "", folder, cwd=Path(__file__).parent)
-
-
-def test_a_hand_of_three_fingers_sizes_its_environment(tmp_path):
-    cell = str(without_ring_finger(tmp_path))
-    for mode, size in {"joint_delta": 19, "ee_delta": 18}.items():
-        env = gym.make("DexGrasp/Lift-v2", objects="pear", robot=cell, control_mode=mode)
-        assert env.action_space.shape == (size,)
-        observation, _ = env.reset(seed=0)
-        assert env.observation_space.contains(observation)
-        assert observation["fingertip_positions"].shape == (9,)

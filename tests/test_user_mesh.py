@@ -44,14 +44,6 @@ def test_every_format_gives_the_same_object(tmp_path, suffix):
     assert model.mass == pytest.approx(400 * CAPSULE.volume, rel=1e-4)
 
 
-def test_scale_and_mass_are_taken(tmp_path):
-    path = saved(tmp_path, CAPSULE.copy().apply_scale(1000), "mm.stl")
-    model = load_object(path, scale=0.001, mass=0.25)
-    assert_allclose(model.extents, CAPSULE.extents, atol=1e-6)
-    assert model.mass == 0.25
-    assert not any("mass" in note for note in model.notes)
-
-
 def test_doctor_says_what_was_done(tmp_path):
     findings = describe_mesh(saved(tmp_path, defective("hole"), "hole.obj"))
     assert (findings[0].level, findings[0].problem[:30]) == ("info", "fit to use: 60 x 60 x 160 mm, ")

@@ -176,23 +176,6 @@ def test_episodes_begin_at_a_state():
         envs.reset(options={"state": [state] * 2})
 
 
-def test_resets_without_options_begin_where_they_are_told():
-    envs = native(2, max_episode_steps=3, autoreset_mode="SameStep", objects="sugar_box")
-    envs.reset(seed=0)
-    state, asked = envs.get_state(1), []
-
-    def starts(slot, rng, record):
-        asked.append((slot, int(record["elapsed"])))
-        return {"state": state} if slot == 0 else {}
-
-    envs.start_from(starts)
-    for _ in range(3):
-        seen, *_ = envs.step(np.zeros((2, 23)))
-    assert asked == [(0, 3), (1, 3)]
-    assert np.array_equal(seen["object_pose"][0], state.physics[24:31].astype(np.float32))
-    assert not np.array_equal(seen["object_pose"][0], seen["object_pose"][1])
-
-
 @pytest.mark.parametrize(("settings", "word"), mistakes("states"))
 def test_states_of_other_settings_are_refused_in_one_line(settings, word):
     env = gym.make(ID, objects="sugar_box", disable_env_checker=True)

@@ -173,27 +173,6 @@ def test_goals_and_noisy_joints_are_those_of_mujoco():
         assert_allclose(a[4]["goal_distance"], b[4]["goal_distance"], atol=1e-6)
 
 
-def test_states_go_to_mujoco_and_back(pair):
-    ours, theirs = pair
-    ours.reset(seed=5)
-    theirs.reset(seed=6)
-    actions = np.random.default_rng(0).uniform(-0.5, 0.5, ours.action_space.shape).astype(np.float32)
-    for _ in range(3):
-        ours.step(actions)
-    for i in range(N):
-        theirs.unwrapped.set_state(ours.unwrapped.get_state(i), [i])
-    a, b = ours.step(actions), theirs.step(actions)
-    assert_allclose(a[0]["joint_positions"], b[0]["joint_positions"], atol=1e-4)
-    assert_allclose(a[0]["object_pose"], b[0]["object_pose"], atol=1e-4)
-
-
-def test_a_policy_learns_here(tmp_path):
-    learn = ["--objects", "sugar_box", "--backend", "warp", "--num-envs", "2", "--steps", "600"]
-    assert main(["train", "ppo", *learn, "--out", str(tmp_path)]) == 0
-    told = {"obs_mode": "features", "control_mode": "joint_delta", "hold": 1}
-    assert make_agent(str(tmp_path)).env_settings == told
-
-
 def test_evaluation_and_comparison_show_the_gap(tmp_path, printed, capsys):
     run, protocols = str(tmp_path / "run"), ["lift", "lift@warp"]
     scenes = ["--objects", "sugar_box", "--trials", "1", "--protocol", *protocols, "--workers", "1"]
