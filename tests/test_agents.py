@@ -13,6 +13,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
+from lift_envs import finished
 from numpy.testing import assert_array_equal
 from refusals import refused
 from robots import HOME, ROBOT
@@ -38,14 +39,9 @@ def surface_cloud(env, observation, seed=0):
 
 def play(agent, name, seed):
     env = gym.make("DexGrasp/Lift-v2", objects=name, control_mode="joint_position")
-    observation, info = env.reset(seed=seed)
+    observation, _ = env.reset(seed=seed)
     agent.reset(surface_cloud(env, observation, seed), {})
-    for _ in range(160):
-        observation, _, terminated, _, info = env.step(agent.act(observation))
-        if terminated or info["is_success"]:
-            break
-    env.close()
-    return info
+    return finished(env, agent, observation, 160)
 
 
 @pytest.mark.parametrize("name", ["sugar_box", "tomato_soup_can", "chips"])

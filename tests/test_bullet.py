@@ -28,8 +28,6 @@ def world_of(name):
     return model, World(model, HOME, np.array(REST))
 
 
-
-
 def test_a_missing_pybullet_is_named_in_one_line(monkeypatch, tmp_path):
     import importlib.util
 

@@ -10,6 +10,7 @@ import yaml
 from processes import typed
 from refusals import refused
 from tables import mistakes
+from test_scene_cloud import box, table
 
 from dexgrasp.cli.commands import run_command
 from dexgrasp.data.dataset.generate import _identity
@@ -75,20 +76,11 @@ def test_the_environment_is_of_the_cell(lab):
     assert cells == {read_cell(lab).version}
 
 
-def box_on_the_table(rng, height):
-    """Points (N, 3) m of a box, 6 x 8 x 12 cm, that stands at (0.52, 0.05) on a table, as seen from its base."""
-    local = rng.uniform(-1.0, 1.0, (6000, 3))
-    face = rng.integers(0, 3, len(local))
-    each = np.arange(len(local))
-    local[each, face] = np.where(face == 2, 1.0, np.sign(local[each, face]))
-    box = local * (0.03, 0.04, 0.06) + (0.52, 0.05, 0.06)
-    top = np.column_stack([rng.uniform(0.3, 0.8, 9000), rng.uniform(-0.4, 0.4, 9000), np.zeros(9000)])
-    return np.concatenate([box, top]) + np.array([0.0, 0.0, height]) + rng.normal(0.0, 0.0005, (15000, 3))
-
-
 def test_a_grasp_is_planned_verified_and_exported_in_its_cell_alone(lab, tmp_path, capsys):
     folder, scene = str(tmp_path), str(tmp_path / "scene.npy")
-    np.save(scene, box_on_the_table(np.random.default_rng(0), TABLE))
+    rng = np.random.default_rng(0)
+    points = np.concatenate([table(rng), box(rng, (0.52, 0.05), np.array([0.06, 0.08, 0.12]))])
+    np.save(scene, points + np.array([0.0, 0.0, TABLE]))
     near = ["0.52", "0.05", str(TABLE + 0.06)]
     commands = [
         (["plan", "pear", "--out", folder], 0),

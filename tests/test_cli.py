@@ -50,7 +50,7 @@ def one_line_after_notes(capsys):
 def test_no_command_teaches(capsys):
     assert main([]) == BAD_INPUT
     assert "examples" in capsys.readouterr().err
-    assert main(["--version"]) == OK
+    assert typed("--version") == OK
     assert capsys.readouterr().out.startswith("dexgrasp ")
 
 
@@ -59,7 +59,7 @@ def test_every_command_has_help_with_its_options(capsys):
     found = parser._subparsers._group_actions[0].choices
     assert set(found) == set(COMMANDS)
     for name in found:
-        assert main([name, "--help"]) == OK
+        assert typed(f"{name} --help") == OK
         assert f"dexgrasp {name}" in capsys.readouterr().out
     assert all(action.help for action in every_action(parser))
 
@@ -80,10 +80,10 @@ def test_a_bad_mujoco_gl_stops_nothing_that_draws_nothing():
 
 @pytest.mark.parametrize("what", ["objects", "envs", "agents", "protocols"])
 def test_list(what, capsys, printed):
-    assert main(["list", what, "--json"]) == OK
+    assert typed(f"list {what} --json") == OK
     listed = printed()
     assert len(listed[what]) >= 1
-    assert main(["list", what]) == OK
+    assert typed(f"list {what}") == OK
     table = capsys.readouterr().out
     known = {"objects": "sugar_box", "envs": "DexGrasp/Lift-v2", "agents": "hardcoded", "protocols": "lift"}
     assert known[what] in table
@@ -142,7 +142,7 @@ def test_exceptions_and_interrupts(monkeypatch, capsys):
         (OSError("x"), INTERNAL_ERROR),
     ):
         monkeypatch.setattr(command.List, "run", lambda self, error=error: (_ for _ in ()).throw(error))
-        assert main(["list", "objects"]) == code
+        assert typed("list objects") == code
     assert "a b\n" in capsys.readouterr().err
 
 

@@ -9,7 +9,6 @@ import trimesh
 from processes import typed
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, OK
-from dexgrasp.cli.main import main
 from dexgrasp.planning import scene_setup as look
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.rendering import rendering_fault
@@ -52,7 +51,7 @@ def test_plan_writes_files_that_verify(planned, capsys, tmp_path, printed):
     assert code == OK
     assert (folder / "grasp.png").read_bytes()[:4] == b"\x89PNG"
     capsys.readouterr()
-    assert main(["verify", str(folder / "grasp.json")]) == OK
+    assert typed(f"verify {folder / 'grasp.json'}") == OK
     out = capsys.readouterr().out
     assert "every constraint holds" in out
     assert "FAIL" not in out
@@ -62,7 +61,7 @@ def test_plan_writes_files_that_verify(planned, capsys, tmp_path, printed):
     assert all(set(check) == {"name", "value", "bound", "holds"} for check in result["checks"])
     assert typed("plan pear --seed 1 --json") == OK
     (tmp_path / "whole.json").write_text(capsys.readouterr().out)
-    assert main(["verify", str(tmp_path / "whole.json")]) == OK
+    assert typed(f"verify {tmp_path / 'whole.json'}") == OK
 
 
 def test_verify_says_no_and_which_check(planned, capsys, tmp_path, printed):
@@ -111,7 +110,7 @@ def test_demo_without_gl_still_grasps(capsys, tmp_path, monkeypatch):
     files = {file.name for file in tmp_path.iterdir()}
     assert files == {"cloud.png", "grasp.json", "grasp.png"}
     assert "no GL" in captured.err
-    assert main(["verify", str(tmp_path / "grasp.json")]) == OK
+    assert typed(f"verify {tmp_path / 'grasp.json'}") == OK
 
 
 @pytest.mark.skipif(rendering_fault() is not None, reason="no GL library here")

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from processes import typed
 from refusals import refused
-from robots import CELL, HOME, ROBOT
+from robots import CELL, HOME
 from tables import mistakes
 
 import dexgrasp_env  # noqa: F401
@@ -20,7 +20,6 @@ from dexgrasp.data.demonstrations.convert import to_action
 from dexgrasp.data.demonstrations.generate import generate
 from dexgrasp.data.demonstrations.info import replay_all, summary
 from dexgrasp.data.demonstrations.minari_format import read_episodes
-from dexgrasp.data.demonstrations.rollout import intended
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
@@ -161,15 +160,6 @@ def test_what_is_brought_to_a_place_begins_along_them_with_their_end_as_goal(fol
     resets._demos[0].observations.pop("object_pose")
     with refused("say where they end"):
         resets.attach(env)
-
-
-def test_noise_is_known_and_can_be_taken_out(folder):
-    episode = next(read_episodes(folder))
-    targets = episode.observations["joint_targets"]
-    meant = intended(episode, 0.02, ROBOT)
-    # The index finger's first joint closes evenly; what was recorded trembles.
-    roughness = [np.abs(np.diff(way[:, 8], 2)).mean() for way in (targets, meant)]
-    assert roughness[1] < 0.1 * roughness[0]
 
 
 def test_the_lerobot_layout_holds_the_same_steps(folder):

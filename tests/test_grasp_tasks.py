@@ -69,14 +69,12 @@ def test_held_actions_are_repeated_ones_and_rewards_their_sum():
 
 
 def test_features_turn_with_the_scene_and_tell_what_the_state_does():
-    env = once()
-    pose = np.array([0.5, 0.0, 0.09, 1.0, 0.0, 0.0, 0.0])
-    rows = []
+    env, rows = once(), []
     for angle in (0.0, 0.3):
-        half, c, s = 0.5 * angle, np.cos(angle), np.sin(angle)
-        turned = [c * pose[0], s * pose[0], pose[2], np.cos(half), 0.0, 0.0, np.sin(half)]
-        rows.append(env.reset(seed=0, options={"object_pose": turned})[0])
-    assert rows[0].dtype == np.float32
+        at, half = 0.5 * np.array([np.cos(angle), np.sin(angle)]), 0.5 * angle
+        rows.append(
+            env.reset(seed=0, options={"object_pose": [*at, 0.09, np.cos(half), 0.0, 0.0, np.sin(half)]})[0]
+        )
     assert np.abs(rows).max() < 10.0
     changed = np.abs(rows[1] - rows[0])
     assert changed[0] == pytest.approx(1.0, abs=1e-3)  # its azimuth, in spreads of 0.3 rad

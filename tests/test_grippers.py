@@ -4,6 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import yaml
+from lift_envs import finished
 from numpy.testing import assert_allclose
 
 import dexgrasp_env  # noqa: F401  (registers the ids)
@@ -101,8 +102,4 @@ def test_hardcoded_pinches_along_the_short_axis(tmp_path):
     agent.seed(3)
     agent.reset(observation, info)
     assert agent.report.failure is None
-    done = False
-    while not done:
-        observation, _, terminated, truncated, info = env.step(agent.act(observation))
-        done = terminated or truncated
-    assert info["is_success"]
+    assert finished(env, agent, observation)["is_success"]

@@ -30,8 +30,7 @@ from dexgrasp.learning.imitation.bc_network import BcNet, GraspNet  # noqa: E402
 from dexgrasp.learning.imitation.bc_training import VIEWS, BcTraining, StateBcTraining  # noqa: E402
 from dexgrasp.learning.imitation.settings import BcNetSizes, BcSettings, GraspNetSizes  # noqa: E402
 from dexgrasp.learning.training.checkpoint import read_state  # noqa: E402
-from dexgrasp.learning.training.loop import CHECKPOINT, RunOptions  # noqa: E402
-from dexgrasp.learning.training.trials import Trials  # noqa: E402
+from dexgrasp.learning.training.loop import CHECKPOINT  # noqa: E402
 from dexgrasp.runs.policy_folder import read_policy  # noqa: E402
 
 SMALL = BcNetSizes(hidden=24, layers=2)
@@ -129,14 +128,6 @@ def test_the_grasp_of_a_demonstration_is_read_and_written(demos):
     again = grasp_from_row(grasp_to_row(grasp, look.middle), look.middle, grasp.azimuth, tree)
     for a, b in zip(grasp, again, strict=True):
         assert_allclose(a, b, atol=1e-9)
-
-
-def test_policies_are_tried_while_they_learn(demos, tmp_path):
-    trials = Trials(("sugar_box",), every=2)
-    options = RunOptions(trials=trials)
-    state = StateBcTraining([demos], settings_of("state"), tmp_path / "out", options).run()
-    assert "success" not in state.curve[0]
-    assert state.curve[1]["trials"] == 1
 
 
 def test_damaged_policies_are_refused(demos, tmp_path):

@@ -53,13 +53,6 @@ def test_concave_polygons_are_cut_into_triangles_within_them(tmp_path, outline, 
         assert load_object(path).mesh.volume == pytest.approx(0.04 * area, rel=1e-6)
 
 
-def test_corners_may_be_counted_from_the_last_vertex(tmp_path):
-    head, faces = prism_text(U, "obj").split("vn 0 0 1\n")
-    lines = [" ".join(str(int(word[:-3]) - 17) for word in line.split()[1:]) for line in faces.splitlines()]
-    (tmp_path / "u.obj").write_text(head + "".join(f"f {line}\n" for line in lines))
-    assert load_object(tmp_path / "u.obj").mesh.volume == pytest.approx(0.04 * 34e-4, rel=1e-6)
-
-
 def test_a_binary_stl_is_read_as_far_as_it_counts(tmp_path):
     path, data = tmp_path / "a.stl", BALL.export(file_type="stl")
     path.write_bytes(data + b"made by a scanner")

@@ -89,15 +89,6 @@ def test_environments_take_the_friction_of_the_member_unless_they_name_one(folde
         env.close()
 
 
-def test_members_stand_upright_as_the_set_says(folder):
-    path = written(folder, BALL | {"upright": [2**-0.5, 2**-0.5, 0, 0]})
-    env = gym.make("DexGrasp/LiftUpright-v2", objects=path)
-    env.reset(seed=0)
-    vertical = env.unwrapped.data.body("object").xmat.reshape(3, 3)[2]
-    assert_allclose(vertical, [0, 1, 0], atol=1e-2)
-    env.close()
-
-
 def archive(content: bytes, name: str = "004_sugar_box") -> bytes:
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w:gz") as tar:

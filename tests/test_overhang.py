@@ -6,14 +6,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
+from lift_envs import finished
 from numpy.testing import assert_allclose
+from refusals import rejected
 from robots import CELL, HOME
 
 from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.planned_record import Origin, planned_record
-from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.slide import Push, Slide, make_slide, tips_apart
@@ -62,7 +63,7 @@ def test_the_judge_knows_the_table_as_a_neighbour(planned):
     record = planned_record(
         "phone", plan.grasp, plan.target, plan.settings, script=plan.script, origin=origin
     )
-    failed = [check for check in verify(record) if not check.holds]
+    failed = rejected(record)
     assert failed == []
     table = plan.target.neighbours[0][0]
     assert_allclose(np.ptp(table[:, :2], axis=0), TABLE_SIZE[:2])
@@ -94,11 +95,7 @@ def test_the_agent_lifts_a_phone(tmp_path):
     agent.reset(observation, public_info(env, info))
     assert isinstance(agent._stage.motion, Slide)
     assert agent.report.again
-    over = False
-    while not over:
-        observation, _, terminated, truncated, info = env.step(agent.act(observation))
-        over = terminated or truncated
-    assert info["is_success"]
+    assert finished(env, agent, observation)["is_success"]
     assert agent.report.failure is None
     assert agent.result is None  # the object is no longer where files would state it
     assert agent.report.details["slid"] > 0.1

@@ -135,8 +135,7 @@ def test_each_image_has_its_camera():
 
 def test_an_observation_gives_back_the_scene_it_was_made_of():
     model, data = scene()
-    perception, rng = Perception(model, CELL.make_cameras()), np.random.default_rng(0)
-    seen = perception.observe(data, rng)
+    seen = Perception(model, CELL.make_cameras()).observe(data, np.random.default_rng(0))
     arrays = seen.as_observation(1024)
     again = Scene.of_observation(
         arrays, {"perception_T_world_camera": seen.cameras, "perception_failure": ""}

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
-from planned import hammer
 from robots import CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 
 from dexgrasp.geometry.convex_kernel import NOTHING
@@ -77,28 +76,6 @@ def proposals():
 
 
 # Proposals
-
-
-def test_proposals_for_parts_lie_where_a_fingertip_can_touch_them():
-    target = GraspTarget.of(*hammer())
-    found, reach = propose(target), SETTINGS.tip_height
-    points, normals = found.contacts.reshape(-1, 3), found.normals.reshape(-1, 3)
-    on_each = np.array([closest_on_mesh(part, points).distances for part in target.parts])
-    assert np.abs(on_each.min(0)).max() < 1e-6  # on a part, and within no other
-    tips = points + reach * normals
-    assert np.min([closest_on_mesh(part, tips).distances for part in target.parts]) > reach - 1e-3
-    assert (closest_on_mesh(target.hull, points).distances < -0.005).any()
-
-
-def test_mass_of_parts_is_their_hulls_and_centre_their_own():
-    parts = hammer()
-    target, whole = GraspTarget.of(*parts), GraspTarget.of(trimesh.util.concatenate(parts))
-    assert target.mass == pytest.approx(whole.mass)
-    volumes = [part.volume for part in parts]
-    expected = np.average([part.center_mass for part in parts], axis=0, weights=volumes)
-    assert_allclose(target.centre, expected, atol=1e-9)
-    assert abs(whole.centre[0] - expected[0]) > 0.005
-    assert whole.parts == (whole.hull,)
 
 
 @pytest.mark.parametrize("name", SHAPES)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from processes import typed
 from tables import mistakes
 from test_scene_cloud import scene_points
 
@@ -58,27 +59,27 @@ def test_what_is_pointed_at_is_planned_and_what_stands_beside_is_said(scan, caps
     assert "object: 6 x 8 x" in out.err
     assert "cm away" in out.err
     assert len(json.loads((scan / "grasp" / "grasp.json").read_text())["neighbours"]) == 2
-    assert main(["verify", str(scan / "grasp" / "grasp.json")]) == OK
+    assert typed(f"verify {scan / 'grasp' / 'grasp.json'}") == OK
 
 
 def test_what_verify_rejects_is_neither_exported_nor_passed(scan, capsys):
     folder = scan / "trajectory"
     assert plan(scan, "--object-near", *PLACES[0], 0.03, "--out", scan) == OK
-    assert main(["export", str(scan / "grasp.json"), "--out", str(folder)]) == OK
-    assert main(["check", str(folder)]) == OK
+    assert typed(f"export {scan / 'grasp.json'} --out {folder}") == OK
+    assert typed(f"check {folder}") == OK
     assert "robot to what stands around" in capsys.readouterr().out
     content = json.loads((scan / "grasp.json").read_text())
     for one in content["neighbours"]:  # they stand where the object does, and higher
         middle = np.mean(one["parts"][0], axis=0)
         one["pose"][0][3], one["pose"][1][3], one["pose"][2][3] = *(PLACES[0] - middle[:2]), 0.06
     (scan / "moved.json").write_text(json.dumps(content))
-    assert main(["verify", str(scan / "moved.json")]) == ANSWER_IS_NO
-    assert main(["export", str(scan / "moved.json"), "--out", str(scan / "refused")]) == ANSWER_IS_NO
+    assert typed(f"verify {scan / 'moved.json'}") == ANSWER_IS_NO
+    assert typed(f"export {scan / 'moved.json'} --out {scan / 'refused'}") == ANSWER_IS_NO
     assert not (scan / "refused" / "arm.csv").exists()
     assert "--force" in capsys.readouterr().out
-    assert main(["export", str(scan / "moved.json"), "--out", str(folder), "--force"]) == OK
+    assert typed(f"export {scan / 'moved.json'} --out {folder} --force") == OK
     assert json.loads((folder / "segments.json").read_text())["rejected"]
-    assert main(["check", str(folder)]) == ANSWER_IS_NO
+    assert typed(f"check {folder}") == ANSWER_IS_NO
     said = capsys.readouterr().out
     assert "grasp.json: " in said
     assert "NOT fit to run" in said

@@ -14,7 +14,7 @@ from dexgrasp_env.objects.rest_poses import (
     find_rest_poses,
     rest_poses,
 )
-from dexgrasp_env.objects.shapes import Shape, box, cylinder
+from dexgrasp_env.objects.shapes import Shape, box
 from dexgrasp_env.poses import quat_to_matrix
 
 pytestmark = pytest.mark.usefixtures("own_cache")
@@ -33,15 +33,6 @@ def test_a_box_rests_on_each_face_and_most_often_on_the_largest():
     assert np.all(np.diff(shares.mean(1)) < 0)
     assert np.ptp(shares, axis=1).max() < 0.05
     assert_allclose(np.abs([pose.up for pose in poses]).max(1), 1, atol=1e-8)
-
-
-def test_a_cylinder_rests_on_its_two_ends_and_on_its_side():
-    poses = find_rest_poses(model_of(cylinder(0.06, 0.08)))
-    side, *ends = poses
-    assert side.height == pytest.approx(0.03, abs=1e-5)
-    assert abs(side.up[2]) < 1e-3
-    assert [end.height for end in ends] == pytest.approx([0.04, 0.04])
-    assert abs(ends[0].probability - ends[1].probability) < 0.05
 
 
 @pytest.mark.parametrize("name", sorted(CATALOGUE))

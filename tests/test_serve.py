@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import trimesh
 from tables import mistakes
+from test_scene_cloud import scene_points
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -78,12 +79,7 @@ def served():
 
 @pytest.fixture(scope="module")
 def points():
-    rng = np.random.default_rng(4)
-    box = rng.uniform(size=(3000, 3))
-    box[np.arange(3000), rng.integers(0, 3, 3000)] = rng.integers(0, 2, 3000)
-    table = rng.uniform([0.3, -0.25, 0.0], [0.75, 0.25, 0.0], (4000, 3))
-    points = np.concatenate([[0.48, -0.05, 0.0] + box * [0.05, 0.09, 0.06], table])
-    return points + rng.normal(0.0, 0.0008, points.shape)
+    return scene_points(np.random.default_rng(4), (0.505, -0.005))
 
 
 def ask(socket, **request):

@@ -132,13 +132,6 @@ def test_a_broken_surface_is_mended_and_it_is_said(defect, note):
     assert any(said.startswith(note) for said in notes) if note else notes == ()
 
 
-def test_bodies_are_kept_as_one_rigid_object():
-    boxes = [trimesh.creation.box([0.05] * 3).apply_translation([x, 0, 0]) for x in (0, 0.03)]
-    solid, notes = repair(trimesh.util.concatenate(boxes))
-    assert solid.volume == pytest.approx(0.05 * 0.05 * 0.08, rel=1e-6)
-    assert any(note.startswith("2 bodies") for note in notes)
-
-
 def test_a_fine_mesh_is_simplified(tmp_path):
     ball = trimesh.creation.uv_sphere(0.04, count=[120, 120])
     assert len(ball.faces) > 28_000

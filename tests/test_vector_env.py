@@ -7,7 +7,6 @@ import sys
 import gymnasium as gym
 import numpy as np
 import pytest
-from lift_envs import few
 from refusals import refused
 from tables import mistakes, table
 from vector_envs import ID, OBJECTS, RANDOM, assert_same, native, singles
@@ -67,21 +66,6 @@ def test_equals_single_environments_bit_for_bit(name, mode, number, steps, setti
     assert steps < 60 or (lost >= 1 and truncated >= 3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("number", "threads", "mode", "env_id"), [
-    (1, 1, "NextStep", ID), (16, 2, "SameStep", ID), (64, 4, "NextStep", ID), (16, 4, "Disabled", "DexGrasp/Place-v2"),
-])  # fmt: skip
-def test_equal_for_a_thousand_steps(number, threads, mode, env_id):
-    """Steps of all environments together; resets in the middle, by the time limit and by lost objects."""
-    steps = max(100, 1000 // number)
-    limit = 7 if number == 1 else 41  # one of them loses its object every 11 steps
-    lost, truncated = compare(
-        number, steps, mode, env_id=env_id, randomisation=RANDOM, threads=threads, max_episode_steps=limit
-    )
-    assert lost >= 1
-    assert truncated >= 3
-
-
 def test_place_truncates_what_is_lost():
     """Rewards are 0 at most: were it an end, it would pay to throw the object away."""
     ours, theirs = (
@@ -115,16 +99,6 @@ def test_numbers_that_go_wrong_are_told_alike_and_once(mode, value):
         assert_same(a, b, f"step {step}")
         assert b[2].tolist() == [False, step == 0]
         assert step > 0 or -5.0 < b[1][1] <= 0.0  # what had been earned is lost
-
-
-def test_presets_have_vector_environments():
-    for name in sorted(name for name in gym.registry if name.startswith("DexGrasp/")):
-        envs = gym.make_vec(name, num_envs=2, objects="sugar_box", **few(name))
-        first, _ = envs.reset(seed=3)
-        second, _ = envs.reset(seed=3)
-        assert_same(first, second)
-        assert envs.observation_space.contains(first)
-        envs.close()
 
 
 @pytest.mark.parametrize("obs_mode", ["state", "pointcloud"])
