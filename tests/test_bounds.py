@@ -25,7 +25,6 @@ from dexgrasp.grasp.file import read_grasp
 from dexgrasp.runs.arrays import read_arrays
 from dexgrasp.runs.lines import Lines, read_lines
 from dexgrasp.runs.policy_folder import read_policy
-from dexgrasp_env import files
 from dexgrasp_env.files import read_json_object, read_npz, write_atomically
 from dexgrasp_env.objects import user_mesh
 from dexgrasp_env.objects.sets import read_set
@@ -198,14 +197,6 @@ def test_images_are_measured_before_they_become_points(tmp_path, monkeypatch):
     iio.imwrite(tmp_path / "d.png", np.full((40, 50), 500, np.uint16))
     with refused("its camera says 8 rows of 10 pixels"):
         read_scan(tmp_path)
-
-
-def test_a_line_of_a_run_is_bounded_as_a_file_is(monkeypatch):
-    monkeypatch.setattr(files, "_MIB", 1)
-    monkeypatch.setitem(files._LARGEST, ".json", 10)
-    assert files.parse_json("[1, 2]") == [1, 2]
-    with pytest.raises(ValueError, match="too long"):
-        files.parse_json("[1, 2, 3, 4]")
 
 
 def test_a_full_disk_says_which_file_it_was(tmp_path, monkeypatch):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from lift_envs import make
 from numpy.testing import assert_allclose
-from refusals import refused
 from robots import CELL, HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
@@ -129,12 +128,3 @@ def test_images_come_in_the_order_of_the_views_and_infos_name_them(obs_mode):
         "DexGrasp/Lift-v2", num_envs=2, objects="sugar_box", obs_mode=obs_mode, views=list(asked)
     )
     assert envs.reset(seed=0)[1]["perception_cameras"].tolist() == [asked] * 2
-
-
-def test_options_of_lerobot_are_passed_over():
-    env = make()
-    first, _ = env.reset(seed=0, options={"lerobot_new_rollout": True})
-    assert np.array_equal(first["object_pose"], env.reset(seed=0)[0]["object_pose"])
-    for key in ("objekt", "object_poze", "objects_pose", "reset_maks"):
-        with refused("reset option"):
-            env.reset(options={key: 1})

@@ -62,12 +62,6 @@ def test_nothing_is_said_of_what_no_episode_was_of(record):
     assert [probability_of(one) for one in (other, slippery, among)] == [None, None, None]
 
 
-def test_guessed_surfaces_are_less_certain(record):
-    seen, guessed = (features_of(record, 0.5, 0.3, error) for error in (0.0, 0.02))
-    assert guessed["slips"] >= seen["slips"]
-    assert guessed["borne_low"] <= seen["borne_low"]
-
-
 def asked(min_success_probability):
     planner = Planner(PlannerSettings(min_success_probability=min_success_probability), cell=CELL)
     return planner, with_success_probability(planner.plan(small_box(), 0, HOME), planner, HOME)

@@ -49,14 +49,3 @@ def test_shipped_poses_are_up_to_date_and_stable(name, tmp_path):
         mujoco.mj_step(mj_model, data, 250)
         assert quat_to_matrix(data.qpos[3:7])[2] @ pose.up > np.cos(0.05)
         assert abs(data.qpos[2] - pose.height) < 1e-3
-
-
-def test_poses_are_cached_and_a_damaged_cache_is_replaced(tmp_path):
-    model = model_of(box((0.05, 0.06, 0.07)), "not_in_the_catalogue")
-    poses = rest_poses(model)
-    (path,) = (tmp_path / "cache" / "rest_poses").iterdir()
-    whole = path.read_bytes()
-    path.write_text("{broken")
-    again = model_of(box((0.05, 0.06, 0.07)), "not_in_the_catalogue")
-    assert rest_poses(again) == poses
-    assert path.read_bytes() == whole

@@ -31,12 +31,6 @@ def test_torque_and_stiffness_are_the_joints(servo, torque, stiffness, tmp_path)
     assert any("stiffness" in note for note in notes) == (stiffness == 2000.0)
 
 
-def test_a_position_servo_without_limits_leaves_the_torque_to_be_assumed(tmp_path):
-    servos = "".join(f'<position joint="j{k}" kp="500" ctrlrange="-3 3"/>' for k in range(6))
-    _, notes = arm_entry(driven(tmp_path, servos))
-    assert any(note.startswith("arm torque: none") for note in notes)
-
-
 def test_joints_without_a_range_turn_once(tmp_path):
     path = six_joint_arm(tmp_path)
     path.write_text(path.read_text().replace(' range="-3.1 3.1"', "", 2))
