@@ -149,7 +149,7 @@ def test_what_is_brought_to_a_place_begins_along_them_with_their_end_as_goal(fol
     resets = DemoResets(folder, whole=0.0).attach(env)
     observation, _ = env.reset(seed=0)
     end = next(read_episodes(folder)).observations["object_pose"][-1, :3]
-    assert_allclose(resets.states[0].task_record["goal"][:3], end, atol=1e-6)
+    assert_allclose(resets.states[0][0].task_record["goal"][:3], end, atol=1e-6)
     assert (
         observation["desired_goal"][3] == observation["achieved_goal"][3] == 1.0
     )  # in the hand, on its way there
