@@ -97,9 +97,6 @@ def test_seconds_are_seconds_at_any_pace(frame_skip):
     assert env.disturbance_steps * env.dt == pytest.approx(4.0, abs=11 * env.dt)
 
 
-# -- what is no grasp -------------------------------------------------------------------------------------------
-
-
 # -- readings that stand for what the hand does -----------------------------------------------------------------
 
 

@@ -17,6 +17,7 @@ from dexgrasp.agent import public_info
 from dexgrasp.cli.commands import run_command
 from dexgrasp.evaluation.scoring.hand import find_hand
 from dexgrasp.grasp.file import record_of
+from dexgrasp.grasp.planned_record import Origin, planned_record
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, reach_palm
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp.mechanics.kinematics.tree import robot_tree
@@ -182,3 +183,19 @@ def test_policies_move_one_robot_and_weights_are_of_one_hand(made):
         agent = make_agent(name)
         agent.reset(observation, public_info(env, info))
         assert re.search("the policy moves the robot panda-.*-allegro-.*, not panda-", agent.report.failure)
+
+
+FINGERS = ["thumb", "index", "middle", "ring"]
+
+
+def test_four_fingers_take_hold_and_the_judge_agrees(tmp_path):
+    cell = make_cell(variant(tmp_path, hand={"grasp": FINGERS}))
+    planner = Planner(cell=cell, source=make_source("auto", cell.robot))
+    result = planner.plan(small_box(), 0, cell.robot.home.copy())
+    assert result.success, result.reason
+    (planned,) = result.found
+    how = {"script": planned.script, "origin": Origin("bilevel")}
+    record = planned_record("box", planned.grasp, small_box(), planner.settings, **how)
+    assert record.fingers == tuple(FINGERS)
+    assert rejected(record) == []
+    assert planned.grasp.certificate.load > 1.0

@@ -1,9 +1,13 @@
 """What `robot make` reads of a description: torques and stiffnesses through gears, and which joints an arm may have."""
 
+import locale
 import re
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from foreign_parts import six_joint_arm
 from tables import table
@@ -11,6 +15,7 @@ from tables import table
 from dexgrasp.cli.commands import run_command
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.make import arm_entry, make_robot
+from dexgrasp_env.robot.rebuilt import Description
 
 
 def driven(folder, servos, change=lambda text: text):
@@ -55,3 +60,30 @@ def test_an_arm_of_other_joints_is_refused_in_a_line(change, words, tmp_path):
     path.write_text(change(path.read_text()))
     with pytest.raises(InputError, match=words):
         arm_entry(path)
+
+
+@pytest.fixture
+def french(tmp_path, monkeypatch):
+    """Set a locale with decimal commas for the time of a test."""
+    made = shutil.which("localedef") and subprocess.run(
+        ["localedef", "-i", "fr_FR", "-f", "UTF-8", str(tmp_path / "fr_FR.UTF-8")], capture_output=True
+    )
+    monkeypatch.setenv("LOCPATH", str(tmp_path))
+    before = locale.setlocale(locale.LC_ALL)
+    try:
+        locale.setlocale(locale.LC_ALL, "fr_FR.UTF-8")
+    except locale.Error:
+        pytest.skip(f"no French locale can be made here: {made}")
+    yield
+    locale.setlocale(locale.LC_ALL, before)
+
+
+def test_meshes_of_a_hand_are_as_large_where_commas_are_decimal(french, tmp_path):
+    trimesh.creation.box((0.02, 0.03, 0.05)).export(tmp_path / "palm.obj")
+    (tmp_path / "hand.xml").write_text(
+        "<mujoco><asset><mesh name='palm' file='palm.obj'/></asset>"
+        "<worldbody><geom type='mesh' mesh='palm'/></worldbody></mujoco>"
+    )
+    model = Description(tmp_path / "hand.xml").model
+    assert sorted(model.geom_aabb[0, 3:]) == pytest.approx([0.01, 0.015, 0.025])
+    assert locale.localeconv()["decimal_point"] == ","

@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose
 from robots import CELL, HOME, JOINTS, TIPS
 
 from dexgrasp_env.objects.load import load_object
-from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.scene.arena import read_arena
 from dexgrasp_env.scene.build import build_scene
 
@@ -88,21 +87,3 @@ def test_gravity_acts_on_the_object_alone_as_it_should(scene):
     for _ in range(100):
         mujoco.mj_step(scene, data)
     assert data.qpos[25] == pytest.approx(1.0 - 0.5 * GRAVITY * 0.2**2, abs=0.003)
-
-
-@pytest.mark.parametrize("name", ["sugar_box", "tomato_soup_can", "tetrahedron"])
-def test_an_object_at_rest_stays(name):
-    from dexgrasp_env.objects.load import load_object as load
-
-    model = load(name)
-    scene = build_scene(model, CELL)
-    data = mujoco.MjData(scene)
-    data.qpos[:23] = data.ctrl[:] = HOME
-    pose = max(rest_poses(model), key=lambda pose: pose.probability)
-    data.qpos[23:30] = [0.5, 0.0, pose.height, *pose.quat_wxyz]
-    for _ in range(100):
-        mujoco.mj_step(scene, data)
-    settled = data.qpos[23:26].copy()
-    for _ in range(1000):
-        mujoco.mj_step(scene, data)
-    assert np.linalg.norm(data.qpos[23:26] - settled) < 1e-3
