@@ -173,6 +173,20 @@ def test_goals_and_noisy_joints_are_those_of_mujoco():
         assert_allclose(a[4]["goal_distance"], b[4]["goal_distance"], atol=1e-6)
 
 
+def test_a_single_environment_is_advanced_alike():
+    kwargs = {"objects": "pear", "control_mode": "joint_position", "disable_env_checker": True}
+    ours, theirs = (gym.make(ID, backend=backend, **kwargs) for backend in ("warp", "mujoco"))
+    rng = np.random.default_rng(0)
+    a, b = (env.reset(seed=4)[0] for env in (ours, theirs))
+    assert all(np.array_equal(a[key], b[key]) for key in b)
+    for _ in range(20):
+        action = np.clip(0.2 * rng.normal(size=23), -1, 1).astype(np.float32)
+        a, b = ours.step(action), theirs.step(action)
+        assert_allclose(a[0]["joint_positions"], b[0]["joint_positions"], atol=1e-4)
+        assert_allclose(a[0]["object_pose"], b[0]["object_pose"], atol=1e-4)
+        assert a[1] == pytest.approx(b[1], abs=1e-4)
+
+
 def test_evaluation_and_comparison_show_the_gap(tmp_path, printed, capsys):
     run, protocols = str(tmp_path / "run"), ["lift", "lift@warp"]
     scenes = ["--objects", "sugar_box", "--trials", "1", "--protocol", *protocols, "--workers", "1"]
