@@ -9,15 +9,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-LOADS = {
-    "script": "src",
-    "img": "src",
-    "iframe": "src",
-    "source": "src",
-    "video": "src",
-    "object": "data",
-    "embed": "src",
-}
 CSS_LOADS = re.compile(r"""(?:url\(|@import)\s*["']?\s*((?:https?:)?//[^"')\s]+)""")
 LINKS_ONLY = {"canonical", "next", "prev", "search", "index"}  # rel of <link> that loads nothing
 
@@ -36,8 +27,7 @@ class Page(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         """Note what the tag loads or links to."""
         given = {key: value or "" for key, value in attrs}
-        if tag in LOADS and LOADS[tag] in given:
-            self.loads.append(given[LOADS[tag]])
+        self.loads += [given[key] for key in ("src", "data") if key in given]
         if tag == "link" and given.get("rel") not in LINKS_ONLY:
             self.loads.append(given.get("href", ""))
         if tag == "a" and "href" in given:
@@ -52,12 +42,8 @@ def faults(site: Path) -> list[str]:
         found += [f"{file}: loads {url} from outside" for url in page.loads if outside(url)]
         for url in [*page.loads, *page.links]:
             parts = urlsplit(url)
-            if (
-                not parts.scheme
-                and not parts.netloc
-                and parts.path
-                and not (file.parent / unquote(parts.path)).exists()
-            ):
+            here = parts.path and not parts.scheme and not parts.netloc
+            if here and not (file.parent / unquote(parts.path)).exists():
                 found.append(f"{file}: {url} leads nowhere")
     for file in sorted(site.rglob("*.css")):
         found += [

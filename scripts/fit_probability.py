@@ -1,11 +1,11 @@
 """Fit how likely a grasp holds, on the episodes of `probability_data.py`, and judge it on shapes that it never met.
 
     pip install -c constraints.txt 'dexgrasp[fit,planner]'
-    python scripts/fit_probability.py DATA --held-out TEST --out assets/weights/probability.json
+    python scripts/fit_probability.py DATA --out assets/weights/probability.json
 
 Judged by cross-validation over shapes: every row is foretold by a model that met no episode of its shape, within each
-cell of friction and mass. The model that is written is fitted on all of DATA, and judged on TEST,
-of other shapes. DATA/judged.json has the figures and the reliability diagrams.
+cell of friction and mass. The model that is written is fitted on all of DATA. DATA/judged.json has the figures and the
+reliability diagrams.
 """
 
 import json
@@ -153,12 +153,6 @@ def foretold(rows: Rows, outcome: str) -> Array:
     return 1.0 / (1.0 + np.exp(-odds.mean(0)))
 
 
-def predicted(model: Model, rows: Rows, outcome: str) -> Array:
-    """Return the probabilities (N,) of a model."""
-    each = [dict(zip(rows.features, row, strict=True)) for row in rows.matrix]
-    return np.array([model.chances(one)[outcome].value for one in each])
-
-
 def cells(rows: Rows) -> Iterator[NDArray[np.bool_]]:
     """Yield which rows are in each cell of friction and mass."""
     friction = rows.features["friction"]
@@ -225,7 +219,6 @@ class Fit(Script):
     """Judges, fits, writes."""
 
     data: Argument[Folder]
-    held_out: Folder | None = None
     out: File | None = None
 
     def run(self) -> int:
@@ -234,10 +227,6 @@ class Fit(Script):
         if self.out:
             model = write_model(self.out, rows, self._robot(), _card(found))
             print(f"wrote {self.out}, {self.out.stat().st_size / 1e3:.0f} kB, {model.hash}")
-            if self.held_out:
-                others = read_rows(self.held_out)
-                for name in OUTCOMES:
-                    found[f"{name}, held out"] = judged(others, name, predicted(model, others, name))
         write_json(self.data / "judged.json", found)
         print(json.dumps({name: one | {"diagram": None} for name, one in found.items()}, indent=1))
         return 0

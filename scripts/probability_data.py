@@ -1,7 +1,6 @@
 """Episodes that the probability of a grasp is fitted on: plans, good and deliberately worse, and how they held.
 
     python scripts/probability_data.py OUT --outside sets/outside/develop.json --scenes 3000
-    python scripts/probability_data.py TEST --objects all20 --scenes 80          shapes to judge on
 
 Scene k is always the same one: a shape of `varied-20000..21999` or of the 700 development shapes of `outside`, how it
 is seen (four cameras, one, or miscalibrated ones), who plans (`bilevel`; one of twelve grasps of `plan --count 12`; the
@@ -182,22 +181,18 @@ class Data(Script):
 
     Attributes:
         outside: develop.json of `scripts/object_sets.py outside`.
-        objects: other shapes, instead of those.
     """
 
     out: Argument[Folder]
-    outside: File | None = None
-    objects: tuple[str, ...] = ()
+    outside: File
     scenes: Count = 6000
     backend: Backend = Backend()
 
     def run(self) -> int:
         self.out.mkdir(parents=True, exist_ok=True)
-        if self.objects:
-            shapes = resolve_targets(self.objects)
-        else:  # as many scenes of the one as of the other, however many there are
-            pairs = zip(resolve_targets([VARIED]), resolve_targets([str(self.outside)]), strict=False)
-            shapes = [shape for pair in pairs for shape in pair]
+        # As many scenes of the one as of the other, however many there are.
+        pairs = zip(resolve_targets([VARIED]), resolve_targets([str(self.outside)]), strict=False)
+        shapes = [shape for pair in pairs for shape in pair]
         jobs, made = [job_of(k, shapes) for k in range(self.scenes)], partial(path_of, self.out)
         with progress_bar("scene", "scenes") as show:
             make_missing(

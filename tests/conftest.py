@@ -36,32 +36,6 @@ def check(tmp_path):
 
 
 @pytest.fixture
-def clone(tmp_path):
-    """A policy of one layer, as `train bc` writes them."""
-    import gymnasium as gym
-    import numpy as np
-
-    import dexgrasp_env  # noqa: F401
-    from dexgrasp.runs.policy_folder import write_policy
-    from dexgrasp_env.tasks.features import features, initial_scene
-
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
-    first, _ = env.reset(seed=0)
-    width = len(features(initial_scene(first), first, 0))
-    rng = np.random.default_rng(0)
-    arrays = {
-        "mean": np.zeros(width), "scale": np.ones(width), "unit": np.full(8 * 23, 0.01),
-        "trunk.0.weight": 0.1 * rng.standard_normal((8 * 23, width)), "trunk.0.bias": np.zeros(8 * 23),
-    }  # fmt: skip
-    about = {
-        "kind": "clone", "view": "state", "chunk": 8, "execute": 4,
-        "env": {"obs_mode": "state", "control_mode": "joint_delta"},
-    }  # fmt: skip
-    write_policy(tmp_path / "clone", about, arrays)
-    return tmp_path / "clone"
-
-
-@pytest.fixture
 def printed(capsys):
     """Return what was printed as JSON."""
     return lambda: json.loads(capsys.readouterr().out)

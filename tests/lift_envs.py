@@ -54,3 +54,12 @@ def assert_same(first, second):
         )
     assert first[1] == second[1]
     assert np.array_equal(first[2], second[2])
+
+
+def finished(env, agent, observation, steps=400):
+    """Let an agent act until an episode ends or is solved; return the last info."""
+    for _ in range(steps):
+        observation, _, terminated, truncated, info = env.step(agent.act(observation))
+        if terminated or truncated or info["is_success"]:
+            break
+    return info

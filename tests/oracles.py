@@ -35,14 +35,6 @@ def pyramid_violation(forces, normals, mu):
     return np.maximum(-press, friction - mu * press)
 
 
-def directional_error(value, arguments, gradients, moves, step=1e-6):
-    """Return how far the analytic slope of `value(*arguments)` along `moves` is from the central difference."""
-    ends = [value(*(a + s * m for a, m in zip(arguments, moves, strict=True))) for s in (step, -step)]
-    numeric = (ends[0] - ends[1]) / (2 * step)
-    analytic = sum((g * m).sum() for g, m in zip(gradients, moves, strict=True))
-    return abs(numeric - analytic) / (1 + abs(numeric))
-
-
 def random_grasps(K, seed=0):
     """Return points and unit normals (K, 3, 3) m, these leaning outwards."""
     rng = np.random.default_rng(seed)

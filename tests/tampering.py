@@ -5,6 +5,7 @@ import dataclasses
 
 import numpy as np
 import trimesh
+from tables import table
 
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.identity import ObjectIdentity
@@ -14,17 +15,7 @@ from dexgrasp_env.objects.load import load_object
 
 FREE = {"schema", "seed", "version", "versions", "created", "seconds", "planning_seconds", "agent"}
 """Fields that say where a file comes from; no physics hangs on them."""
-SMALL = {
-    "q": 2e-4, "grasp": 1e-6, "pregrasp": 1e-6, "squeeze": 1e-6, "script.approach.setpoints": 2.5e-3,
-    "script.lift.setpoints": 4e-3, "script.approach.times": 1e-9, "script.lift.times": 1e-9,
-    "script.approach.measure": 1e-8, "script.lift.measure": 2e-6, "script.lift_height": 5e-4, "parts": 5e-4,
-    "T_world_object": 1e-6, "hull_offset": 2e-6, "centre": 2e-6, "contacts.point": 2e-6, "contacts.normal": 1e-5,
-    "contacts.force": 2e-3, "certificate.distances_cm": 2e-4, "certificate.force_ratio_percent": 1e-3,
-    "certificate.torque_ratio_percent": 1e-3, "certificate.closure_residual": 1e-6, "certificate.hold_residual": 1e-4,
-    "certificate.min_clearance_m": 8e-3, "certificate.max_joint_torque_fraction": 1e-5,
-    "certificate.closure_margin": 2e-4, "certificate.load": 5e-3, "certificate.capacity": 1e-2,
-}  # fmt: skip
-"""Changes up to these, in the field's unit, are below what it can mean or what two ways of computing it agree to."""
+SMALL = table("small")
 
 
 def leaves(value, rng, path=(), field=""):

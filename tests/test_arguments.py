@@ -8,64 +8,14 @@ import numpy as np
 import pytest
 import trimesh
 from lift_envs import few
+from tables import table
 
 import dexgrasp_env  # registers the environments
 from dexgrasp_env.rendering import choose_gl
 
 IDS = sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
-OTHER = {
-    "robot": "panda_gripper",
-    "mount": "fingers_along",
-    "objects": "soda",
-    "obs_mode": "depth",
-    "control_mode": "ee_delta",
-    "reward_mode": "sparse",
-    "friction": 0.9,
-    "mass": 1.7,
-    "presentation": "upright",
-    "disturbance": "shaken",
-    "object_pose": {"x": (0.5, 0.5), "y": (0.0, 0.0)},
-    "randomisation": {"mass": (2.0, 3.0)},
-    "views": 2,
-    "calibration": {"position": 0.03},
-    "sensor": "none",
-    "observe": "reset",
-    "mesh_scale": 0.9,
-    "mesh_mass": 0.3,
-    "render_mode": "rgb_array",
-    "render_size": (48, 64),
-    "render_camera": "grasp",
-    "reward_weights": {"reach": 2.0},
-    "frame_skip": 30,
-    "action_scale": 0.5,
-    "device": "cpu",
-    "neighbours": 1,
-    "neighbour_objects": "soda",
-    "gaps": (0.06, 0.06),
-    "mask": "true",
-    "bin": True,
-    "hold": 2,
-    "grasp_axis": "any",
-    "reward_scale": 0.3,
-}
-"""Another value than the default of each argument; where a preset has it already, see `SECOND`."""
-SECOND = {
-    "obs_mode": "state",
-    "reward_mode": "dense",
-    "presentation": "rest",
-    "views": 3,
-    "control_mode": "joint_position",
-    "disturbance": "none",
-}
-BESIDE = {
-    **{name: {"obs_mode": "depth"} for name in ("views", "calibration", "sensor", "observe", "bin")},
-    **{name: {"render_mode": "rgb_array"} for name in ("render_size", "render_camera")},
-    **{name: {"objects": "MESH"} for name in ("mesh_scale", "mesh_mass")},
-    "mask": {"obs_mode": "pointcloud"},
-    "presentation": {"objects": "cracker_box"},
-}
-"""What an argument may need."""
-OF_SETTINGS = {"cell", "action_space", "mount", "observe", "obs_mode", "control_mode"}
+OTHER, THIRD, BESIDE = map(table, ("other_values", "third_values", "beside"))
+
 DRAWN = {"render_size", "render_camera"}
 ELSEWHERE = {"backend", "starts"}  # in the tests of the extra gpu, and of starts
 QUICK = {"DexGrasp/Lift-v2"}
@@ -137,7 +87,7 @@ def test_an_argument_changes_something_or_is_refused(env_id, name, tmp_path):
     base |= {"objects": mesh} if base["objects"] == "MESH" else {}
     known = {key: value for key, value in base.items() if key in arguments(env_id)}
     given = arguments(env_id) | gym.spec(env_id).kwargs | known
-    value = SECOND[name] if given[name] == OTHER[name] else OTHER[name]
+    value = THIRD[name] if given[name] == OTHER[name] else OTHER[name]
     said = effect(env_id, name, known, value)
     assert said == "changes" or name in said
 

@@ -14,16 +14,12 @@ from robots import CELL, LOWER, ROBOT, UPPER, denormalise
 from dexgrasp import make_agent
 from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
-from dexgrasp.agents.stages import LiftAndHold
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.move_until_contact import GuardedGrasp
-from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.plan_scene import plan_scene
-from dexgrasp.planning.result import PlansGrasps
 from dexgrasp.planning.scene_setup import look_at
 
 COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
@@ -139,58 +135,14 @@ def test_looks_again_where_there_is_no_grasp(blind, reason, steps, monkeypatch):
     assert outcome.planning_seconds >= sum(plan.log.seconds["bilevel"] for plan in plans[: blind + 1])
 
 
-def test_does_not_grasp_again_where_the_cameras_looked_but_once(attempt):
-    agent = BilevelAgent()
-    agent.reset(attempt.observation, {"observe": "reset"})
-    carrying = GuardedCarry(agent._stage.motion)
-    carrying._lost_steps = 99
-    assert carrying.lost
-    stage = agent._stage = LiftAndHold(agent._stage.state, carrying)
-    agent.act(attempt.observation)
-    assert "regrasps" not in agent.report.details
-    assert agent._stage is stage
-
-
-@pytest.mark.parametrize(("lifting", "looks"), [(True, 2), (False, 0)])
-def test_waits_for_room_to_open_only_while_it_lifts(attempt, lifting, looks, monkeypatch):
-    agent = BilevelAgent()
-    agent.reset(attempt.observation, {"observe": "clear"})
-    carrying = GuardedCarry(agent._stage.motion)
-    carrying._lost_steps = 99
-    carrying._step = carrying._hold_start + (0 if lifting else 1)
-    stage = LiftAndHold(agent._stage.state, carrying)
-    monkeypatch.setattr("dexgrasp.agents.stages.way_home", lambda *_: None)
-    after = stage.next(attempt.observation)
-    assert after.motion is carrying
-    assert after.state.looks == looks
-
-
 def failures():
-    nothing = {"cloud_mask": np.zeros(1024, np.int8)}
-    nan = {"cloud": np.full((1024, 3), np.nan, np.float32), "cloud_mask": np.ones(1024, np.int8)}
-    flat = np.random.default_rng(0).uniform([0.4, -0.1, 0.05], [0.6, 0.1, 0.05], (1024, 3)).astype(np.float32)
-    line = np.linspace([0.4, 0, 0.05], [0.6, 0, 0.05], 1024).astype(np.float32)
     few = {"cloud_mask": np.r_[np.ones(3, np.int8), np.zeros(1021, np.int8)]}
-    whole = np.ones(1024, np.int8)
+    flat = np.random.default_rng(0).uniform([0.4, -0.1, 0.05], [0.6, 0.1, 0.05], (1024, 3)).astype(np.float32)
+    seen = {"cloud": flat, "cloud_mask": np.ones(1024, np.int8)}
     return [
-        (nothing, {}, "empty_cloud"),
-        (nan, {}, "empty_cloud"),
         (few, {}, "empty_cloud"),
-        (
-            {"cloud": line, "cloud_mask": whole, "table_plane": np.zeros(6, np.float32)},
-            {},
-            "cloud_has_no_volume",
-        ),
-        (
-            {"cloud": flat, "cloud_mask": whole, "table_plane": np.zeros(6, np.float32)},
-            {},
-            "cloud_has_no_volume",
-        ),
-        (
-            {"cloud": flat, "cloud_mask": whole},
-            {"perception_failure": "no_object_points"},
-            "no_object_points",
-        ),
+        (seen | {"table_plane": np.zeros(6, np.float32)}, {}, "cloud_has_no_volume"),
+        (seen, {"perception_failure": "no_object_points"}, "no_object_points"),
     ]
 
 
@@ -203,39 +155,11 @@ def test_says_why_there_is_no_plan(change, info, reason, attempt, agent):
         agent.act(attempt.observation)
 
 
-def test_an_object_out_of_reach_is_a_reason_too(attempt, agent):
-    mask = attempt.observation["cloud_mask"].astype(bool)
-    cloud = attempt.observation["cloud"].copy()
-    cloud[mask] += np.float32([0.8, 0.0, 0.0])
-    agent.reset({**attempt.observation, "cloud": cloud}, {})
-    assert agent.report.failure == "no_grasp:no_reachable_posture"
-    with refused():
-        agent.act(attempt.observation)
-
-
-def test_recovers_after_a_failure_and_before_any_reset_has_no_plan(attempt):
-    fresh = BilevelAgent(proposals="surface")
-    with refused("no plan"):
-        fresh.act(attempt.observation)
-    fresh.reset({**attempt.observation, "cloud_mask": np.zeros(1024, np.int8)}, {})
-    fresh.seed(0)
-    fresh.reset(attempt.observation, {})
-    assert fresh.report.failure is None
-    assert_array_equal(fresh.result.grasp.q, attempt.agent.result.grasp.q)
-
-
 def test_the_mount_follows_the_environment(attempt, agent):
     agent.reset(attempt.observation, {"mount": "fingers_along"})
     assert agent.result.grasp is None or agent.result.grasp.cell.robot.mount.name == "fingers_along"
     agent.reset(attempt.observation, {"mount": "palm_normal"})
     assert agent.result.grasp.cell.robot.mount.name == "palm_normal"
-
-
-def test_unknown_sources_and_agents_without_plans():
-    with refused("valid are auto, surface, cvae"):
-        make_source("psychic")
-    assert not isinstance(make_agent("hardcoded"), PlansGrasps)
-    assert all(isinstance(make_agent(name), PlansGrasps) for name in ("bilevel", "cvae", "cvae_kinematics"))
 
 
 # Guarded execution
@@ -293,16 +217,8 @@ def test_a_finger_that_meets_nothing_stops_soon_after_the_surface(attempt):
     moving = shares(start, end, targets)
     stop = np.flatnonzero((np.abs(np.diff(moving, axis=0)) < 1e-9).all(1))[0]
     assert stop < 60
-    for finger, columns in enumerate(COLUMNS):
-        beyond = start[columns] + (1.0 + 0.016 / travel[finger]) * (end - start)[columns]
-        limited = (beyond < LOWER[columns]) | (beyond > UPPER[columns])
-        at = targets[stop][columns]
-        if limited.any():  # what lies beyond a joint's range is not asked for
-            at_limit = np.isclose(at, LOWER[columns], atol=1e-4) | np.isclose(at, UPPER[columns], atol=1e-4)
-            assert at_limit[limited].all()
-            assert moving[stop, finger] > 1.0
-        else:
-            assert_allclose(at, beyond, atol=1e-4)
+    assert (moving[stop] > 1.0).all()
+    assert (moving[stop] < 1.0 + 0.0161 / travel).all()  # or less, where a joint's range ends
 
 
 def test_the_squeeze_presses_from_where_the_joints_stand(attempt):

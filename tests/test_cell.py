@@ -1,28 +1,23 @@
 """The cell as data: the default is the model's own numbers, mistakes take a line, another one is used throughout."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 import pytest
 import yaml
 from processes import typed
 from refusals import refused
-from robots import ARM_JOINTS, CELL, HAND_JOINTS
+from tables import mistakes
+from test_scene_cloud import box, table
 
 from dexgrasp.cli.commands import run_command
 from dexgrasp.data.dataset.generate import _identity
 from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.store import TrialStore, check_folder
-from dexgrasp.runs.folder import RunFolder
-from dexgrasp_env.assets import asset_path
-from dexgrasp_env.robot.cell import SIMULATED, default_cell, read_cell
-from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.cell import read_cell
 
 TABLE = 0.08
 LAB = {
@@ -44,53 +39,13 @@ def lab(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize(("file", "joints"), [("panda.xml", ARM_JOINTS), ("allegro.xml", HAND_JOINTS)])
-def test_the_default_cell_says_what_the_robots_files_say(file, joints):
-    own = mujoco.MjModel.from_xml_path(str(asset_path("robot", file)))
-    whole = robot_spec(CELL).compile()
-    for name in joints:
-        assert np.array_equal(own.joint(name).range, whole.joint(name).range)
-        for part in ("gainprm", "biasprm", "forcerange", "ctrlrange"):
-            a, b = (getattr(model.actuator(name), part) for model in (own, whole))
-            if (
-                file == "panda.xml" or part != "biasprm"
-            ):  # the hand's damping follows from the inertia it moves
-                assert np.array_equal(a, b), (name, part)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"name": "simulated", "hand": {"torque": 0.5}}, "a `name` of its own"),
-        ({"arms": {}}, "unknown key 'arms'"),
-        ({"arm": {"velocity": [1.0, 1.0, 1.0, 3.0, 1.0, 1.0, 1.0]}}, "velocity of joint 4 is 3.0.*most 2.175"),
-        ({"arm": {"upper": [2.8, 1.7, 2.8, -2.9, 2.8, 3.7, 2.8]}}, "joint 4 ranges .*hold home"),
-        ({"hand": {"stiffness": [8.0] * 15 + [9.0]}}, "one number"),
-        ({"mounts": {"sideways": {}}}, "unknown setting of mounts 'sideways'"),
-        ({"mounts": {"palm_normal": {"name": "other"}}}, "but for its name"),
-        ({"mounts": {"palm_normal": {"position": [47.5, 0.0, 150.0]}}}, "within 0.5 m"),
-        ({"table_height": 0.2}, "table_height is 0.2: valid is a finite number >= -0.15 and <= 0.15"),
-        ({"cameras": []}, "1 to 8 cameras"),
-        ({"cameras": [LAB["cameras"][0]] * 2}, "same name"),
-        ({"cameras": [{"name": "top", "position": [0, 0, 1]}]}, "look_at of top"),
-        ({"cameras": [{"name": "top", "T_base_camera": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]},
-         "orthonormal"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "words"), mistakes("cells"))
 def test_a_mistake_is_said_in_one_line(change, words, tmp_path):
     path = tmp_path / "cell.yaml"
     path.write_text(yaml.safe_dump({"schema": 1, "name": "mine"} | change))
     with refused(words) as error:
         read_cell(path)
     assert str(path) in str(error.value)
-
-
-@pytest.mark.parametrize("text", ["", "[1, 2", "schema: 1\nname: [1]"])
-def test_a_file_that_is_no_cell_ends_a_command_in_two(text, tmp_path, capsys):
-    path = tmp_path / "cell.yaml"
-    path.write_text(text)
-    assert typed(f"verify nothing.json --robot {path}") == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 def test_the_environment_is_of_the_cell(lab):
@@ -121,20 +76,11 @@ def test_the_environment_is_of_the_cell(lab):
     assert cells == {read_cell(lab).version}
 
 
-def box_on_the_table(rng, height):
-    """Points (N, 3) m of a box, 6 x 8 x 12 cm, that stands at (0.52, 0.05) on a table, as seen from its base."""
-    local = rng.uniform(-1.0, 1.0, (6000, 3))
-    face = rng.integers(0, 3, len(local))
-    each = np.arange(len(local))
-    local[each, face] = np.where(face == 2, 1.0, np.sign(local[each, face]))
-    box = local * (0.03, 0.04, 0.06) + (0.52, 0.05, 0.06)
-    top = np.column_stack([rng.uniform(0.3, 0.8, 9000), rng.uniform(-0.4, 0.4, 9000), np.zeros(9000)])
-    return np.concatenate([box, top]) + np.array([0.0, 0.0, height]) + rng.normal(0.0, 0.0005, (15000, 3))
-
-
 def test_a_grasp_is_planned_verified_and_exported_in_its_cell_alone(lab, tmp_path, capsys):
     folder, scene = str(tmp_path), str(tmp_path / "scene.npy")
-    np.save(scene, box_on_the_table(np.random.default_rng(0), TABLE))
+    rng = np.random.default_rng(0)
+    points = np.concatenate([table(rng), box(rng, (0.52, 0.05), np.array([0.06, 0.08, 0.12]))])
+    np.save(scene, points + np.array([0.0, 0.0, TABLE]))
     near = ["0.52", "0.05", str(TABLE + 0.06)]
     commands = [
         (["plan", "pear", "--out", folder], 0),
@@ -169,30 +115,3 @@ def test_the_page_of_the_docs_shows_a_cell_that_can_be_read(tmp_path):
     path = tmp_path / "cell.yaml"
     path.write_text(page.split("```yaml\n")[1].split("```")[0])
     assert read_cell(path).name == "our lab"
-
-
-def test_the_default_cell_has_a_hash_too():
-    cell = default_cell()
-    assert read_cell(asset_path("robot", "cell.yaml")) == cell
-    assert (cell.stamp, cell.version[: len(SIMULATED) + 1]) == (SIMULATED, f"{SIMULATED}-")
-    joints = replace(cell.robot.arm.joints, velocity=(0.1,) * 7)
-    slower = replace(cell, robot=replace(cell.robot, arm=replace(cell.robot.arm, joints=joints)))
-    assert slower.version != cell.version
-    saved = DemoSettings.of(["pear"]).as_json()
-    assert DemoSettings.of_json(saved) == DemoSettings.of(["pear"])
-    with refused("give theirs with --robot"):
-        DemoSettings.of_json(saved | {"cell": slower.version})
-
-
-def test_runs_go_on_in_their_cell_alone(tmp_path):
-    other = "our lab-00000000"
-    identity = EvaluationSettings.of(["random"], ["pear"]).identity()
-    check_folder(tmp_path / "run", identity)
-    TrialStore(tmp_path / "run", identity).close()
-    with refused(r"cell: simulated-.* there, our lab-0"):
-        check_folder(tmp_path / "run", identity | {"cell": other})
-    dataset = _identity(DatasetSettings.of(["pear"]))
-    run = RunFolder(tmp_path / "data", "manifest.json", "dataset")
-    run.claim(dataset).close()
-    with refused(r"cell: simulated-.* there, our lab-0"):
-        run.check(dataset | {"cell": other})

@@ -43,18 +43,6 @@ def test_what_is_in_the_tray_and_what_has_fallen_is_counted_and_paid_for():
     assert env.unwrapped.observe()[1]["off_table"] == 1
 
 
-def test_many_environments_count_alike():
-    single, many = made(2), gym.make_vec("DexGrasp/Clear-v0", num_envs=2, count=2)
-    _, info = single.reset(seed=5)
-    many.reset(seed=5)
-    for _ in range(3):
-        action = np.full(single.action_space.shape, 0.3, np.float32)
-        _, reward, *_, info = single.step(action)
-        _, rewards, *_, infos = many.step(np.stack([action, action]))
-        assert rewards[0] == reward
-        assert all(infos[key][0] == info[key] for key in ("in_tray", "off_table", "touched", "objects"))
-
-
 def test_mistakes_and_protocols():
     for wrong in ({"neighbours": 3}, {"mask": "true"}, {"bin": True}, {"count": 1}):
         with pytest.raises(InputError):

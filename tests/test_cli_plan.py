@@ -1,18 +1,14 @@
 """`dexgrasp plan`, `verify` and `demo`: exit codes, JSON, files, one-line errors."""
 
-import errno
 import functools
 import json
-import sys
 
 import numpy as np
 import pytest
 import trimesh
 from processes import typed
 
-from dexgrasp.cli import plan_results
-from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
-from dexgrasp.cli.main import main
+from dexgrasp.cli.codes import ANSWER_IS_NO, OK
 from dexgrasp.planning import scene_setup as look
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.rendering import rendering_fault
@@ -55,7 +51,7 @@ def test_plan_writes_files_that_verify(planned, capsys, tmp_path, printed):
     assert code == OK
     assert (folder / "grasp.png").read_bytes()[:4] == b"\x89PNG"
     capsys.readouterr()
-    assert main(["verify", str(folder / "grasp.json")]) == OK
+    assert typed(f"verify {folder / 'grasp.json'}") == OK
     out = capsys.readouterr().out
     assert "every constraint holds" in out
     assert "FAIL" not in out
@@ -65,18 +61,7 @@ def test_plan_writes_files_that_verify(planned, capsys, tmp_path, printed):
     assert all(set(check) == {"name", "value", "bound", "holds"} for check in result["checks"])
     assert typed("plan pear --seed 1 --json") == OK
     (tmp_path / "whole.json").write_text(capsys.readouterr().out)
-    assert main(["verify", str(tmp_path / "whole.json")]) == OK
-
-
-def test_a_full_disk_does_not_lose_the_grasp(capsys, monkeypatch, tmp_path):
-    def full(*_):
-        raise OSError(errno.ENOSPC, "No space left on device", "out/grasp.json")
-
-    monkeypatch.setattr(plan_results, "write_results", full)
-    assert main(["plan", "pear", "--json", "--out", str(tmp_path)]) == BAD_INPUT
-    out, err = capsys.readouterr()
-    assert json.loads(out)["certificate"]["holds"]
-    assert err.endswith("dexgrasp plan: out/grasp.json: No space left on device\n")
+    assert typed(f"verify {tmp_path / 'whole.json'}") == OK
 
 
 def test_verify_says_no_and_which_check(planned, capsys, tmp_path, printed):
@@ -85,26 +70,17 @@ def test_verify_says_no_and_which_check(planned, capsys, tmp_path, printed):
     path = tmp_path / "moved.json"
     path.write_text(json.dumps(content))
     capsys.readouterr()
-    assert main(["verify", str(path)]) == ANSWER_IS_NO
+    assert typed(f"verify {path}") == ANSWER_IS_NO
     out = capsys.readouterr().out
     failed = [line.split("  ")[1] for line in out.splitlines() if line.startswith("FAIL")]
-    assert [name for name in failed if "probability" not in name] == [
-        "contacts as claimed",
-        "squeeze = grasp + J^T f / kp as stated",
-    ]
+    assert {"contacts as claimed", "squeeze = grasp + J^T f / kp as stated"} <= set(failed)
     assert "NOT verified" in out
-    assert typed(f"verify {path} --json") == ANSWER_IS_NO
-    assert printed()["holds"] is False
-    both = [str(planned[0] / "grasp.json"), str(path)]
-    assert main(["verify", *both]) == ANSWER_IS_NO
+    both = f"verify {planned[0] / 'grasp.json'} {path}"
+    assert typed(both) == ANSWER_IS_NO
     first, second, last = capsys.readouterr().out.splitlines()
     assert (first[:4], second[:4], last) == ("ok  ", "FAIL", "1 of 2 grasps hold every constraint")
-    assert main(["verify", *both, "--json"]) == ANSWER_IS_NO
-    result = printed()
-    assert result["holds"] is False
-    assert [(grasp["file"], grasp["holds"]) for grasp in result["grasps"]] == list(
-        zip(both, [True, False], strict=True)
-    )
+    assert typed(f"{both} --json") == ANSWER_IS_NO
+    assert [grasp["holds"] for grasp in printed()["grasps"]] == [True, False]
 
 
 def mesh_file(folder, mesh, name="part.stl"):
@@ -112,48 +88,13 @@ def mesh_file(folder, mesh, name="part.stl"):
     return str(folder / name)
 
 
-def test_a_users_mesh_in_millimetres(printed, tmp_path):
-    """A part that is not convex, as CAD programs write it."""
-    part = trimesh.util.concatenate([
-        trimesh.creation.box((60, 40, 30)),
-        trimesh.creation.cylinder(15, 60, transform=trimesh.transformations.translation_matrix([10, 0, 40])),
-    ])  # fmt: skip
-    path = mesh_file(tmp_path, part)
-    arguments = [
-        "plan",
-        path,
-        "--mesh-scale",
-        "0.001",
-        "--mesh-mass",
-        "0.2",
-        "--out",
-        str(tmp_path),
-        "--json",
-    ]
-    assert main(arguments) == OK
+def test_what_cannot_be_grasped_is_1_with_a_reason(capsys, tmp_path, printed):
+    command = f"plan {mesh_file(tmp_path, trimesh.creation.box((0.25, 0.25, 0.004)))} --mesh-mass 0.3"
+    assert typed(f"{command} --json --out {tmp_path / 'out'}") == ANSWER_IS_NO
     result = printed()
-    assert result["success"] is True
-    assert main(["verify", str(tmp_path / "grasp.json")]) == OK
-
-
-@pytest.mark.parametrize(
-    "size",
-    [(0.3, 0.3, 0.25), (0.25, 0.25, 0.004)],
-    ids=["too large for the hand", "a plate flat on the table"],
-)
-def test_what_cannot_be_grasped_is_1_with_a_reason(size, capsys, tmp_path, printed):
-    path = mesh_file(tmp_path, trimesh.creation.box(size))
-    assert (
-        main(["plan", path, "--mesh-mass", "0.3", "--json", "--out", str(tmp_path / "out")]) == ANSWER_IS_NO
-    )
-    result = printed()
-    assert result["success"] is False
-    assert isinstance(result["reason"], str)
-    assert result["reason"]
-    assert result["grasp"] is None
-    assert result["certificate"] is None
+    assert (result["success"], result["grasp"], result["certificate"]) == (False, None, None)
     assert not (tmp_path / "out" / "grasp.json").exists()
-    assert main(["plan", path, "--mesh-mass", "0.3"]) == ANSWER_IS_NO
+    assert typed(command) == ANSWER_IS_NO
     assert result["reason"] in capsys.readouterr().out
 
 
@@ -169,14 +110,7 @@ def test_demo_without_gl_still_grasps(capsys, tmp_path, monkeypatch):
     files = {file.name for file in tmp_path.iterdir()}
     assert files == {"cloud.png", "grasp.json", "grasp.png"}
     assert "no GL" in captured.err
-    assert main(["verify", str(tmp_path / "grasp.json")]) == OK
-
-
-def test_demo_without_pictures_draws_nothing(capsys, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    assert typed(f"demo --object soda --no-pictures --out {tmp_path}") == OK
-    assert [file.name for file in tmp_path.iterdir()] == ["grasp.json"]
-    assert "no video" not in capsys.readouterr().err
+    assert typed(f"verify {tmp_path / 'grasp.json'}") == OK
 
 
 @pytest.mark.skipif(rendering_fault() is not None, reason="no GL library here")
@@ -196,16 +130,6 @@ def test_demo_end_to_end(capsys, tmp_path, monkeypatch):
     assert np.abs(first.astype(int) - last.astype(int)).mean() > 1
 
 
-def test_demo_of_what_cannot_be_lifted_is_1(printed, tmp_path, monkeypatch):
-    monkeypatch.setattr("dexgrasp_env.rendering.rendering_fault", lambda: "no GL here")
-    path = mesh_file(tmp_path, trimesh.creation.box((0.25, 0.25, 0.004)))
-    code = main(["demo", "--object", path, "--mesh-mass", "0.3", "--out", str(tmp_path / "out"), "--json"])
-    assert code == ANSWER_IS_NO
-    result = printed()
-    assert result["success"] is False
-    assert result["outcome"]["failure"] == result["reason"]
-
-
 def test_a_floating_grasp_is_of_the_known_shape_and_is_scored(tmp_path, printed):
     assert typed(f"plan sugar_box --floating --seed 5 --friction 0.6 --out {tmp_path} --json") == OK
     grasp = printed()["grasp"]
@@ -217,9 +141,3 @@ def test_a_floating_grasp_is_of_the_known_shape_and_is_scored(tmp_path, printed)
     assert np.abs(trimesh.proximity.signed_distance(mesh, local)).max() < 1e-4
     assert typed(f"score {tmp_path / 'grasp.json'} --protocol dgb_fc --json") == OK
     assert printed()["protocols"]["dgb_fc"]["successes"] == 1
-
-
-@pytest.mark.parametrize("words", ["--cloud x.ply --floating", "pear --floating --agent cvae"])
-def test_floating_is_of_a_target_and_of_one_planner(words, capsys):
-    assert typed(f"plan {words}") == BAD_INPUT
-    assert "--floating" in capsys.readouterr().err

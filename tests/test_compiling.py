@@ -8,7 +8,6 @@ import sys
 import textwrap
 from pathlib import Path
 
-import numpy as np
 import pytest
 from numba.core import caching
 from processes import python
@@ -40,28 +39,6 @@ def test_a_script_without_a_guard_runs_once_with_an_empty_cache(tmp_path):
         assert done.stdout == f"runs\n4.0\n{misses}\n"
     kept = list((tmp_path / "cache").rglob("compiled-*"))
     assert len(kept) == 2  # the mark that a plan was made, and its lock
-
-
-@pytest.fixture
-def nowhere(monkeypatch):
-    """No folder but that of DEXGRASP_CACHE and those after it."""
-    monkeypatch.setattr(compiled._CacheFiles, "_locator_classes", compiled._CacheFiles._locator_classes[2:])
-    files.note_unwritable.cache_clear()
-
-
-def test_compiled_code_goes_to_the_cache_where_its_own_folder_cannot_be_written(
-    nowhere, tmp_path, monkeypatch
-):
-    monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "own"))
-    assert compiled.code_folder().is_relative_to(tmp_path / "own" / "numba")
-    monkeypatch.setenv("DEXGRASP_CACHE", "/proc/nowhere")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
-    assert compiled.code_folder().is_relative_to(tmp_path / "user")
-    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
-    monkeypatch.setattr(files.tempfile, "tempdir", str(tmp_path))
-    assert compiled.code_folder().is_relative_to(tmp_path)
-    monkeypatch.setattr(files.tempfile, "tempdir", "/proc/nowhere")
-    assert compiled.code_folder() is None
 
 
 NOBODY = """
@@ -132,16 +109,3 @@ def test_nothing_is_compiled_by_plans_and_episodes_on_a_machine_that_is_warm():
     said = python(code)
     assert "grasp found" in said
     assert "compiles" not in said
-
-
-def test_constants_of_calls_make_no_versions_of_their_own():
-    @compiled.njit
-    def scaled(x, by):
-        return by * x
-
-    @compiled.njit
-    def both(x):
-        return scaled(x, 2) + scaled(x, 3) + scaled(x, int(np.rint(x)))
-
-    assert both(2.0) == 14.0
-    assert len(scaled.signatures) == 1

@@ -6,11 +6,10 @@ from numpy.testing import assert_allclose
 
 from dexgrasp.grasp.verify.cones import conic_margin, largest_push, slides, wrench_map
 from dexgrasp.grasp.verify.rays import least_way
-from dexgrasp.mechanics.closure import opposed_pairs
 from dexgrasp.mechanics.contact_models import contact_model
 from dexgrasp.mechanics.contacts import Contacts, shape_of
 from dexgrasp.mechanics.internal_force import firmest_squeeze
-from dexgrasp.mechanics.margin import UNDEFINED, cone_margin, margins
+from dexgrasp.mechanics.margin import cone_margin, margins
 from dexgrasp.mechanics.strength import capacity_of, hold_residual, load_of, torque_fraction
 from dexgrasp_env.arrays import cube_directions
 
@@ -67,15 +66,6 @@ def test_margins_are_the_judges_and_have_slopes(count, torsion):
         assert slope == pytest.approx((by_normals * way).sum(), rel=2e-3, abs=1e-4)
 
 
-def test_two_points_leave_a_turn_free_and_two_soft_ones_do_not():
-    points, normals = np.array([[0.03, 0.0, 0.0], [-0.03, 0.0, 0.0]]), np.array([[1.0, 0, 0], [-1.0, 0, 0]])
-    assert margins(points[None], normals[None], MU)[0] == UNDEFINED
-    assert conic_margin(points, normals, MU) is None
-    assert margins(points[None], normals[None], MU, contact_model(0.008))[0] == pytest.approx(1.0)
-    line = np.array([[-0.03, 0, 0], [0, 0, 0], [0.03, 0, 0.0], [0.05, 0, 0]])
-    assert margins(line[None], np.eye(3)[[0, 1, 2, 0]][None], MU)[0] == UNDEFINED
-
-
 @pytest.mark.parametrize(
     ("count", "torsion", "shared"), [(*kind, False) for kind in KINDS] + [(2, 0.008, True)]
 )
@@ -106,10 +96,3 @@ def test_squeeze_load_and_capacity_are_the_judges(count, torsion, shared):
             for way in cube_directions()
         ]
         assert capacity_of(contacts) == pytest.approx(1.0 + min(most), rel=2e-3)
-
-
-def test_pairs_face_each_other():
-    points = np.array([[0.03, 0, 0], [-0.03, 0, 0], [0, 0.03, 0], [-0.03, 0.01, 0], [0.03, 0.0, 0.001]])
-    normals = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]])
-    assert opposed_pairs(points, normals, 0.5, 0.01).tolist() == [[0, 1], [0, 3], [1, 4], [3, 4]]
-    assert opposed_pairs(points, normals, 0.1, 0.01).tolist() == [[0, 1], [1, 4]]

@@ -4,24 +4,14 @@ import math
 import os
 
 import pytest
+from tables import table
 
 from dexgrasp_env import cores
 
 OWN = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
 
 
-@pytest.mark.parametrize(
-    ("files", "quota"),
-    [
-        ({"cpu.max": "150000 100000\n"}, 1.5),
-        ({"cpu.max": "max 100000\n"}, math.inf),
-        ({"cpu/cpu.cfs_quota_us": "50000\n", "cpu/cpu.cfs_period_us": "100000\n"}, 0.5),
-        ({"cpu/cpu.cfs_quota_us": "-1\n", "cpu/cpu.cfs_period_us": "100000\n"}, math.inf),
-        ({"cpu.max": "damaged"}, math.inf),
-        ({"cpu.max": "100000 0"}, math.inf),
-        ({}, math.inf),
-    ],
-)
+@pytest.mark.parametrize(("files", "quota"), table("quotas"))
 def test_quotas_of_both_versions_count(tmp_path, files, quota):
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)

@@ -9,7 +9,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from processes import typed
 from refusals import refused
-from robots import CELL, HOME, ROBOT
+from robots import CELL, HOME
+from tables import mistakes
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.agents.hardcoded import HardcodedAgent
@@ -19,7 +20,6 @@ from dexgrasp.data.demonstrations.convert import to_action
 from dexgrasp.data.demonstrations.generate import generate
 from dexgrasp.data.demonstrations.info import replay_all, summary
 from dexgrasp.data.demonstrations.minari_format import read_episodes
-from dexgrasp.data.demonstrations.rollout import Recorder, intended, replay
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
@@ -94,35 +94,6 @@ def test_the_data_set_is_minaris_and_replays(folder):
     assert env.unwrapped.settings.control_mode == "joint_delta"
 
 
-def test_what_an_agent_does_in_the_modes_of_the_demonstrations_is_kept_as_it_did_it():
-    modes = {"obs_mode": "pointcloud", "control_mode": HardcodedAgent.env_settings["control_mode"]}
-    settings = DemoSettings.of(["sugar_box"], agent=TEACHER, noise=0.02, seed=3, **modes)
-    recorder = Recorder(settings, "sugar_box")
-    episode, failure = recorder.record(1)
-    assert not failure
-    assert episode.about["solved"] < len(episode) - 5
-    env = gym.make(
-        "DexGrasp/Lift-v2", objects="sugar_box", **settings.env_arguments, disable_env_checker=True
-    )
-    seen = [env.reset(seed=episode.about["scene_seed"])[0]]
-    seen += [env.step(action)[0] for action in episode.actions]
-    assert_array_equal(episode.observations["joint_positions"], [o["joint_positions"] for o in seen])
-    assert_array_equal(episode.once["cloud"], seen[-1]["cloud"])
-    path = episode.observations["joint_targets"][: episode.about["solved"] + 2].astype(float)
-    replayed = replay(env, episode.about["scene_seed"], path, robot_tree(env.unwrapped.settings.cell))
-    assert replayed.arrays().keys() == episode.arrays().keys()
-    assert_allclose(replayed.actions, episode.actions, atol=1e-2)
-
-
-def test_demonstrations_are_followed_where_actions_are_scaled_and_at_their_pace_alone(folder):
-    settings = {"objects": "sugar_box", "control_mode": "joint_delta", "disable_env_checker": True}
-    states = DemoResets(folder).attach(gym.make("DexGrasp/Lift-v2", action_scale=0.7, **settings)).states[0]
-    targets = next(read_episodes(folder)).observations["joint_targets"][::4]
-    assert_allclose([state.commands[0] for state in states], targets[: len(states)], atol=1e-5)
-    with refused("followed at that pace alone"):
-        DemoResets(folder).attach(gym.make("DexGrasp/Lift-v2", frame_skip=50, **settings))
-
-
 @pytest.mark.parametrize(("observe", "most"), [("reset", 1), ("step", 0), ("clear", 4)])
 def test_what_cameras_saw_along_demonstrations_is_kept_once_a_look(folder, observe, most):
     settings = {"objects": "sugar_box", "obs_mode": "state+depth", "views": 1, "observe": observe}
@@ -178,55 +149,28 @@ def test_what_is_brought_to_a_place_begins_along_them_with_their_end_as_goal(fol
     resets = DemoResets(folder, whole=0.0).attach(env)
     observation, _ = env.reset(seed=0)
     end = next(read_episodes(folder)).observations["object_pose"][-1, :3]
-    ends = [record["goal"][:3] for record in (states[0].task_record for states in resets.states)]
-    assert_allclose(ends[0], end, atol=1e-6)
-    assert observation["desired_goal"][3] == 1.0
-    assert observation["achieved_goal"][3] == 1.0  # in the hand, on its way there
-    record = {"solved": True, "at_goal": 0}  # lifted, and not where it is to be
-    for _ in range(300):
-        resets(0, np.random.default_rng(len(resets._recent)), record)
-    assert resets.front == 0.9
-    for steps, moves in ((GOAL_STEPS - 1, False), (GOAL_STEPS, True)):
-        record["at_goal"] = steps
-        for _ in range(300):
-            resets(0, np.random.default_rng(len(resets._recent)), record)
+    assert_allclose(resets.states[0][0].task_record["goal"][:3], end, atol=1e-6)
+    assert (
+        observation["desired_goal"][3] == observation["achieved_goal"][3] == 1.0
+    )  # in the hand, on its way there
+    for steps, moves in ((0, False), (GOAL_STEPS - 1, False), (GOAL_STEPS, True)):
+        for k in range(300):  # lifted, and where it is to be or not
+            resets(0, np.random.default_rng(k), {"solved": True, "at_goal": steps})
         assert (resets.front < 0.9) is moves
-    resets.whole = 1.0
-    assert all(resets(0, np.random.default_rng(k), record) == {} for k in range(20))
     resets._demos[0].observations.pop("object_pose")
     with refused("say where they end"):
         resets.attach(env)
 
 
-def test_an_episode_knows_its_scene_and_what_the_cameras_saw(folder):
-    episode = next(read_episodes(folder))
-    assert episode.about["object"] == "sugar_box"
-    assert episode.once["cloud"].shape == (1024, 3)
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
-    observation, _ = env.reset(seed=episode.about["scene_seed"])
-    assert_array_equal(observation["object_pose"], episode.observations["object_pose"][0])
-
-
-def test_noise_is_known_and_can_be_taken_out(folder):
-    episode = next(read_episodes(folder))
-    targets = episode.observations["joint_targets"]
-    meant = intended(episode, 0.02, ROBOT)
-    # The index finger's first joint closes evenly; what was recorded trembles.
-    roughness = [np.abs(np.diff(way[:, 8], 2)).mean() for way in (targets, meant)]
-    assert roughness[1] < 0.1 * roughness[0]
-
-
 def test_the_lerobot_layout_holds_the_same_steps(folder):
     import pyarrow.parquet as pq
 
-    info = json.loads((folder / "lerobot/meta/info.json").read_text())
-    assert info["codebase_version"] == "v3.0"
-    assert info["fps"] == 20
+    info, stats = (
+        json.loads((folder / f"lerobot/meta/{name}.json").read_text()) for name in ("info", "stats")
+    )
+    assert (info["codebase_version"], info["fps"]) == ("v3.0", 20)
     rows = pq.read_table(folder / "lerobot/data/chunk-000/file-000.parquet").to_pydict()
     assert set(info["features"]) == set(rows)
-    seen = next(read_episodes(folder)).observations
-    about = np.concatenate([seen[key][0] for key in seen if key.startswith("object_")])
-    assert_allclose(rows["observation.environment_state"][0], about, atol=1e-6)
     assert rows["index"] == list(range(info["total_frames"]))
     episode = next(read_episodes(folder))
     first = np.array(rows["action"])[np.array(rows["episode_index"]) == 0]
@@ -234,11 +178,8 @@ def test_the_lerobot_layout_holds_the_same_steps(folder):
     table = pq.read_table(folder / "lerobot/meta/episodes/chunk-000/file-000.parquet").to_pydict()
     assert table["length"][0] == len(episode)
     assert_array_equal(table["once/cloud"][0], episode.once["cloud"].ravel())
-    stats = json.loads((folder / "lerobot/meta/stats.json").read_text())
     assert_allclose(stats["action"]["mean"], np.mean(rows["action"], axis=0), atol=1e-6)
-    assert all(a <= b for a, b in zip(stats["action"]["q10"], stats["action"]["q90"], strict=True))
-    pandas = pytest.importorskip("pandas")
-    tasks = pandas.read_parquet(folder / "lerobot/meta/tasks.parquet")
+    tasks = pytest.importorskip("pandas").read_parquet(folder / "lerobot/meta/tasks.parquet")
     assert tasks.iloc[0].name == "lift sugar_box"
 
 
@@ -280,22 +221,6 @@ def test_where_nothing_succeeds_it_is_said_why(tmp_path):
         generate(settings, tmp_path)
 
 
-class Passing(gym.Wrapper):
-    """Loses at the end what it had."""
-
-    def step(self, action):
-        *rest, truncated, info = self.env.step(action)
-        self.had = getattr(self, "had", False)
-        info["is_success"], self.had = info["is_success"] and not self.had, self.had or info["is_success"]
-        return *rest, truncated, info
-
-
-def test_a_replay_succeeds_where_success_is_reached_as_in_recording(folder, monkeypatch):
-    make = gym.make
-    monkeypatch.setattr(gym, "make", lambda *arguments, **settings: Passing(make(*arguments, **settings)))
-    assert replay_all(folder, 1)["successes"] == 1
-
-
 def test_scenes_draw_what_is_asked_for_and_replays_draw_the_same(tmp_path):
     drawn = ("size", 0.6, 0.9), ("mass", 0.5, 2.0)
     settings = DemoSettings.of(["sugar_box"], agent=TEACHER, episodes=2, seed=3, randomise=drawn)
@@ -313,16 +238,7 @@ def test_scenes_draw_what_is_asked_for_and_replays_draw_the_same(tmp_path):
         DemoResets(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
-        ({"agent": "nobody"}, "unknown agent"),
-        ({"control_mode": "x"}, "control_mode"),
-        ({"noise": 2.0}, "noise"),
-        ({"randomise": (("colour", 0.0, 1.0),)}, "valid are mass, friction, size"),
-        ({"randomise": (("size", 1.0, 0.5),)}, "low <= high"),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "says"), mistakes("demonstrations"))
 def test_wrong_settings_are_refused(wrong, says):
     with refused(says):
         DemoSettings.of(["sugar_box"], **wrong)
@@ -335,6 +251,3 @@ def test_the_command_line_tells_and_replays(folder, capsys, printed):
     assert figures["episodes"] == sum(figures["kept"].values())
     assert typed(f"demos replay {folder} --episodes 1") == 0
     assert "1 of 1 replays succeed" in capsys.readouterr().out
-    assert typed(f"demos info {folder / 'nothing'}") == 2
-    assert typed("demos generate --objects sugar_box --noise 2 --out x") == 2
-    assert typed(f"train bc --data {folder} --execute 9 --out {folder / 'x'}") == 2

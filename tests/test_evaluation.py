@@ -15,7 +15,7 @@ from dexgrasp.cli.main import main
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.protocol import get_protocol
 from dexgrasp.evaluation.replay import replay
-from dexgrasp.evaluation.settings import EvaluationSettings, object_labels
+from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.runs.pool import Backend
 from dexgrasp_env.rendering import rendering_fault
@@ -37,23 +37,11 @@ def finished(tmp_path_factory):
 def test_summary_has_the_documented_form(finished):
     folder, summary = finished
     assert json.loads((folder / "summary.json").read_text()) == json.loads(json.dumps(summary))
-    assert summary["schema"] == 1
-    assert (summary["protocol"], summary["seed"], summary["complete"]) == ("lift", 3, True)
+    assert [summary[key] for key in ("schema", "protocol", "seed", "complete")] == [1, "lift", 3, True]
     agent = summary["agents"]["random"]
-    assert {
-        "trials",
-        "successes",
-        "rate",
-        "ci95",
-        "by_set",
-        "by_object",
-        "failures",
-        "planning_seconds",
-        "constraints",
-    } <= set(agent)
+    assert {"rate", "ci95", "by_set", "planning_seconds", "constraints"} <= set(agent)
     assert (agent["trials"], agent["by_object"]["sugar_box"]) == (4, {"trials": 2, "successes": 0})
     assert set(agent["by_set"]) == {"seen", "ycb6"}
-    assert {"trials", "successes", "rate", "ci95"} <= set(agent["by_set"]["seen"])
     assert sum(agent["failures"].values()) == 4 - agent["successes"]
 
 
@@ -121,11 +109,6 @@ def test_killed_run_keeps_what_is_finished(tmp_path):
     assert "goes on" in error
 
 
-def test_labels_tell_meshes_of_one_name_apart():
-    labels = object_labels(("soda", "x/soda.stl", "y/soda.stl", "z/cup.obj"))
-    assert (labels["soda"], labels["z/cup.obj"], len(set(labels.values()))) == ("soda", "cup", 4)
-
-
 def test_identity_knows_every_file(tmp_path, monkeypatch):
     """Meshes of one name, checkpoints and the settings beside them, a path from home."""
     monkeypatch.setenv("HOME", str(tmp_path))
@@ -141,18 +124,6 @@ def test_identity_knows_every_file(tmp_path, monkeypatch):
         changed = settings.identity()
         assert changed != known, name
         known = changed
-
-
-def test_identity_knows_what_is_shipped(tmp_path, monkeypatch):
-    monkeypatch.setattr("dexgrasp.evaluation.settings.asset_path", lambda *parts: tmp_path)
-    path = tmp_path / "weights" / "cvae.safetensors"
-    path.parent.mkdir(parents=True)
-    path.write_text("one")
-    before = EvaluationSettings(("random",), ("pear",)).identity()
-    (tmp_path / "README.md").write_text("only people read this")
-    assert EvaluationSettings(("random",), ("pear",)).identity() == before
-    path.write_text("two")
-    assert EvaluationSettings(("random",), ("pear",)).identity() != before
 
 
 def test_replay_is_exact(finished, tmp_path):
@@ -173,14 +144,6 @@ def test_replay_is_exact(finished, tmp_path):
         replay(folder, "hardcoded", "sugar_box", 0)
     with refused("valid are 0, 1"):
         replay(folder, "random", "sugar_box", 7)
-
-
-def test_a_foreign_trial_is_refused(finished, tmp_path):
-    line = json.loads((finished[0] / "trials.jsonl").read_text().splitlines()[0]) | {"agent": "somebody"}
-    (tmp_path / "trials.jsonl").write_text(json.dumps(line) + "\n")
-    (tmp_path / "run.json").write_text((finished[0] / "run.json").read_text())
-    with refused("somebody"):
-        evaluate(SETTINGS, tmp_path)
 
 
 @pytest.mark.skipif(rendering_fault() is not None, reason="no GL library here")

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
-from refusals import refused
 from robots import CELL, HOME, LOWER, ROBOT, UPPER, VELOCITY
 
 from dexgrasp.geometry.convex import ConvexDistance
@@ -15,7 +14,6 @@ from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, solve_palm
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion import collision
 from dexgrasp.motion.approach import plan_arm
-from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker, densify
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
@@ -131,26 +129,6 @@ def test_timing_keeps_velocity_and_acceleration_limits(speed):
     assert (np.abs(change) <= 1.1 * speed * ROBOT.acceleration).all()
 
 
-def test_timing_of_degenerate_paths():
-    assert len(time_path(HOME[None], robot_tree(CELL))) == 0
-    assert len(time_path(np.stack([HOME, HOME, HOME]), robot_tree(CELL))) == 0
-    tiny = HOME + 1e-4
-    samples = time_path(np.stack([HOME, HOME, tiny]), robot_tree(CELL))
-    assert_allclose(samples[-1], tiny)
-    assert within_limits(HOME, samples, robot_tree(CELL))
-
-
-def test_palm_goes_straight_and_keeps_its_turn():
-    shifts = np.linspace(0.0, 0.15, 16)[:, None] * np.array([0.0, 0.6, 0.8])
-    path, error = shift_palm(LEFT, robot_tree(CELL), shifts)
-    R0, p0 = palm_frame(LEFT, robot_tree(CELL))
-    assert error < 1e-5
-    for q, shift in zip(path, shifts, strict=True):
-        R, p = palm_frame(q, robot_tree(CELL))
-        assert_allclose(p, p0 + shift, atol=1e-5)
-        assert_allclose(R, R0, atol=1e-4)
-
-
 def test_script_phases_limits_and_actions():
     q = palm_down(0.5, 0.1, 0.25)
     grasp, squeeze = q.copy(), q.copy()
@@ -166,13 +144,6 @@ def test_script_phases_limits_and_actions():
     assert_allclose(rise, [0, 0, 0.14], atol=1e-4)
     assert_array_equal(script.way("approach")[0], HOME)
     assert_array_equal(script.at(10_000), script.targets[-1])
-
-
-@pytest.mark.parametrize("bad", [{"grasp": np.zeros(22)}, {"squeeze": np.full(23, np.nan)}])
-def test_bad_motion_is_refused(bad):
-    good = {"pregrasp": HOME, "grasp": HOME, "squeeze": HOME}
-    with refused():
-        GraspMotion(**good | bad)
 
 
 def test_speed_along_a_straight_line_is_that_of_the_triangle_or_trapezium():

@@ -4,7 +4,6 @@ import os
 import stat
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from refusals import refused
 from dexgrasp.agents.learned import LearnedAgent
 from dexgrasp.evaluation.scoring.hand import find_hand
 from dexgrasp_env import files
-from dexgrasp_env.files import cached_arrays, read_json_object, read_npz, write_atomically
+from dexgrasp_env.files import cached_arrays, write_atomically
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.yaml_file import read_yaml
 
@@ -115,46 +114,6 @@ def test_processes_that_race_for_a_first_file_all_get_it(cache):
 
 
 # -- archives of others -----------------------------------------------------------------------------------------
-
-
-def test_archives_that_are_damaged_are_one_kind_of_error(tmp_path):
-    """What numpy raises on a broken header comes from its parser, and other members come as bytes."""
-    good = tmp_path / "good.npz"
-    np.savez(good, a=np.arange(6.0), b=np.ones((2, 2)))
-    assert set(read_npz(good)) == {"a", "b"}
-    bad = {
-        "text.npz": ("notes.txt", b"hello"),
-        "header.npz": ("a.npy", b"\x93NUMPY\x01\x00\x10\x00{'descr': '''\n\n\n"),
-    }
-    for name, (member, content) in bad.items():
-        with zipfile.ZipFile(tmp_path / name, "w") as file:
-            file.writestr(member, content)
-        with pytest.raises(ValueError, match=r"no array|no archive"):
-            read_npz(tmp_path / name)
-    for cut in (10, 100, 300):
-        (tmp_path / "cut.npz").write_bytes(good.read_bytes()[:-cut])
-        with pytest.raises(ValueError, match="no archive"):
-            read_npz(tmp_path / "cut.npz")
-    with pytest.raises(OSError, match="nowhere"):
-        read_npz(tmp_path / "nowhere.npz")
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (None, "make one"),
-        (b"[1]", "do this"),
-        (b'{"a": ', "do this"),
-        (b"\xff", "do this"),
-        (b'{"a": NaN}', "do this"),
-    ],
-)
-def test_what_is_no_json_object_is_one_line(tmp_path, content, words):
-    path = tmp_path / "about.json"
-    if content is not None:
-        path.write_bytes(content)
-    with refused(words):
-        read_json_object(path, "do this", "make one")
 
 
 def test_a_folder_of_nobody_is_one_line():

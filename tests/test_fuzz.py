@@ -48,12 +48,3 @@ def test_a_short_run_ends_in_0_to_3(kind, fuzz, good, tmp_path, monkeypatch):
     fuzz.fuzz(kind, 40, 1, good, tmp_path, codes)
     assert sum(codes.values()) >= 20
     assert {int(name.split()[1]) for name in codes} <= set(fuzz.ALLOWED)
-
-
-def test_what_escapes_is_a_fault_and_is_shrunk(fuzz, good, tmp_path, monkeypatch):
-    def fail(argv):
-        raise ValueError("no")
-
-    monkeypatch.setattr(fuzz, "main", fail)
-    with pytest.raises(AssertionError, match="escaped: ValueError: no"):
-        fuzz.fuzz("arguments", 5, 1, good, tmp_path, Counter())

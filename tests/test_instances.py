@@ -49,17 +49,3 @@ def test_one_that_is_alone_is_one(rng, name):
     points = mesh.sample(4000, seed=1) + rng.normal(0.0, 0.0005, (4000, 3))
     instances = segment_instances(above(points - [0.0, 0.0, points[:, 2].min()]), TABLE)
     assert len(np.unique(instances.labels)) == 1
-
-
-def test_a_wall_is_one_thing_however_long(rng):
-    wall = rng.uniform([0.3, 0.3, 0.0], [0.75, 0.305, 0.1], (4000, 3))
-    cloud = above(wall, box(rng, (0.5, 0.245)))
-    labels = segment_instances(cloud, TABLE).labels
-    of_wall = cloud.points[:, 1] > 0.2975
-    assert (labels[of_wall] == np.bincount(labels[of_wall]).argmax()).mean() > 0.97
-
-
-def test_what_is_next_to_nothing_is_one_thing():
-    for count in (0, 3, 49):
-        assert not segment_instances(cloud_of(np.full((60, 3), 0.1)).select(slice(count)), TABLE).labels.any()
-    assert not segment_instances(cloud_of(np.full((200, 3), 0.1)), TABLE).labels.any()

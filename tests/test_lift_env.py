@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from lift_envs import assert_same, few, make, rollout, skip_without_gl
-from refusals import refused
 from robots import HOME, LOWER, ROBOT, UPPER
+from tables import table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.rendering import choose_gl
-from dexgrasp_env.tasks import control
 from dexgrasp_env.tasks.control import CONTROL_MODES, max_step
 from dexgrasp_env.tasks.observations import OBS_MODES
 
@@ -74,15 +73,7 @@ def test_registrations_know_how_long_disturbances_take():
         gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
 
 
-@pytest.mark.parametrize(
-    ("name", "frame_skip", "settings", "wanted"),
-    [
-        ("Lift-v2", 25, {"disturbance": "pushed"}, 380),
-        ("Lift-v2", 5, {}, 1500),
-        ("LiftPushed-v2", 5, {}, 1900),
-        ("ClutterHeap-v1", 5, {}, 9000),
-    ],
-)
+@pytest.mark.parametrize(("name", "frame_skip", "settings", "wanted"), table("limits"))
 def test_a_limit_that_pace_or_disturbance_makes_too_short_is_warned_of(name, frame_skip, settings, wanted):
     settings = {"objects": "sugar_box", "frame_skip": frame_skip, **settings}
     with pytest.warns(UserWarning, match=f"max_episode_steps={wanted}$"):
@@ -105,18 +96,10 @@ def test_a_limit_that_a_wrapper_keeps_is_warned_of_where_it_has_ended_an_episode
 def test_renders():
     if choose_gl() is None:
         pytest.skip("no GL library here")
-    env = make(render_mode="rgb_array", render_size=(120, 160))
-    env.reset(seed=0)
-    picture = env.render()
-    assert picture.shape == (120, 160, 3)
-    assert picture.dtype == np.uint8
-    assert picture.std() > 10
-    env.close()
     env = make(render_mode="depth_array", render_size=(120, 160))
     env.reset(seed=0)
     depth = env.render()
-    assert depth.shape == (120, 160)
-    assert depth.dtype == np.float32
+    assert (depth.shape, depth.dtype) == ((120, 160), np.float32)
     assert 0.3 < depth.min() < depth.max()
     env.close()
 
@@ -165,46 +148,3 @@ def test_set_points_keep_range_and_velocity(control_mode):
         assert np.all(np.abs(after - before) <= max_step(ROBOT) + 1e-12)
         assert np.all((after >= LOWER) & (after <= UPPER))
         before = after
-
-
-def test_ee_delta_moves_the_palm():
-    env = make(control_mode="ee_delta")
-    start, _ = env.reset(seed=0)
-    action = np.zeros(22, np.float32)
-    action[6:] = control.normalise(HOME, ROBOT)[7:]
-    action[2] = 0.4  # 10 mm a step
-    for _ in range(10):
-        observation, *_ = env.step(action)
-    for _ in range(10):
-        observation, *_ = env.step(action * (np.arange(22) > 5))
-    moved = observation["palm_pose"][:3] - start["palm_pose"][:3]
-    np.testing.assert_allclose(moved, [0, 0, 0.1], atol=0.01)
-
-
-def test_object_lost_terminates():
-    env = make()
-    env.reset(seed=0, options={"object_pose": [0.5, 0.63, 0.1, 1, 0, 0, 0]})
-    env.unwrapped.simulation.data.qvel[24] = 1.5  # pushed off the table
-    for _ in range(60):
-        _, _, terminated, truncated, info = env.step(np.zeros(23))
-        if terminated:
-            break
-    assert terminated
-    assert not truncated
-    assert info["failure"] == "object_lost"
-    with refused("reset"):
-        env.step(np.zeros(23))
-
-
-def test_diverged_simulation_terminates_without_reward():
-    env = make()
-    env.reset(seed=0)
-    env.unwrapped.simulation.data.qvel[25] = 1e12
-    observation, reward, terminated, _, info = env.step(np.zeros(23))
-    assert terminated
-    assert info["failure"] == "simulation_diverged"
-    assert set(info["reward_terms"].values()) == {0.0}
-    assert -5.0 < reward < 0.0  # what had been earned is lost
-    assert info["mujoco_warnings"]
-    assert all(np.isfinite(value).all() for value in observation.values())
-    assert env.reset(seed=0)[1]["mujoco_warnings"] == ""

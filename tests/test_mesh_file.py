@@ -53,13 +53,6 @@ def test_concave_polygons_are_cut_into_triangles_within_them(tmp_path, outline, 
         assert load_object(path).mesh.volume == pytest.approx(0.04 * area, rel=1e-6)
 
 
-def test_corners_may_be_counted_from_the_last_vertex(tmp_path):
-    head, faces = prism_text(U, "obj").split("vn 0 0 1\n")
-    lines = [" ".join(str(int(word[:-3]) - 17) for word in line.split()[1:]) for line in faces.splitlines()]
-    (tmp_path / "u.obj").write_text(head + "".join(f"f {line}\n" for line in lines))
-    assert load_object(tmp_path / "u.obj").mesh.volume == pytest.approx(0.04 * 34e-4, rel=1e-6)
-
-
 def test_a_binary_stl_is_read_as_far_as_it_counts(tmp_path):
     path, data = tmp_path / "a.stl", BALL.export(file_type="stl")
     path.write_bytes(data + b"made by a scanner")
@@ -132,10 +125,3 @@ def test_gltf_with_its_buffers_beside(tmp_path):
     next(tmp_path.glob("*.bin")).unlink()
     with refused("cannot be read as gltf"):
         read_mesh(tmp_path / "model.gltf")
-
-
-@pytest.mark.parametrize("kind", ["gltf", "off", "3mf"])
-def test_texts_that_are_no_mesh_are_refused(kind, tmp_path):
-    (tmp_path / f"a.{kind}").write_bytes(b"hello, I am no mesh\n")
-    with refused(f"cannot be read as {kind}"):
-        read_mesh(tmp_path / f"a.{kind}")

@@ -1,11 +1,8 @@
 """Set files: members with units, masses, friction and poses of their own; fetching from a publisher."""
 
-import http.server
 import io
 import json
 import tarfile
-import threading
-from functools import partial
 from pathlib import Path
 
 import gymnasium as gym
@@ -14,12 +11,12 @@ import trimesh
 from numpy.testing import assert_allclose
 from project_scripts import load_script
 from refusals import refused
+from tables import mistakes
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.commands import run_script
-from dexgrasp.cli.main import main
 from dexgrasp.evaluation.protocol import trial_seeds
-from dexgrasp.evaluation.settings import EvaluationSettings, object_labels
+from dexgrasp.evaluation.settings import object_labels
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 
 BRICK = {
@@ -59,35 +56,12 @@ def test_members_have_their_own_unit_mass_friction_and_pose(folder):
     assert_allclose(ball.upright, 0.5)
 
 
-@pytest.mark.parametrize(
-    ("objects", "message"),
-    [
-        ([], "must hold"),
-        ([BRICK, BRICK], "object 2: name 'brick' is taken"),
-        ([BRICK | {"name": "pear"}], "name 'pear' is taken"),
-        ([BRICK | {"name": "a/b"}], "name is 'a/b'"),
-        ([BRICK, BALL | {"mesh": "no.ply"}], "object 2: mesh file"),
-        ([BRICK | {"mass": 1e-300}], "mass is 1e-300: valid is a finite number >= 0.0001 and <= 100"),
-        ([BRICK | {"friction": 3}], "friction is 3"),
-        ([BRICK | {"upright": [1, 1, 0, 0]}], "unit quaternion"),
-        ([BRICK | {"wieght": 1}], "unknown key 'wieght'"),
-    ],
-)
+@pytest.mark.parametrize(("objects", "message"), mistakes("sets"))
 def test_a_set_is_checked_as_a_whole(folder, objects, message):
     path = written(folder, *objects)
     with refused() as caught:
         resolve_targets([path])
     assert message in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"[]", b"{}", b"\xff\xfe", b"[" * 99999, b'{"schema": 2, "objects": [1]}']
-)
-def test_files_that_are_no_sets_are_refused(folder, content):
-    (folder / "bad.json").write_bytes(content)
-    for target in ("bad.json", "bad.json#x", "missing.json"):
-        with refused("set file"):
-            resolve_targets([str(folder / target)])
 
 
 def test_a_member_is_named_in_results_and_seeds_by_its_name(folder):
@@ -104,15 +78,6 @@ def test_a_member_is_named_in_results_and_seeds_by_its_name(folder):
         resolve_targets([f"{path}#x"])
 
 
-def test_an_evaluation_knows_the_set_and_its_meshes(folder):
-    path = written(folder, BRICK, BALL)
-    settings = EvaluationSettings.of(["random"], [path], trials=1)
-    files = settings.identity()["files"]
-    assert {Path(name).name for name in files} == {"my.json", "brick.stl", "ball.ply"}
-    trimesh.creation.box((50, 60, 81)).export(folder / "brick.stl")
-    assert settings.identity()["files"] != files
-
-
 def test_environments_take_the_friction_of_the_member_unless_they_name_one(folder):
     path = written(folder, BRICK)
     for given, expected in ((None, 0.4), (0.9, 0.9)):
@@ -124,43 +89,6 @@ def test_environments_take_the_friction_of_the_member_unless_they_name_one(folde
         env.close()
 
 
-def test_members_stand_upright_as_the_set_says(folder):
-    path = written(folder, BALL | {"upright": [2**-0.5, 2**-0.5, 0, 0]})
-    env = gym.make("DexGrasp/LiftUpright-v2", objects=path)
-    env.reset(seed=0)
-    vertical = env.unwrapped.data.body("object").xmat.reshape(3, 3)[2]
-    assert_allclose(vertical, [0, 1, 0], atol=1e-2)
-    env.close()
-
-
-def test_mesh_options_do_not_apply_to_a_set(folder, capsys):
-    path = written(folder, BRICK)
-    assert main(["plan", path, "--mesh-scale", "0.001"]) == 2
-    assert "mesh files alone" in capsys.readouterr().err
-
-
-@pytest.fixture
-def publisher():
-    """A server on this machine that holds one archive that is whole and one that is not."""
-    mesh = trimesh.creation.box((0.04, 0.09, 0.17)).export(file_type="ply")
-    archives = {"004_sugar_box": archive(mesh), "011_banana": archive(b"no mesh", "011_banana")}
-
-    class Handler(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            content = archives.get(self.path.strip("/").removesuffix("_google_16k.tgz"))
-            self.send_response(200 if content else 404)
-            self.end_headers()
-            self.wfile.write(content or b"")
-
-        def log_message(self, *_: object) -> None:
-            pass
-
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{server.server_port}"
-    server.shutdown()
-
-
 def archive(content: bytes, name: str = "004_sugar_box") -> bytes:
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w:gz") as tar:
@@ -170,33 +98,17 @@ def archive(content: bytes, name: str = "004_sugar_box") -> bytes:
     return buffer.getvalue()
 
 
-@pytest.fixture(scope="module")
-def fetch_ycb():
-    return partial(run_script, load_script("object_sets").Ycb)
-
-
-def test_ycb_meshes_are_fetched_on_the_users_word_and_once(folder, publisher, fetch_ycb, capsys):
-    path = folder / "sets" / "ycb.json"
-    arguments = [str(path), "--objects", "004_sugar_box", "--publisher", publisher]
-    assert fetch_ycb(arguments) == 0
+def test_ycb_meshes_are_fetched_on_the_users_word_and_once(folder, capsys):
+    mesh = trimesh.creation.box((0.04, 0.09, 0.17)).export(file_type="ply")
+    (folder / "004_sugar_box_google_16k.tgz").write_bytes(archive(mesh))
+    fetch, path = load_script("object_sets").Ycb, folder / "sets" / "ycb.json"
+    arguments = [str(path), "--objects", "004_sugar_box", "--publisher"]
+    assert run_script(fetch, [*arguments, folder.as_uri()]) == 0
     assert not path.exists()
     assert "--yes" in capsys.readouterr().out
-    assert fetch_ycb([*arguments, "--yes"]) == 0
+    for publisher in (folder.as_uri(), "file:///nowhere"):  # what is in the cache is not fetched again
+        assert run_script(fetch, [*arguments, publisher, "--yes"]) == 0
     (target,) = resolve_targets([str(path)])
     model = load_object(target)
     assert (model.name, model.mass) == ("ycb_004_sugar_box", 0.514)
     assert_allclose(model.extents, [0.04, 0.09, 0.17], atol=1e-6)
-    arguments[-1] = "http://127.0.0.1:1"  # nobody is there: what is in the cache is not fetched again
-    assert fetch_ycb([*arguments, "--yes"]) == 0
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [("011_banana", "no ply file"), ("013_apple", "404"), ("spoon", "unknown object 'spoon'")],
-)
-def test_what_cannot_be_fetched_is_said_in_one_line(folder, publisher, fetch_ycb, name, message, capsys):
-    arguments = [str(folder / "ycb.json"), "--objects", name, "--publisher", publisher, "--yes"]
-    assert fetch_ycb(arguments) == 2
-    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("object_sets")]
-    assert message in line
-    assert not (folder / "ycb.json").exists()

@@ -5,17 +5,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
+from tables import mistakes
 
-from dexgrasp_env.arrays import fibonacci_directions
-from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS, catalogue_object
+from dexgrasp_env.objects.catalogue import CATALOGUE, catalogue_object
 from dexgrasp_env.objects.load import load_object, resolve_targets
-from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.mjcf import add_to_spec
-from dexgrasp_env.objects.model import ObjectModel, centred_model, reduced_hull
-from dexgrasp_env.objects.parts import KINDS, MAX_VERTICES, ContactPart, hull_part
+from dexgrasp_env.objects.model import ObjectModel, reduced_hull
+from dexgrasp_env.objects.parts import MAX_VERTICES
 from dexgrasp_env.objects.repair import is_sound
-from dexgrasp_env.objects.shapes import prism, to_manifold, union
-from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.objects.shapes import to_manifold, union
 from dexgrasp_env.robot.hulls import mesh_of
 
 EVERY = sorted(CATALOGUE)
@@ -76,49 +74,7 @@ def test_contact_geoms_lie_where_the_parts_are(name):
         assert_allclose(world.max(0), (part.vertices + part.position).max(0), atol=1e-6)
 
 
-def test_sets_are_those_of_the_tables():
-    assert {name: len(names) for name, names in OBJECT_SETS.items()} == {
-        "ycb6": 6, "seen": 3, "familiar": 4, "novel": 13, "all20": 20,
-    }  # fmt: skip
-    assert resolve_targets(["seen", "sugar_box", "pear"]) == [*OBJECT_SETS["seen"], "pear"]
-    assert set(resolve_targets(list(OBJECT_SETS))) == set(CATALOGUE)
-
-
-def test_presented_poses_of_the_sandwich():
-    for name, height in (("sandwich_upright", 0.12), ("sandwich_side", 0.07)):
-        model = load_object(name)
-        tall = np.ptp((model.mesh.vertices @ quat_to_matrix(model.fixed_pose).T)[:, 2])
-        assert tall == pytest.approx(height, abs=1e-9)
-
-
-def test_hash_follows_the_content_and_nothing_else():
-    model = load_object("castle")
-    assert CATALOGUE["castle"].build().content_hash == model.content_hash
-    assert load_object("sandwich_side").content_hash == load_object("sandwich_upright").content_hash
-    hashes = {model.content_hash, model.scaled(1.01).content_hash, model.with_mass(0.2).content_hash}
-    assert len(hashes) == 3
-
-
-def test_scaling_keeps_the_density():
-    model, large = load_object("lego"), load_object("lego", scale=2.0)
-    assert_allclose(large.extents, 2 * model.extents)
-    assert large.mass == pytest.approx(8 * model.mass)
-    assert_allclose(large.inertia, 32 * model.inertia)
-    assert_allclose(large.parts[1].position, 2 * model.parts[1].position)
-    assert load_object("lego", mass=0.5).mass == 0.5
-    assert_allclose(load_object("lego", mass=0.14).inertia, 2 * model.inertia)
-
-
-@pytest.mark.parametrize(
-    ("target", "options", "message"),
-    [
-        ("sugarbox", {}, "did you mean sugar_box"),
-        ("nothing like it", {}, "objects: cracker_box"),
-        ("sugar_box", {"scale": float("nan")}, "scale is nan"),
-        ("sugar_box", {"mass": -1.0}, "mass is -1.0"),
-        ("missing.obj", {}, "does not exist"),
-    ],
-)
+@pytest.mark.parametrize(("target", "options", "message"), mistakes("objects"))
 def test_bad_targets_are_refused_in_one_line(target, options, message):
     with refused(message):
         load_object(target, **options)
@@ -130,18 +86,6 @@ def test_bad_lists_of_targets_are_refused():
             resolve_targets(targets)
 
 
-def test_bad_shapes_are_refused():
-    with refused("not convex"):
-        prism([(0, 0), (1, 0), (0.1, 0.1), (0, 1)], 0.1)
-    pear = load_object("pear")
-    with refused("contact parts"):
-        ObjectModel("x", pear.solid, (), 0.1, np.eye(3))
-    open_mesh = pear.mesh.copy()
-    open_mesh.update_faces(np.arange(1, len(open_mesh.faces)))
-    with refused("not watertight"):
-        centred_model("x", open_mesh, pear.parts, 0.1)
-
-
 @pytest.mark.parametrize("name", ["massage_ball", "sandwich_side"])
 def test_an_object_read_from_the_cache_is_the_one_that_was_made(name):
     made = CATALOGUE[name].build()
@@ -149,35 +93,6 @@ def test_an_object_read_from_the_cache_is_the_one_that_was_made(name):
         assert (read.content_hash, read.notes, read.rgba) == (made.content_hash, made.notes, made.rgba)
         assert_array_equal(read.inertia, made.inertia)
         assert_array_equal(read.solid.corners, made.solid.corners)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_support_of_a_part_is_that_of_its_surface(kind):
-    quat = np.array([0.8, 0.2, -0.4, 0.4])
-    corners = np.random.default_rng(0).normal(size=(20, 3)) * 0.03
-    part = ContactPart(
-        kind, np.array([0.03, 0.05, 0.02]), np.array([0.1, 0, 0.02]), quat / np.linalg.norm(quat), corners
-    )
-    directions = fibonacci_directions(50)
-    reach = (directions @ part.surface().vertices.T).max(1)
-    assert_allclose(part.support(directions), reach, atol=5e-4)
-    assert_allclose(part.scaled(2.0).support(directions), 2 * part.support(directions))
-
-
-def test_a_waisted_loft_is_split_at_its_waist():
-    sections = [Section(z, r, r) for z, r in ((0, 0.04), (0.05, 0.02), (0.1, 0.04))]
-    assert loft_mesh(sections).is_watertight
-    parts = loft_parts(sections)
-    assert len(parts) == 2
-    assert parts[0].vertices[:, 2].max() == pytest.approx(0.05)
-
-
-def test_a_reduced_hull_is_small_and_nearly_as_large():
-    ball = 0.05 * fibonacci_directions(2000)
-    hull = reduced_hull(ball, 100)
-    assert len(hull.vertices) <= 100
-    assert hull.volume > 0.93 * 4 / 3 * np.pi * 0.05**3
-    assert len(hull_part(np.concatenate([ball, 0.5 * ball])).vertices) <= 2000
 
 
 def test_a_sliver_has_a_reduced_hull():

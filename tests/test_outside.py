@@ -27,13 +27,6 @@ def test_a_shape_is_the_frozen_one_and_a_closed_solid(number):
     assert 0.02 <= mass <= 0.5
 
 
-def test_the_split_leaves_300_for_figures_of_record():
-    develop, final = object_sets.split()
-    assert (len(develop), len(final)) == (700, 300)
-    assert sorted(develop + final) == list(range(1000))
-    assert len(HASHES) == len(set(HASHES.values())) == 1000
-
-
 def test_what_lies_in_a_kitchen_is_frozen(tmp_path):
     assert run_script(object_sets.Kitchen, [str(tmp_path)]) == 0
     flat, handled, wide = (read_set(str(tmp_path / f"{kind}.json")) for kind in object_sets.KITCHEN)

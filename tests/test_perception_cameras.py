@@ -3,14 +3,13 @@
 import mujoco
 import numpy as np
 import pytest
-from refusals import refused
 from robots import CELL
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.rendering import ColourCameras
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.sensing.raycast import RayCameras
-from dexgrasp_env.sensing.sensor import SensorModel, incidence
+from dexgrasp_env.sensing.sensor import SensorModel
 
 GEOM = mujoco.mjtGeom
 
@@ -32,40 +31,6 @@ def small_scene(floor: bool = True) -> tuple[mujoco.MjModel, mujoco.MjData]:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     return model, data
-
-
-def project(camera, points):
-    """Pixel coordinates (..., 2) and depths (...) of world points (..., 3)."""
-    local, lens = (points - camera.position) @ camera.rotation, camera.intrinsics
-    u, v = (
-        lens.fx * local[..., 0] / local[..., 2] + lens.cx,
-        lens.fy * local[..., 1] / local[..., 2] + lens.cy,
-    )
-    return np.stack([u, v], axis=-1), local[..., 2]
-
-
-def test_default_cameras_see_the_whole_region_of_objects():
-    corners = np.array([[x, y, z] for x in (0.40, 0.65) for y in (-0.25, 0.25) for z in (0.0, 0.2)])
-    for camera in CELL.make_cameras():
-        uv, depth = project(camera, corners)
-        assert (uv > -0.5).all(), camera.name
-        assert (uv < [159.5, 119.5]).all(), camera.name
-        assert depth.min() > 0.2
-
-
-def test_bad_cameras_are_refused_in_one_line():
-    model, _ = small_scene()
-    small = CameraIntrinsics.from_fovy(45.0, 32, 24)
-    with refused("coincide"):
-        Camera.look_at("a", (0, 0, 1), (0, 0, 1))
-    with refused("orthonormal"):
-        Camera("a", 2.0 * np.eye(4))
-    with refused("image sizes"):
-        RayCameras(model, (CELL.make_cameras()[0], Camera("b", np.eye(4), small)))
-    with refused("one or more"):
-        RayCameras(model, ())
-    with refused("dropout is 2"):
-        SensorModel(dropout=2)
 
 
 def test_rays_miss_nothing_that_single_rays_hit():
@@ -129,30 +94,15 @@ def test_grazing_surfaces_and_edges_drop_out():
     camera = Camera.look_at("c", (0, 0, 0.1), (1.0, 0, 0))  # the table under a flat angle
     rays = camera.intrinsics.directions() @ camera.rotation.T
     depth = np.where(rays[..., 2] < -1e-3, -0.1 / np.minimum(rays[..., 2], -1e-3), np.inf).astype(np.float32)
-    angle = incidence(depth, camera)
     true = np.arccos(-rays[..., 2] / np.linalg.norm(rays, axis=-1))
-    seen = np.isfinite(depth)
-    seen[:60] = False
-    assert np.allclose(angle[seen], true[seen], atol=0.02)
     sensor = SensorModel(grazing_start=np.radians(70), grazing_end=np.radians(80))
     out = sensor.measure(depth[None], (camera,), np.random.default_rng(0))[0]
     assert np.isinf(out[true > np.radians(82)]).all()
+    assert np.isfinite(out[60:][true[60:] < np.radians(68)]).all()
     step = np.full((1, 120, 160), 0.5, np.float32)
     step[:, :, 80:] = 0.8
-    edges = SensorModel(edge_dropout=0.5).measure(step, (camera,), np.random.default_rng(0))[0]
-    lost = np.isinf(edges).mean(0)
+    lost = np.isinf(SensorModel(edge_dropout=0.5).measure(step, (camera,), np.random.default_rng(0))[0]).mean(
+        0
+    )
     assert lost[[79, 80]] == pytest.approx([0.5, 0.5], abs=0.15)
     assert lost[:79].max() == 0
-
-
-def test_calibration_error_has_its_size_and_is_seeded():
-    sensor, camera = SensorModel.realistic(), CELL.make_cameras()[:1]
-    rng = np.random.default_rng(0)
-    errors = [
-        np.linalg.inv(camera[0].T_world_camera) @ sensor.calibrate(camera, rng)[0].T_world_camera
-        for _ in range(500)
-    ]
-    lengths = [np.linalg.norm(T[:3, 3]) for T in errors]
-    angles = [np.arccos(np.clip((np.trace(T[:3, :3]) - 1) / 2, -1, 1)) for T in errors]
-    assert np.sqrt(np.mean(np.square(lengths))) == pytest.approx(0.001, rel=0.15)
-    assert np.sqrt(np.mean(np.square(angles))) == pytest.approx(np.radians(0.15), rel=0.15)

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -13,19 +12,13 @@ from dexgrasp.geometry.hull import cloud_corners
 from dexgrasp_env.perception.cloud import (
     Cloud,
     deproject,
-    downsample,
     is_valid,
-    pad,
     remove_flying,
-    remove_outliers,
 )
-from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.plane import Plane, fit_plane, level_views, view_corrections
-from dexgrasp_env.perception.robot import RobotShape, robot_geoms
+from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.sensing.raycast import RayCameras
-
-GEOM = mujoco.mjtGeom
 
 
 def as_cloud(points, camera=None, views=(0.0, 0.0, 1.0)):
@@ -92,38 +85,6 @@ def test_levelling_undoes_tilt_and_height_of_a_view():
     assert abs(level[-1, 2] - 0.1) < 1e-4
 
 
-@pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh"])
-def test_robot_points_go_and_others_stay(kind):
-    spec = mujoco.MjSpec()
-    size = [0.03, 0.04, 0.05]
-    link = spec.worldbody.add_body(name="link", pos=[0.5, 0.1, 0.2], quat=[0.8, 0.2, 0.4, 0.1])
-    link.add_joint(axis=[0, 0, 1])
-    if kind == "mesh":
-        box = trimesh.creation.box(2 * np.array(size))
-        spec.add_mesh(name="m", uservert=box.vertices.ravel(), userface=box.faces.ravel())
-        link.add_geom(type=GEOM.mjGEOM_MESH, meshname="m")
-    else:
-        link.add_geom(type=getattr(GEOM, f"mjGEOM_{kind.upper()}"), size=size)
-    link.add_geom(type=GEOM.mjGEOM_SPHERE, size=[0.2, 0, 0], contype=0, conaffinity=0)  # looks only
-    for name in ("object", "neighbour", "wall"):  # only what joints move is the robot
-        other = spec.worldbody.add_body(name=name)
-        other.add_geom(type=GEOM.mjGEOM_SPHERE, size=[0.5, 0, 0])
-        if name != "wall":
-            other.add_freejoint()
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    assert len(robot_geoms(model)) == 1
-    own = RobotShape(model).at(data, 0.01)
-    R, centre = data.body("link").xmat.reshape(3, 3), data.body("link").xpos
-    reach = {"sphere": 0.03, "capsule": 0.07, "cylinder": 0.04, "ellipsoid": 0.05, "box": 0.05, "mesh": 0.05}[
-        kind
-    ]
-    local = np.array([[0, 0, 0], [0.029, 0, 0], [0, 0, reach + 0.005], [0, 0, reach + 0.02], [0.09, 0, 0]])
-    assert own(local @ R.T + centre).tolist() == [True, True, True, False, False]
-    assert len(own(np.empty((0, 3)))) == 0
-
-
 def test_all_that_cameras_see_of_the_robot_over_the_table_is_its_own():
     cameras, model = CELL.make_cameras(), compiled_robot(CELL)
     data = posed(model, [0.1, 0.6, 0.0, -2.0, 0.0, 2.6, 0.8, *HOME[7:]])
@@ -132,31 +93,6 @@ def test_all_that_cameras_see_of_the_robot_over_the_table_is_its_own():
         seen = deproject(depth, camera)[is_valid(depth)]
         assert len(seen) > 1000
         assert own(seen).all()
-
-
-def test_outliers_and_small_clusters_go():
-    rng = np.random.default_rng(0)
-    big, small = rng.uniform(0, 0.05, (400, 3)), rng.uniform(0.1, 0.12, (60, 3))
-    cloud = as_cloud(np.concatenate([big, small, [[0.3, 0.3, 0.3]]]))
-    dense = remove_outliers(cloud)
-    assert 460 not in dense.pixel
-    labels = linked(dense.points, 0.015)
-    largest = dense.select(labels == np.bincount(labels).argmax())
-    assert set(largest.pixel) <= set(range(400))
-    assert len(largest) > 390
-    assert len(remove_outliers(as_cloud(np.zeros((2, 3))))) == 0
-    assert len(linked(np.empty((0, 3)), 0.015)) == 0
-
-
-def test_downsampling_is_even_exact_in_number_and_seeded():
-    points = np.random.default_rng(0).uniform(0, 0.1, (5000, 3)) * [1, 1, 0]
-    chosen = downsample(points, 256, np.random.default_rng(3))
-    assert len(set(chosen)) == 256
-    assert np.array_equal(chosen, downsample(points, 256, np.random.default_rng(3)))
-    gaps = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=-1) + np.eye(256)
-    assert gaps.min() > 0.004  # 256 even points on 10 cm x 10 cm lie about 6 mm apart
-    assert downsample(points[:9], 256, np.random.default_rng(0)).tolist() == list(range(9))
-    assert pad(np.ones((2, 3)), 4).sum() == 6
 
 
 def test_hull_reaches_the_table_and_forgets_noise():

@@ -2,12 +2,15 @@ import itertools
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
-from oracles import closed, sample_box, sample_can
+from numpy.testing import assert_allclose, assert_array_equal
+from oracles import closed, pyramid_violation, random_grasps, sample_box, sample_can
 
-from dexgrasp.grasp.verify.cones import conic_residual
 from dexgrasp.mechanics.closure import closure_sweep
+from dexgrasp.mechanics.cones import C, tangent_basis
+from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.equilibrium import rms_radius
+from dexgrasp.mechanics.margin import UNDEFINED, cone_margin, margins
+from dexgrasp.mechanics.ratios import wrench_ratios
 from dexgrasp.mechanics.wrench import solve_wrench_qp
 
 
@@ -47,31 +50,53 @@ def test_sweep_is_the_decision_of_every_triple():
     assert_array_equal(swept, triples[decided & apart])
 
 
-def test_plain_cases():
-    around = np.array([[np.cos(a), np.sin(a), 0.0] for a in (0, 2.1, 4.2)])
-    face = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0]])
-    up = np.tile([0.0, 0, 1], (3, 1))
-    line = np.array([[0, 0, 0], [0.05, 0, 0], [0.1, 0, 0]])
-    lever = np.array([[0, 0, 1.0], [0, 0, -1], [0, 0, 1]])  # pressed down at the ends, up in the middle
-    same = np.zeros((3, 3))
-    P = np.array([0.04 * around, face, line, line, same, same])
-    N = np.array([around, up, lever, up, around, up])
-    assert_array_equal(closed(P, N, 0.5), [True, False, True, False, True, False])
-    assert_array_equal(
-        [solve_wrench_qp(p, n, 0.5).residual < 1e-6 for p, n in zip(P, N, strict=True)],
-        closed(P, N, 0.5),
-    )
+def test_forces_are_feasible_and_their_residual_decides_as_the_sweep():
+    P, N = random_grasps(60, 1)
+    decided = closed(P, N, 0.5)
+    for p, n, feasible in zip(P, N, decided, strict=True):
+        answer = solve_wrench_qp(p, n, 0.5)
+        assert pyramid_violation(answer.forces, n, 0.5).max() < 1e-9
+        assert (-(answer.forces * n).sum(-1)).min() > 1 - 1e-9
+        assert (answer.residual < 1e-6) == feasible
 
 
-def test_fewer_than_three_points_make_no_triple():
-    assert closure_sweep(np.zeros((2, 3)), np.tile([0.0, 0, 1], (2, 1)), 0.5).shape == (0, 3)
+def unit(rng, *shape):
+    v = rng.normal(size=(*shape, 3))
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
-def test_pyramids_bracket_the_exact_cone():
-    points, normals = sample_can(60, np.random.default_rng(8))
-    triples = np.random.default_rng(9).integers(0, 60, (150, 3))
-    P, N = points[triples], normals[triples]
-    inner, outer = closed(P, N, 0.5 / 2**0.5), closed(P, N, 0.5)
-    exact = np.array([conic_residual(p, n, 0.5) < 1e-6 for p, n in zip(P, N, strict=True)])
-    assert not (exact & ~outer).any()
-    assert not (inner & ~exact).any()
+def test_basis_is_right_handed_for_every_normal():
+    n = np.concatenate([unit(np.random.default_rng(0), 1000), np.eye(3), -np.eye(3), [C], [-np.array(C)]])
+    t1, t2 = tangent_basis(n)
+    assert_allclose(np.cross(t1, t2), n, atol=1e-12)
+    assert_allclose((t1 * t2).sum(-1), 0, atol=1e-12)
+    assert_array_equal(t1, tangent_basis(n)[0])
+
+
+def test_ratios():
+    p = np.array([[0.05, 0, 0], [-0.05, 0, 0]])
+    for forces, ratios in (
+        ([[-1, 0, 0], [1, 0, 0]], (0, 0)),  # balanced
+        ([[0, 1, 0], [0, 1, 0]], (100, 0)),
+        ([[0, 1, 0], [0, -1, 0]], (0, 100)),  # turning
+    ):
+        assert wrench_ratios(p, np.array(forces, float), np.zeros(3)) == pytest.approx(ratios)
+
+
+def test_a_margin_is_closure_and_at_most_one():
+    P, N = random_grasps(5000, 4)
+    cone = margins(P, N, 0.5)
+    assert closed(P[cone > 1e-9], N[cone > 1e-9], 0.5).all()
+    assert not closed(P[cone < -1e-3], N[cone < -1e-3], 0.5 / 2**0.5).any()
+    assert cone.max() <= 1.0
+
+
+def test_axis_aligned_and_degenerate_grasps_give_finite_answers():
+    points, normals = sample_box(30, np.random.default_rng(5))
+    triples = np.random.default_rng(6).integers(0, 30, (500, 3))
+    for p, n in zip(np.round(points, 2)[triples], normals[triples], strict=True):
+        assert all(np.isfinite(part).all() for part in cone_margin(p, n, 0.5, shape_of(3)))
+    line = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]])
+    value, dp, _, _ = cone_margin(line, np.eye(3), 0.5, shape_of(3))
+    assert value == UNDEFINED
+    assert not dp.any()

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
-from planned import hammer
-from refusals import refused
 from robots import CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 
 from dexgrasp.geometry.convex_kernel import NOTHING
@@ -19,12 +17,10 @@ from dexgrasp.grasp.verify.cones import conic_margin
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.mechanics.margin import margins
 from dexgrasp.planning.atlas import hand_atlas, triangle_sides
 from dexgrasp.planning.constraints import evaluate, fixed_rows
-from dexgrasp.planning.cvae_source import make_source
-from dexgrasp.planning.postures import atlas_postures, oriented_postures
-from dexgrasp.planning.proposals import SurfaceProposals, robustness
+from dexgrasp.planning.postures import atlas_postures
+from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import bounds_of
 from dexgrasp_env.robot.model import robot_spec
@@ -33,7 +29,6 @@ TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
 CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS = fixed_rows(3)
 MODEL = robot_spec(CELL).compile()
 DATA = mujoco.MjData(MODEL)
-FRICTIONLESS = PlannerSettings(friction=0.01)
 
 
 def standing(mesh, x=0.5, y=0.0, yaw=0.4):
@@ -83,28 +78,6 @@ def proposals():
 # Proposals
 
 
-def test_proposals_for_parts_lie_where_a_fingertip_can_touch_them():
-    target = GraspTarget.of(*hammer())
-    found, reach = propose(target), SETTINGS.tip_height
-    points, normals = found.contacts.reshape(-1, 3), found.normals.reshape(-1, 3)
-    on_each = np.array([closest_on_mesh(part, points).distances for part in target.parts])
-    assert np.abs(on_each.min(0)).max() < 1e-6  # on a part, and within no other
-    tips = points + reach * normals
-    assert np.min([closest_on_mesh(part, tips).distances for part in target.parts]) > reach - 1e-3
-    assert (closest_on_mesh(target.hull, points).distances < -0.005).any()
-
-
-def test_mass_of_parts_is_their_hulls_and_centre_their_own():
-    parts = hammer()
-    target, whole = GraspTarget.of(*parts), GraspTarget.of(trimesh.util.concatenate(parts))
-    assert target.mass == pytest.approx(whole.mass)
-    volumes = [part.volume for part in parts]
-    expected = np.average([part.center_mass for part in parts], axis=0, weights=volumes)
-    assert_allclose(target.centre, expected, atol=1e-9)
-    assert abs(whole.centre[0] - expected[0]) > 0.005
-    assert whole.parts == (whole.hull,)
-
-
 @pytest.mark.parametrize("name", SHAPES)
 def test_proposals_lie_on_the_surface_above_the_table(name, proposals):
     found, grasp_target = proposals[name], subject(name)
@@ -123,55 +96,6 @@ def test_proposals_lie_on_the_surface_above_the_table(name, proposals):
         for i, j in ((0, 1), (0, 2), (1, 2))
     ]
     assert np.min(apart) > 0.02
-
-
-def test_proposals_are_varied_and_reproducible(proposals):
-    again, other = propose(subject("box")), propose(subject("box"), seed=1)
-    assert_array_equal(again.contacts, proposals["box"].contacts)
-    assert not np.array_equal(other.contacts, again.contacts)
-    points, counts = np.unique(again.contacts.reshape(-1, 3), axis=0, return_counts=True)
-    assert len(points) > 15
-    assert counts.max() < 0.25 * len(again.contacts) + 5
-
-
-@pytest.mark.parametrize("source", ["surface", "cvae"])
-def test_every_source_ranks_alike(source):
-    target = subject("box")
-    found = make_source(source).propose(target, SETTINGS, np.random.default_rng(0))
-    known = margins(found.contacts, found.normals, SETTINGS.friction)
-    score = robustness(found.contacts, found.normals, known, target)
-    assert len(score) > 20
-    assert (
-        np.diff(score) <= (1e-9 if source == "surface" else 1e-3)
-    ).all()  # the network's are computed roughly
-
-
-@pytest.mark.parametrize(
-    ("name", "settings", "reason"),
-    [
-        ("plate", SETTINGS, "no_surface_above_table"),
-        ("tetrahedron", FRICTIONLESS, "no_closure_triple"),
-    ],
-)
-def test_no_proposals_with_the_reason(name, settings, reason):
-    plate = standing(trimesh.creation.box((0.3, 0.2, 0.002)))
-    grasp_target = plate if name == "plate" else subject(name)
-    found = propose(grasp_target, settings)
-    assert found.failure == reason
-    assert found.contacts.shape == (0, 3, 3)
-    assert list(atlas_postures(found, GraspProblem(grasp_target, CELL, settings))) == []
-
-
-def test_subject_assumptions_and_bad_input():
-    box = trimesh.creation.box((0.05, 0.08, 0.12))
-    assert GraspTarget.of(box).mass == pytest.approx(900 * 0.05 * 0.08 * 0.12, rel=1e-6)
-    assert GraspTarget.of(trimesh.creation.box((0.3, 0.3, 0.3))).mass == 0.65
-    known = GraspTarget.of(box, mass=0.2, centre=np.array([0.0, 0.01, 0.02]))
-    assert known.mass == 0.2
-    assert_array_equal(known.centre, [0, 0.01, 0.02])
-    for mass in (0.0, -1.0, np.nan, np.inf):
-        with refused("mass"):
-            GraspTarget.of(box, mass=mass)
 
 
 # Atlas and starting postures
@@ -195,40 +119,6 @@ def test_atlas_postures_are_what_mujoco_says():
     assert_array_equal(atlas.search.data, triangle_sides(atlas.tips.centres))
 
 
-@pytest.mark.parametrize("name", ["box", "ball"])
-def test_starting_postures_are_near_their_contacts(name, proposals):
-    found, grasp_target = proposals[name], subject(name)
-    reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
-    postures = list(atlas_postures(found, GraspProblem(grasp_target, CELL, SETTINGS)))
-    assert 10 < len(postures) <= SETTINGS.postures
-    assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
-    for posture in postures:
-        assert ((posture.q >= LOWER) & (posture.q <= UPPER)).all()
-        targets = found.contacts[posture.proposal] + reach * found.normals[posture.proposal]
-        tips = tips_by_mujoco(posture.q)
-        miss = min(
-            np.linalg.norm(tips - targets[list(order)], axis=1).max()
-            for order in itertools.permutations(range(3))
-        )
-        assert miss < 0.02
-
-
-def test_oriented_postures_say_how_far_they_miss(proposals):
-    found, grasp_target = proposals["ball"], subject("ball")
-    reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
-    total = 0
-    for k in range(6):
-        postures = oriented_postures(k, found, GraspProblem(grasp_target, CELL, SETTINGS))
-        assert len(postures) <= SETTINGS.initial_orientations
-        assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
-        targets = found.contacts[k] + reach * found.normals[k]
-        for posture in postures:
-            miss = np.linalg.norm(tips_by_mujoco(posture.q) - targets, axis=1).max()
-            assert posture.score == pytest.approx(-miss, abs=1e-9)
-            total += miss < 1.1e-3
-    assert total > 6
-
-
 def test_tip_ik_reaches_what_can_be_reached():
     rng, atlas, met = np.random.default_rng(3), hand_atlas(CELL), 0
     for k in rng.choice(len(atlas.joints), 40, replace=False):
@@ -246,19 +136,6 @@ def test_tip_ik_reaches_what_can_be_reached():
         assert miss == pytest.approx(true, abs=1e-9)
         met += true < 1e-4
     assert met >= 36
-
-
-def test_tip_ik_with_fingers_only_keeps_the_arm_and_reports_the_miss():
-    goal = HOME.copy()
-    goal[[8, 9, 12, 13, 20, 21]] += [0.2, 0.1, 0.15, 0.2, 0.2, 0.3]
-    targets, shift = tips_by_mujoco(goal).copy(), np.array([0.0, 0.3, 0.0])
-    q = HOME.copy()
-    assert solve_tips(q, targets, TREE, 100, 5e-4, True) < 5e-4
-    assert_array_equal(q[:7], HOME[:7])
-    far = HOME.copy()
-    miss = solve_tips(far, targets + shift, TREE, 100, 1e-4, True)
-    assert miss > 0.1
-    assert miss == pytest.approx(np.linalg.norm(tips_by_mujoco(far) - targets - shift, axis=1).max())
 
 
 # The constraints of the optimisation

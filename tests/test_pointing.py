@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from processes import typed
+from tables import mistakes
 from test_scene_cloud import scene_points
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
@@ -57,47 +59,33 @@ def test_what_is_pointed_at_is_planned_and_what_stands_beside_is_said(scan, caps
     assert "object: 6 x 8 x" in out.err
     assert "cm away" in out.err
     assert len(json.loads((scan / "grasp" / "grasp.json").read_text())["neighbours"]) == 2
-    assert main(["verify", str(scan / "grasp" / "grasp.json")]) == OK
+    assert typed(f"verify {scan / 'grasp' / 'grasp.json'}") == OK
 
 
 def test_what_verify_rejects_is_neither_exported_nor_passed(scan, capsys):
     folder = scan / "trajectory"
     assert plan(scan, "--object-near", *PLACES[0], 0.03, "--out", scan) == OK
-    assert main(["export", str(scan / "grasp.json"), "--out", str(folder)]) == OK
-    assert main(["check", str(folder)]) == OK
+    assert typed(f"export {scan / 'grasp.json'} --out {folder}") == OK
+    assert typed(f"check {folder}") == OK
     assert "robot to what stands around" in capsys.readouterr().out
     content = json.loads((scan / "grasp.json").read_text())
     for one in content["neighbours"]:  # they stand where the object does, and higher
         middle = np.mean(one["parts"][0], axis=0)
         one["pose"][0][3], one["pose"][1][3], one["pose"][2][3] = *(PLACES[0] - middle[:2]), 0.06
     (scan / "moved.json").write_text(json.dumps(content))
-    assert main(["verify", str(scan / "moved.json")]) == ANSWER_IS_NO
-    assert main(["export", str(scan / "moved.json"), "--out", str(scan / "refused")]) == ANSWER_IS_NO
+    assert typed(f"verify {scan / 'moved.json'}") == ANSWER_IS_NO
+    assert typed(f"export {scan / 'moved.json'} --out {scan / 'refused'}") == ANSWER_IS_NO
     assert not (scan / "refused" / "arm.csv").exists()
     assert "--force" in capsys.readouterr().out
-    assert main(["export", str(scan / "moved.json"), "--out", str(folder), "--force"]) == OK
+    assert typed(f"export {scan / 'moved.json'} --out {folder} --force") == OK
     assert json.loads((folder / "segments.json").read_text())["rejected"]
-    assert main(["check", str(folder)]) == ANSWER_IS_NO
+    assert typed(f"check {folder}") == ANSWER_IS_NO
     said = capsys.readouterr().out
     assert "grasp.json: " in said
     assert "NOT fit to run" in said
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--mask", "mask.npy"), "several labels"),
-        (("--mask", "mask.npy", "--label", 7), "no label 7: valid are 1, 2, 3"),
-        (("--mask", "short.npy"), "one value each of 15000"),
-        (("--mask", "empty.npy"), "marks no point"),
-        (("--mask", "floats.npy"), "not float64"),
-        (("--mask", "scene.ply"), "cannot read"),
-        (("--label", 2), "--label is of a --mask"),
-        (("--box", 0.5, 0, 0, 0.4, 1, 1), "box is empty"),
-        (("--pixel", "front", 3, 4), "points in a folder"),
-        (("--object-near", 0, 0, 0, "--mask", "mask.npy"), "in one way"),
-    ],
-)
+@pytest.mark.parametrize(("options", "words"), mistakes("pointing"))
 def test_pointing_at_nothing_is_one_line(scan, capsys, options, words):
     np.save(scan / "short.npy", np.ones(5, bool))
     np.save(scan / "empty.npy", np.zeros(15000, bool))

@@ -1,6 +1,5 @@
 """Properties that hold for every input: poses, cones, distances, parsers."""
 
-import argparse
 import json
 
 import numpy as np
@@ -13,15 +12,13 @@ from refusals import refused
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.cli.parsing import reader
 from dexgrasp.grasp.file import record_of
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.margin import cone_margin
 from dexgrasp_env.perception.cloud import remove_outliers
-from dexgrasp_env.perception.neighbourhoods import linked, local_planes
+from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.scan import cloud_of
-from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate
-from dexgrasp_env.valid import NATURAL, number
+from dexgrasp_env.poses import quat_conjugate, quat_multiply, quat_to_matrix, rotate
 
 COORDINATES = st.floats(-1.0, 1.0, width=32)
 
@@ -53,11 +50,6 @@ def test_quaternions_are_scipy_rotations(p, q, v):
     assert_allclose(rotate(quat_conjugate(p), rotate(p, v)), v, atol=1e-12)
 
 
-@given(quaternions())
-def test_a_matrix_gives_its_quaternion_back(q):
-    assert abs(matrix_to_quat(quat_to_matrix(q)) @ q) == pytest.approx(1.0, abs=1e-9)
-
-
 @given(directions(3), vectors(3), quaternions(), st.permutations(range(3)), st.floats(0.2, 5.0))
 def test_the_margin_knows_no_frame_order_or_scale(n, p, q, order, scale):
     area = np.linalg.norm(np.cross(p[1] - p[0], p[2] - p[0]))
@@ -77,37 +69,6 @@ def test_neighbours_and_clusters_are_those_of_all_distances(points, radius):
     assert_array_equal(kept, np.flatnonzero((near <= radius).sum(axis=1) > 3))
     labels = connected_components(near <= radius, directed=False)[1]
     assert_array_equal(linked(points, radius), labels)
-
-
-@given(hnp.arrays(np.float64, (30, 3), elements=st.floats(0.0, 0.1)), st.floats(0.02, 0.05))
-def test_local_planes_are_those_of_weighted_covariances(points, radius):
-    near = np.linalg.norm(points[:4, None] - points, axis=-1)
-    assume(min(np.abs(near - radius).min(), np.abs(near - 2 * radius).min()) > 1e-12)
-    weights = np.linspace(1.0, 2.0, len(points))
-    centres, normals, residuals = local_planes(points[:4], points, weights, radius, 8)
-    for k, distance in enumerate(near):
-        reach = radius if (distance <= radius).sum() >= 8 else 2 * radius
-        inside = distance <= reach
-        if inside.sum() < 3:
-            assert not normals[k].any()
-            continue
-        w = (weights * np.exp(-2.0 * (distance / reach) ** 2))[inside]
-        assert_allclose(centres[k], w @ points[inside] / w.sum(), atol=1e-12)
-        local = points[inside] - centres[k]
-        values = np.linalg.eigvalsh((w[:, None] * local).T @ local / w.sum())
-        assert_allclose(residuals[k] ** 2, max(values[0], 0.0), atol=1e-15)
-        assert_allclose(w @ (local @ normals[k]) ** 2 / w.sum(), values[0], atol=1e-15)
-
-
-@pytest.mark.parametrize("rule", [NATURAL, number(ge=1, whole=True), number(gt=0)])
-@given(text=st.text(max_size=20) | st.integers().map(str) | st.floats().map(str))
-def test_options_are_a_number_in_range_or_refused(rule, text):
-    try:
-        value = reader(rule)(text)
-    except argparse.ArgumentTypeError:
-        return
-    assert np.isfinite(float(value))
-    assert value >= 0 if rule is NATURAL else value > 0
 
 
 JSON = st.recursive(

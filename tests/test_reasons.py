@@ -1,6 +1,6 @@
 """Reasons in words: every code that the project gives is known, and people are told what to try."""
 
-from dexgrasp.evaluation.reasons import REASONS, explain, sentence
+from dexgrasp.evaluation.reasons import REASONS, explain
 from dexgrasp.evaluation.trial import NOT_HELD
 from dexgrasp.geometry import completion
 from dexgrasp.planning import cvae_source, planner, proposals
@@ -19,12 +19,6 @@ def test_every_code_has_a_sentence():
     codes = [*PLANNERS, completion.NO_VOLUME, cvae_source._NO_CLOSURE, *UNSEEN, *NOT_HELD.values()]
     assert [code for code in codes if code not in REASONS] == []
     assert all(reason.sentence and not reason.sentence.endswith(".") for reason in REASONS.values())
-
-
-def test_sentences_unfold():
-    assert sentence("no_grasp:clearance_self") == "no grasp: parts of the robot would touch each other"
-    assert sentence("agent_error: KeyError") == "the agent raised an exception (KeyError)"
-    assert sentence("somebody's own") == "somebody's own"
 
 
 def test_what_blocked_how_often_by_how_much_and_a_hint():

@@ -13,7 +13,6 @@ from dexgrasp_env.perception.pipeline import find_object, stand_on
 from dexgrasp_env.perception.refinement import refine_instances
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.selection import TargetSelector
-from dexgrasp_env.perception.viewpoint import find_viewpoint
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.sensing.raycast import RayCameras
@@ -100,14 +99,6 @@ def test_what_stands_on_another_is_another_and_its_hull_ends_there():
     assert masked.target.foot == pytest.approx(0.06, abs=0.004)
 
 
-def test_what_is_neither_convex_nor_hollow_may_be_two(rng):
-    tall, low = np.array([0.05, 0.08, 0.16]), np.array([0.10, 0.08, 0.05])
-    points = np.concatenate([box(rng, (0.5, 0.0), tall, 4000), box(rng, (0.575, 0.0), low, 4000)])
-    assert refinement.may_be_two(points, points[:, 2])
-    one = box(rng, (0.5, 0.0), tall, 4000)
-    assert not refinement.may_be_two(one, one[:, 2])
-
-
 @pytest.mark.parametrize("known", [True, False])
 def test_what_another_hides_in_part_is_doubtful(known):
     cloud = views(((0.05, 0.07, 0.18), (0.55, 0.0, 0.09)), ((0.06, 0.26, 0.06), (0.40, 0.02, 0.03)))
@@ -116,33 +107,6 @@ def test_what_another_hides_in_part_is_doubtful(known):
     behind = [bool(points[:, 0].mean() < 0.47) for points in found]
     assert len(found) >= 2
     assert hidden == behind
-
-
-def test_a_viewpoint_is_found_by_shadows_and_none_where_several_cameras_looked():
-    boxes = (((0.05, 0.07, 0.15), (0.55, 0.05, 0.075)), ((0.06, 0.08, 0.10), (0.45, -0.1, 0.05)))
-    points = views(*boxes).points
-    high = points[:, 2] > 0.005
-    eye = find_viewpoint(points[high], points[~high])
-    assert eye is not None
-    way, true = (place - points[high].mean(0) for place in (eye, EYE.position))
-    assert way @ true > np.cos(np.radians(15.0)) * np.linalg.norm(way) * np.linalg.norm(true)
-    other = Camera.look_at("other", (0.0, -0.1, 0.5), (0.5, 0.0, 0.05), LENS)
-    points = np.concatenate([points, views(*boxes, eye=other).points])
-    high = points[:, 2] > 0.005
-    assert find_viewpoint(points[high], points[~high]) is None
-    assert views(*boxes).eye() == pytest.approx(EYE.position, abs=1e-6)
-
-
-def test_walls_go_straight_down_under_what_was_seen_from_above_alone():
-    above = Camera.look_at("above", (0.5, 0.0, 0.7), (0.5001, 0.0, 0.0), LENS)
-    scene = find_object(
-        views(((0.06, 0.08, 0.1), (0.5, 0.0, 0.05)), eye=above), np.random.default_rng(0), CELL
-    )
-    assert scene.target.doubt == refinement.TOP_ONLY
-    corners, _ = completed_corners(scene.target, scene.plane)
-    assert corners is not None
-    foot = corners[corners[:, 2] < 0.02]
-    assert np.ptp(foot, axis=0)[:2] == pytest.approx([0.06, 0.08], abs=0.012)
 
 
 def test_a_side_that_is_guessed_is_said():
@@ -157,20 +121,17 @@ def test_a_captured_image_has_holes_shadows_and_steps():
     camera = Camera.look_at("c", (0.5, 0.0, 0.8), (0.5001, 0.0, 0.0), LENS)
     step = np.full((1, 240, 320), 0.8, np.float32)
     step[:, :, 160:] = 0.5
-    hidden = SensorModel(focal_px=580.0, baseline=0.075, hidden_dropout=1.0)
-    lost = ~np.isfinite(hidden.measure(step, (camera,), np.random.default_rng(0))[0])
+
+    def measured(depth, **settings):
+        return SensorModel(**settings).measure(depth, (camera,), np.random.default_rng(0))[0]
+
+    lost = ~np.isfinite(measured(step, focal_px=580.0, baseline=0.075, hidden_dropout=1.0))
     wide = 290.0 * 0.075 * (1.0 / 0.5 - 1.0 / 0.8)  # pixels, of which the other imager sees the nearer side
     assert lost[100].sum() == pytest.approx(wide, abs=1.5)
     assert lost[100, 150]
-    flat = np.full((1, 240, 320), 0.8, np.float32)
-    holes = SensorModel(hole_share=0.05).measure(flat, (camera,), np.random.default_rng(0))
+    holes = measured(np.full((1, 240, 320), 0.8, np.float32), hole_share=0.05)
     assert (~np.isfinite(holes)).mean() == pytest.approx(0.05, abs=0.005)
-    smeared = SensorModel(smear=7, edge_jump=0.02).measure(
-        np.where(step < 0.6, 0.79, step), (camera,), np.random.default_rng(0)
-    )
-    assert 0.791 < smeared[0, 100, 159] < 0.799
-    with pytest.raises(ValueError, match="window"):
-        SensorModel(window=4)
+    assert 0.791 < measured(np.where(step < 0.6, 0.79, step), smear=7, edge_jump=0.02)[100, 159] < 0.799
 
 
 @pytest.fixture

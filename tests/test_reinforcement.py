@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from refusals import refused
+from tables import mistakes, table
 from trainings import begun, goes_on_to_the_same_bits
 
 from dexgrasp.data.demonstrations.generate import generate
@@ -101,35 +102,14 @@ def test_demonstrations_fill_a_replay_buffer(demos):
         )
 
 
-@pytest.mark.parametrize(
-    ("more", "rollouts"),
-    [
-        ({}, (3, 100)),
-        ({"env_id": "DexGrasp/LiftPushed-v2"}, (4, 95)),
-        ({"n_steps": 32}, (10, 30)),
-        ({"n_steps": 1000}, (1, 1000)),
-        ({"max_episode_steps": 13, "n_steps": 6}, (3, 5)),
-        ({"max_episode_steps": 3, "n_steps": 2}, (2, 2)),
-        ({"env_id": "DexGrasp/LiftOnce-v0"}, (1, 100)),
-        ({"env_id": "DexGrasp/LiftStaged-v0"}, (1, 100)),
-    ],
-)
+@pytest.mark.parametrize(("more", "rollouts"), table("rollouts"))
 def test_a_round_is_an_episode_in_equal_rollouts_or_one_of_many(more, rollouts):
     settings = RlSettings(("sugar_box",), **more)
-    assert settings.rollouts == rollouts
+    assert settings.rollouts == tuple(rollouts)
     assert settings.round_steps == settings.num_envs * rollouts[0] * rollouts[1]
 
 
-@pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
-        ({"env_id": "DexGrasp/Place-v2"}, "valid is DexGrasp/Lift"),
-        ({"randomise": [["colour", 0.0, 1.0]]}, "valid are mass, friction, size"),
-        ({"randomise": [["mass", 2.0, 1.0]]}, "low <= high"),
-        ({"net_arch": [64, 0]}, r"net_arch is \[64, 0\]: .* each a whole number >= 1"),
-        ({"n_steps": 1}, "n_steps is 1"),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "says"), mistakes("training"))
 def test_wrong_settings_are_refused(wrong, says):
     with refused(says):
         read(RlSettings, {"objects": "sugar_box"} | wrong)

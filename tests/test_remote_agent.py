@@ -96,14 +96,6 @@ def test_chunks_are_carried_out_before_the_next_is_asked_for(tmp_path):
     assert first["joint_positions"].shape == (23,)
 
 
-def test_a_server_of_another_people_is_an_agent_as_it_is(tmp_path):
-    """A policy of `openpi-client`'s examples: its metadata and answers know nothing of this suite."""
-    answer = {"actions": np.zeros((5, 23)), "server_timing": {"infer_ms": 3.0}}
-    with PolicyServer(lambda *_: answer, metadata={}) as server:
-        _, (row,) = outcomes(server.name, tmp_path)
-        assert row["steps"] == 300
-
-
 def test_what_a_server_says_of_itself_is_part_of_the_run(tmp_path):
     with PolicyServer(still, {"env_settings": STATE, "weights": "a"}) as server:
         outcomes(server.name, tmp_path)
@@ -131,16 +123,7 @@ def test_trials_that_met_no_server_are_made_again(tmp_path):
         outcomes(server.name, tmp_path / "run", trials=3)
 
 
-def test_an_address_that_is_none_is_said(capsys):
-    for name, words in (
-        ("ws://127.0.0.1:1", "no policy server"),
-        ("ws://:80", "valid is ws://HOST:PORT"),
-        ("ws://a:0", "valid is ws://HOST:PORT"),
-        ("ws://127.0.0.1:8000?timeout=no", "valid is ws://HOST:PORT"),
-        ("ws://127.0.0.1:8000?speed=1", "valid is ws://HOST:PORT"),
-    ):
-        assert main(["evaluate", "--agents", name, "--objects", "pear", "--trials", "1"]) == 2
-        assert words in capsys.readouterr().err
+def test_what_the_protocol_decides_is_no_wish_of_a_server(capsys):
     with PolicyServer(still, {"env_settings": {"friction": 3}}) as server:
         assert main(["evaluate", "--agents", server.name, "--objects", "pear", "--trials", "1"]) == 2
         assert "which the protocol decides" in capsys.readouterr().err

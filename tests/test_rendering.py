@@ -17,7 +17,7 @@ from refusals import refused
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
-from dexgrasp_env.rendering import choose_gl, make_renderer, render, show_camera, show_options
+from dexgrasp_env.rendering import choose_gl, make_renderer, render, show_camera
 from dexgrasp_env.robot.cell import default_cell
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -86,41 +86,16 @@ def test_draws_what_is_there():
 
 
 @NEEDS_GL
-def test_collision_shapes_are_hidden():
-    model, data = scene(group=3)
-    renderer = make_renderer(model, 64, 64)
-    picture = render(renderer, data, show_camera())
-    assert not ((picture[..., 0] > 60) & (picture[..., 1] < 40)).any()
-    renderer.close()
-    np.testing.assert_array_equal(show_options().geomgroup, [1, 1, 1, 0, 0, 0])
-
-
-@NEEDS_GL
 def test_cameras_for_people_and_their_size():
-    env = gym.make(
-        "DexGrasp/Lift-v2",
-        objects="sugar_box",
-        render_mode="rgb_array",
-        render_camera="grasp",
-        render_size=[60, 80],
-    )
+    settings = {"objects": "sugar_box", "render_mode": "rgb_array", "render_size": [60, 80]}
+    env = gym.make("DexGrasp/Lift-v2", render_camera="grasp", **settings)
     env.reset(seed=0)
-    first = env.render()
-    assert first.shape == (60, 80, 3)
-    hand = env.unwrapped.data.site("palm").xpos.copy()
+    assert env.render().shape == (60, 80, 3)
     for _ in range(8):
         env.step(np.full(23, 1.0))
-    moved = env.unwrapped.data.site("palm").xpos - hand
     camera = show_camera("grasp", env.unwrapped.data, default_cell().robot)
-    assert np.linalg.norm(moved) > 0.05
     assert np.linalg.norm(camera.lookat - env.unwrapped.data.site("palm").xpos) < 0.15  # it follows
     env.close()
-    other = gym.make(
-        "DexGrasp/Lift-v2", objects="sugar_box", render_mode="rgb_array", render_camera="side_left"
-    )
-    other.reset(seed=0)
-    assert other.render().shape == (480, 640, 3)
-    other.close()
     with refused("side_left"):
         gym.make("DexGrasp/Lift-v2", render_camera="top")
     for size in ((0, 80), "640x480", (64,), (60.0, 80.0)):

@@ -5,19 +5,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from dexgrasp_env.objects.bottles import revolve
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel, centred_model
-from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.objects.rest_poses import (
     MOST_POSES,
     drop_model,
     find_rest_poses,
     rest_poses,
-    symmetry_axis,
 )
-from dexgrasp_env.objects.shapes import Shape, box, cylinder
+from dexgrasp_env.objects.shapes import Shape, box
 from dexgrasp_env.poses import quat_to_matrix
 
 pytestmark = pytest.mark.usefixtures("own_cache")
@@ -38,43 +35,6 @@ def test_a_box_rests_on_each_face_and_most_often_on_the_largest():
     assert_allclose(np.abs([pose.up for pose in poses]).max(1), 1, atol=1e-8)
 
 
-def test_a_cylinder_rests_on_its_two_ends_and_on_its_side():
-    poses = find_rest_poses(model_of(cylinder(0.06, 0.08)))
-    side, *ends = poses
-    assert side.height == pytest.approx(0.03, abs=1e-5)
-    assert abs(side.up[2]) < 1e-3
-    assert [end.height for end in ends] == pytest.approx([0.04, 0.04])
-    assert abs(ends[0].probability - ends[1].probability) < 0.05
-
-
-@pytest.mark.slow
-def test_a_hemisphere_rests_on_its_flat_and_on_its_dome():
-    """Solid: its centre of mass is 3/8 r from the flat, below the centre of its dome: both are stable.
-
-    On the dome it rights itself like a tumbler. Contact is finer here than usual: a dome of 100 vertices
-    would also come to rest on its facets.
-    """
-    angles = np.linspace(0, np.pi / 2, 24)
-    radius = 0.05
-    solid = revolve([(radius * np.cos(t), radius * np.sin(t)) for t in angles])
-    poses = find_rest_poses(model_of(Shape(solid.mesh, (hull_part(solid.mesh.vertices),))))
-    assert len(poses) == 2
-    dome = max(poses, key=lambda pose: pose.height)
-    flat = min(poses, key=lambda pose: pose.height)
-    assert dome.up[2] == pytest.approx(-1, abs=5e-3)
-    assert dome.height == pytest.approx(5 / 8 * radius, abs=1e-3)
-    assert flat.up[2] == pytest.approx(1, abs=1e-6)
-    assert flat.height == pytest.approx(3 / 8 * radius, abs=1e-3)
-    assert dome.probability > flat.probability
-
-
-def test_bodies_of_revolution_are_known_as_such():
-    for name in ("chips", "pear", "castle", "hairspray_bottle"):
-        assert_allclose(np.abs(symmetry_axis(load_object(name))), [0, 0, 1], atol=1e-3)
-    for name in ("lego", "sugar_box", "tetrahedron", "mustard_bottle"):
-        assert symmetry_axis(load_object(name)) is None
-
-
 @pytest.mark.parametrize("name", sorted(CATALOGUE))
 def test_shipped_poses_are_up_to_date_and_stable(name, tmp_path):
     model = load_object(name)
@@ -89,14 +49,3 @@ def test_shipped_poses_are_up_to_date_and_stable(name, tmp_path):
         mujoco.mj_step(mj_model, data, 250)
         assert quat_to_matrix(data.qpos[3:7])[2] @ pose.up > np.cos(0.05)
         assert abs(data.qpos[2] - pose.height) < 1e-3
-
-
-def test_poses_are_cached_and_a_damaged_cache_is_replaced(tmp_path):
-    model = model_of(box((0.05, 0.06, 0.07)), "not_in_the_catalogue")
-    poses = rest_poses(model)
-    (path,) = (tmp_path / "cache" / "rest_poses").iterdir()
-    whole = path.read_bytes()
-    path.write_text("{broken")
-    again = model_of(box((0.05, 0.06, 0.07)), "not_in_the_catalogue")
-    assert rest_poses(again) == poses
-    assert path.read_bytes() == whole

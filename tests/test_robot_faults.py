@@ -6,10 +6,10 @@ import pytest
 import yaml
 from foreign_parts import ALLEGRO, foreign_hand
 from robots import variant
+from tables import mistakes
 
 from dexgrasp.cli.commands import run_command
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
-from dexgrasp_env.assets import asset_path
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.make import make_robot
 
@@ -83,55 +83,14 @@ def test_the_check_finds_a_fault_of_a_description(change, problem, tmp_path, cap
     assert "Traceback" not in said.err
 
 
-HAND = yaml.safe_load(asset_path("robot", "allegro.yaml").read_text())
-FRAME = {"position": [0.0, 0.0, 0.0]}
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"schema": 2}, "schema: 1"),
-        ({"mjcf": "nowhere.xml"}, "nowhere.xml does not exist"),
-        ({"palm": "a\nb"}, "valid is a word"),
-        ({"fingers": HAND["fingers"][:1]}, "fingers is .*: valid is a list of 2"),
-        ({"open": [0.0] * 15}, "valid are 16"),
-        ({"open": [9.0] * 16}, "valid ranges hold home"),
-        ({"grasp": ["thumb", "pinky"]}, "finger of a grasp 'pinky'"),
-        ({"grasps": [["thumb", "pinky", "ring"]]}, "finger of a grasp 'pinky'"),
-        ({"grasps": ["thumb"]}, "grasps .* names, each once"),
-        ({"tip_radius": -1.0}, "> 0"),
-        ({"frame": {**FRAME, "quat_wxyz": [1.0, 1.0, 0.0, 0.0]}}, "unit quaternion"),
-        ({"frame": FRAME}, "a finger has no frame"),
-        ({"palm": "hand"}, "name palm: no body"),
-        ({"self_pairs": [["palm", "nose"]]}, "no body of the hand"),
-        ({"mounts": {}}, "unknown mount"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "words"), mistakes("hands"))
 def test_a_broken_robot_file_is_said_in_one_line(change, words, tmp_path, capsys):
     assert run_command(["robot", "check", str(variant(tmp_path, hand=change))]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(words, line), line
 
 
-_ARM = yaml.safe_load(asset_path("robot", "panda.yaml").read_text())
-_ASIDE = {"position": [0.0, 0.0, 0.1], "quat_wxyz": [0.5**0.5, 0.5**0.5, 0.0, 0.0]}
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"arm": {"bodies": _ARM["bodies"][:-1]}}, "bodies are 7: valid are a base and one for each of 7 joints"),
-        ({"arm": {"joints": ["j"] * 7}}, "names, each once"),
-        ({"arm": {"shaken": [0, 9]}}, "two numbers of joints"),
-        ({"arm": {"frame": _ASIDE}}, "axis of the last joint"),
-        ({"arm": {"mjcf": "."}}, "does not exist: name a file"),
-        ({"arm": {"velocity": "fast"}}, "velocity"),
-        ({"mount": "sideways"}, "unknown mount 'sideways'"),
-        ({"hand": "gone.yaml"}, "gone.yaml does not exist"),
-        ({"arm": ["arm.yaml"]}, "arm"),
-        ({"legs": 2}, "legs"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("changes", "words"), mistakes("robots"))
 def test_a_broken_arm_or_robot_is_said_in_one_line(changes, words, tmp_path, capsys):
     assert run_command(["robot", "check", str(variant(tmp_path, **changes))]) == 2
     (line,) = capsys.readouterr().err.splitlines()

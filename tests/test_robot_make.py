@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 import yaml
+from processes import typed
 from refusals import refused
 from robots import variant
 from test_grippers import SLIDES, made
 from test_robot_sources import FINGERS, urdf
 
-from dexgrasp.cli.main import main
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.hand_maker import NamedParts
@@ -49,12 +49,10 @@ def test_a_body_that_is_not_there_is_refused_with_those_that_are(hand):
 
 def test_one_file_is_made_without_being_told_what_it_is_and_drawn(hand, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert main(["robot", "make", str(hand), "--json"]) == 0
+    assert typed(f"robot make {hand} --json") == 0
     said = json.loads(capsys.readouterr().out)
     assert (said["robot"], said["picture"]) == ("claw.yaml", "claw.png")
     assert (tmp_path / "claw.png").stat().st_size > 10_000
-    assert main(["robot", "make"]) == 2
-    assert "name what to make a robot of" in capsys.readouterr().err
 
 
 def test_recipes_replace_what_a_file_states(hand):

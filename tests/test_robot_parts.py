@@ -1,15 +1,21 @@
 """What `robot make` reads of a description: torques and stiffnesses through gears, and which joints an arm may have."""
 
+import locale
 import re
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from foreign_parts import six_joint_arm
+from tables import table
 
 from dexgrasp.cli.commands import run_command
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.make import arm_entry, make_robot
+from dexgrasp_env.robot.rebuilt import Description
 
 
 def driven(folder, servos, change=lambda text: text):
@@ -20,19 +26,7 @@ def driven(folder, servos, change=lambda text: text):
     return path
 
 
-@pytest.mark.parametrize(
-    ("servo", "torque", "stiffness"),
-    [
-        ('<position joint="j{k}" kp="500" forcerange="-80 80"/>', 80.0, 500.0),
-        ('<position joint="j{k}" kp="5" gear="10" forcerange="-8 8"/>', 80.0, 500.0),
-        ('<motor joint="j{k}" gear="20" ctrlrange="-4 4"/>', 80.0, 2000.0),
-        ('<motor joint="j{k}" gear="-20" forcerange="-4 4"/>', 80.0, 2000.0),
-        ('<velocity joint="j{k}" kv="7" forcerange="-80 80"/>', 80.0, 2000.0),
-        ('<position joint="j{k}" kp="500" forcerange="-80 80"/><velocity joint="j{k}" kv="7"/>', 80.0, 500.0),
-        ('<general joint="j{k}" biastype="affine" biasprm="0 -500 -10" forcerange="-80 80"/>', 80.0, 500.0),
-        ('<position jointinparent="j{k}" kp="500" forcerange="-80 80"/>', 80.0, 500.0),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("servo", "torque", "stiffness"), table("servos"))
 def test_torque_and_stiffness_are_the_joints(servo, torque, stiffness, tmp_path):
     path = driven(tmp_path, "".join(servo.format(k=k) for k in range(6)))
     entry, notes = arm_entry(path)
@@ -40,12 +34,6 @@ def test_torque_and_stiffness_are_the_joints(servo, torque, stiffness, tmp_path)
     assert entry["torque"] == pytest.approx([torque] * 6)
     assert entry["stiffness"] == pytest.approx([stiffness] * 6)
     assert any("stiffness" in note for note in notes) == (stiffness == 2000.0)
-
-
-def test_a_position_servo_without_limits_leaves_the_torque_to_be_assumed(tmp_path):
-    servos = "".join(f'<position joint="j{k}" kp="500" ctrlrange="-3 3"/>' for k in range(6))
-    _, notes = arm_entry(driven(tmp_path, servos))
-    assert any(note.startswith("arm torque: none") for note in notes)
 
 
 def test_joints_without_a_range_turn_once(tmp_path):
@@ -72,3 +60,30 @@ def test_an_arm_of_other_joints_is_refused_in_a_line(change, words, tmp_path):
     path.write_text(change(path.read_text()))
     with pytest.raises(InputError, match=words):
         arm_entry(path)
+
+
+@pytest.fixture
+def french(tmp_path, monkeypatch):
+    """Set a locale with decimal commas for the time of a test."""
+    made = shutil.which("localedef") and subprocess.run(
+        ["localedef", "-i", "fr_FR", "-f", "UTF-8", str(tmp_path / "fr_FR.UTF-8")], capture_output=True
+    )
+    monkeypatch.setenv("LOCPATH", str(tmp_path))
+    before = locale.setlocale(locale.LC_ALL)
+    try:
+        locale.setlocale(locale.LC_ALL, "fr_FR.UTF-8")
+    except locale.Error:
+        pytest.skip(f"no French locale can be made here: {made}")
+    yield
+    locale.setlocale(locale.LC_ALL, before)
+
+
+def test_meshes_of_a_hand_are_as_large_where_commas_are_decimal(french, tmp_path):
+    trimesh.creation.box((0.02, 0.03, 0.05)).export(tmp_path / "palm.obj")
+    (tmp_path / "hand.xml").write_text(
+        "<mujoco><asset><mesh name='palm' file='palm.obj'/></asset>"
+        "<worldbody><geom type='mesh' mesh='palm'/></worldbody></mujoco>"
+    )
+    model = Description(tmp_path / "hand.xml").model
+    assert sorted(model.geom_aabb[0, 3:]) == pytest.approx([0.01, 0.015, 0.025])
+    assert locale.localeconv()["decimal_point"] == ","

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from gymnasium import wrappers as gw
 from refusals import refused
+from tables import table
 
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.protocol import trial_seeds
@@ -68,30 +69,7 @@ LEARNERS = {
     "trpo": (contrib.TRPO, {"n_steps": 16, "batch_size": 16}),
 }
 PACE = {"frame_skip": 50, "max_episode_steps": 150}
-CASES = [
-    # learner, environment, settings, what is around all environments
-    ("ppo", dict_env, PACE | {"action_scale": 0.5}, ""),
-    ("recurrentppo", rescaled_env, {"control_mode": "ee_delta", **PACE}, "normalise"),
-    ("sac", keys_env, {"frame_skip": 100, "max_episode_steps": 75}, "normalise"),
-    ("ppo", dict_env, {}, "normalise"),
-    ("ppo", flat_env, {"control_mode": "joint_position"}, ""),
-    ("ppo", rescaled_env, PACE, "normalise"),
-    ("ppo", stacked_env, {}, ""),
-    ("ppo", timed_env, PACE, "normalise"),
-    ("ppo", normalised_env, PACE, ""),
-    ("ppo", keys_env, PACE, "stack"),
-    ("ppo", dict_env, PACE | {"reward_mode": "sparse"}, "normalise stack"),
-    ("ppo", dict_env, {"obs_mode": "pointcloud", "observe": "reset", **PACE}, ""),
-    ("sac", dict_env, {}, ""),
-    ("sac", flat_env, PACE, "normalise"),
-    ("td3", keys_env, {"action_scale": 0.3}, ""),
-    ("tqc", dict_env, PACE, ""),
-    ("tqc", rescaled_env, {"control_mode": "joint_position", **PACE}, "normalise"),
-    ("tqc", sticky_env, {}, ""),
-    ("recurrentppo", dict_env, PACE, ""),
-    ("recurrentppo", flat_env, {}, "normalise"),
-    ("trpo", keys_env, PACE, "normalise"),
-]
+CASES = table("checkpoints")
 
 
 def around(envs, how, training):
@@ -108,7 +86,8 @@ def policy_name(space, learner):
 
 def trained(case, path, steps=64, make=DummyVecEnv):
     """Save a policy as its training script does; return what the script itself scores it with."""
-    learner, make_env, settings, how = case
+    learner, wrapped, settings, how = case
+    make_env = globals()[f"{wrapped}_env"]
     kind, options = LEARNERS[learner]
     envs = around(make([lambda: make_env(**settings)]), how, training=True)
     name = policy_name(envs.observation_space, learner)

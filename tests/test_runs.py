@@ -13,7 +13,6 @@ from dexgrasp.runs import pool, progress
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend, WorkerDiedError, run_pool
 from dexgrasp.runs.progress import progress_bar
-from dexgrasp.runs.shards import is_shard, make_missing, write_shard
 from dexgrasp_env.cores import usable_cores
 
 
@@ -84,27 +83,6 @@ def test_bars_of_workers_leave_nothing_behind_that_is_warned_of(tmp_path):
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
     assert done.stdout == "[3, 6]\n"
     assert "leaked" not in done.stderr
-
-
-def test_pieces_that_are_there_are_not_made_again(tmp_path):
-    made, shown = [], []
-
-    def make(name):
-        made.append(name)
-        write_shard(tmp_path / name, {}, "key")
-
-    def there(name):
-        return is_shard(tmp_path / name, "key")
-
-    def show(done, total):
-        shown.append((done, total))
-
-    write_shard(tmp_path / "b", {}, "key")
-    write_shard(tmp_path / "c", {}, "another key")
-    assert make_missing(make, ["a", "b", "c"], there, Backend(), show)
-    assert made == ["a", "c"]
-    assert shown == [(1, 3), (2, 3), (3, 3)]
-    assert not make_missing(make, ["a", "b", "c"], there, Backend(), show)
 
 
 def test_progress_is_lines_where_no_terminal_is(monkeypatch, capsys):

@@ -4,10 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from robots import CELL, HOME, JOINTS, LOWER, TIPS, TORQUE, UPPER
+from robots import CELL, HOME, JOINTS, TIPS
 
 from dexgrasp_env.objects.load import load_object
-from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.scene.arena import read_arena
 from dexgrasp_env.scene.build import build_scene
 
@@ -69,13 +68,6 @@ def test_slip_begins_at_mu_times_the_normal_force(scene, friction, degrees):
     assert slides(model, 1.05 * friction, direction) > 0.010
 
 
-def test_every_contact_has_the_friction_asked_for():
-    model = build_scene(load_object("castle"), CELL, friction=0.45)
-    colliding = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
-    assert np.all(model.geom_friction[colliding, 0] == 0.45)
-    assert np.all(model.pair_friction[:, :2] == 0.45)
-
-
 def test_nothing_sticks(scene):
     assert scene.neq == 0
     assert scene.ntendon == 0
@@ -95,36 +87,3 @@ def test_gravity_acts_on_the_object_alone_as_it_should(scene):
     for _ in range(100):
         mujoco.mj_step(scene, data)
     assert data.qpos[25] == pytest.approx(1.0 - 0.5 * GRAVITY * 0.2**2, abs=0.003)
-
-
-def test_torque_limits_hold(scene):
-    assert_allclose(np.abs(scene.actuator_forcerange), np.stack([TORQUE, TORQUE], axis=1))
-    data = mujoco.MjData(scene)
-    data.qpos[:23], data.qpos[23:30] = HOME, [0.5, 0.4, 0.3, 1, 0, 0, 0]
-    rng = np.random.default_rng(0)
-    largest = np.zeros(23)
-    for _ in range(40):
-        data.ctrl[:] = rng.choice([LOWER, UPPER], axis=0)
-        for _ in range(10):
-            mujoco.mj_step(scene, data)
-            largest = np.maximum(largest, np.abs(data.actuator_force))
-    assert np.all(largest <= TORQUE + 1e-9)
-    assert np.any(largest > 0.99 * TORQUE)
-
-
-@pytest.mark.parametrize("name", ["sugar_box", "tomato_soup_can", "tetrahedron"])
-def test_an_object_at_rest_stays(name):
-    from dexgrasp_env.objects.load import load_object as load
-
-    model = load(name)
-    scene = build_scene(model, CELL)
-    data = mujoco.MjData(scene)
-    data.qpos[:23] = data.ctrl[:] = HOME
-    pose = max(rest_poses(model), key=lambda pose: pose.probability)
-    data.qpos[23:30] = [0.5, 0.0, pose.height, *pose.quat_wxyz]
-    for _ in range(100):
-        mujoco.mj_step(scene, data)
-    settled = data.qpos[23:26].copy()
-    for _ in range(1000):
-        mujoco.mj_step(scene, data)
-    assert np.linalg.norm(data.qpos[23:26] - settled) < 1e-3

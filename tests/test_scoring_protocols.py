@@ -116,15 +116,6 @@ def test_every_protocol_tells_a_firm_grip_from_none(tmp_path, name, monkeypatch)
     assert not protocol.judge(case(tmp_path, -9.0, pads), 0).success
 
 
-def test_same_seed_same_verdict(tmp_path, monkeypatch):
-    firm = case(tmp_path, 6.0)
-    protocol = get_grasp_protocol("get_a_grip")
-    monkeypatch.setattr(protocol, "_draws", 1)
-    monkeypatch.setattr(protocol, "_beat", 0.04)
-    assert protocol.judge(firm, 5) == protocol.judge(firm, 5)
-    assert protocol.judge(firm, 5) != protocol.judge(firm, 6)
-
-
 def test_a_pregrasp_inside_the_object_fails(tmp_path):
     deep = case(tmp_path, 15.0)
     inside = Candidate(**{**vars(deep), "pregrasp": HandStage(deep.pregrasp.T_world_hand, np.full(2, 0.012))})

@@ -3,24 +3,19 @@
 import json
 import os
 import pickle
-from types import SimpleNamespace
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose
 from refusals import refused
-from robots import CELL, HAND_JOINTS, TIPS
+from robots import HAND_JOINTS
 
 from dexgrasp.cli.main import main
-from dexgrasp.evaluation.scoring.closing import PRESS, balanced_forces, close_around
-from dexgrasp.evaluation.scoring.hand import HandStage, find_hand
-from dexgrasp.evaluation.scoring.readers import ReadOptions, ours, read_candidates
+from dexgrasp.evaluation.scoring.readers import ReadOptions, read_candidates
 from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dictionary
 from dexgrasp.evaluation.scoring.readers.plain import FORMAT
 from dexgrasp_env.poses import pose_matrix
-from dexgrasp_env.robot.model import robot_spec
 
 OFFSET = np.array([0.02, -0.01, 0.05])  # of the box's centre in the mesh file, m
 SIDES = (0.05, 0.06, 0.10)
@@ -163,19 +158,6 @@ def test_frogger_layout_by_names_and_palm(folder):
     assert_allclose(press, 2.0 * (found.squeeze.joints - found.grasp.joints))
 
 
-def test_frogger_mistakes(folder):
-    for change, words in [
-        ({"joint_names": np.array(["a"])}, "16 joints"),
-        ({"X_WO": np.zeros((4, 4))}, "no rigid transform"),
-        ({"body_names": np.array(["arm", "palm"])}, "must have algr_rh_palm"),
-    ]:
-        with refused(words):
-            read_candidates(frogger(folder, **change), options(folder))
-    np.savez(folder / "p.npz", q=np.array([Evil()], dtype=object))
-    with refused("plain arrays"):
-        read_candidates(folder / "p.npz", options(folder))
-
-
 def plain(folder, **more):
     names = list(HAND_JOINTS)[::-1]
     stage = {"T_world_hand": [0.4, 0, 0.2, 0, 1, 0, 0], "joints": list(np.arange(16) / 20)}
@@ -201,63 +183,6 @@ def test_plain_json(folder):
     (folder / "plain.json").write_text(json.dumps(content))
     with refused("differ in number"):
         read_candidates(folder / "plain.json", options(folder))
-
-
-def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch):
-    """The tips of the floating hand are where those of arm and hand are."""
-    rng = np.random.default_rng(0)
-    q = np.concatenate([[0.1, 0.4, -0.2, -1.9, 0.3, 2.0, 0.7], rng.uniform(0.3, 0.8, 16)])
-    identity = SimpleNamespace(source="sugar_box", name="sugar_box", scale=1.0)
-    record = SimpleNamespace(
-        T_world_object=np.eye(4), object=identity, check_cell=lambda: CELL.mounted("fingers_along"),
-        pregrasp=q - 0.1, grasp=q, squeeze=np.r_[q[:7], q[7:] + 0.02],
-    )  # fmt: skip
-    monkeypatch.setattr(ours, "record_of", lambda *_: record)
-    (found,) = ours.read_ours({}, tmp_path / "grasp.json", ReadOptions())
-    robot, hand = robot_spec(CELL.mounted("fingers_along")).compile(), found.hand.model
-    whole, alone = mujoco.MjData(robot), mujoco.MjData(hand)
-    whole.qpos[:23], alone.qpos[:] = q, found.grasp.joints
-    mujoco.mj_kinematics(robot, whole)
-    mujoco.mj_kinematics(hand, alone)
-    T = found.grasp.T_world_hand
-    for tip in TIPS:
-        assert_allclose(T[:3, :3] @ alone.site(tip).xpos + T[:3, 3], whole.site(tip).xpos, atol=1e-9)
-    assert_allclose(found.squeeze_for(5.0).joints - found.grasp.joints, np.full(16, 0.04))
-    record.T_world_object = None
-    with refused("T_world_object is missing"):
-        ours.read_ours({}, tmp_path / "grasp.json", ReadOptions())
-
-
-# -- closing ----------------------------------------------------------------------------------------------------
-
-
-def test_forces_are_in_balance_and_in_their_cones():
-    points = np.array([[0.03, 0.01, 0.0], [0.03, -0.01, 0.0], [-0.03, 0.0, 0.0]])
-    inward = np.array([[-1.0, 0, 0], [-1.0, 0, 0], [1.0, 0, 0]])
-    forces = balanced_forces(points, inward, np.zeros(3))
-    assert_allclose(forces.sum(0), 0.0, atol=1e-3)
-    assert_allclose(np.cross(points, forces).sum(0), 0.0, atol=1e-4)
-    normal = (forces * inward).sum(1)
-    assert normal.max() == pytest.approx(PRESS)
-    assert (np.linalg.norm(forces - normal[:, None] * inward, axis=1) <= 0.5 * normal + 1e-6).all()
-
-
-def test_closing_opens_away_and_presses_into():
-    hand = find_hand("allegro")
-    joints = np.array([0.0, 0.6, 0.6, 0.6] * 3 + [1.2, 0.3, 0.3, 0.6])
-    data = mujoco.MjData(hand.model)
-
-    def tips(q):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(hand.model, data)
-        return np.array([data.site(n).xpos.copy() for n in ("index_tip", "middle_tip", "thumb_tip")])
-
-    at = tips(joints)
-    middle = at.mean(0)
-    inward = (middle - at) / np.linalg.norm(middle - at, axis=1, keepdims=True)
-    first, last = close_around(hand, HandStage(np.eye(4), joints), at, inward, middle)
-    assert (((tips(first.joints) - at) * inward).sum(1) < -0.005).all()
-    assert (((tips(last.joints) - at) * inward).sum(1) > 0.0).all()
 
 
 # -- the command ------------------------------------------------------------------------------------------------

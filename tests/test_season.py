@@ -1,6 +1,5 @@
 """Seasons: seeds that only a release gives, one scoring, trials published, pages written from them."""
 
-import dataclasses
 import gzip
 import json
 import tarfile
@@ -137,23 +136,6 @@ def test_without_a_beacon_entropy_is_entered_and_recorded_as_unchecked(house):
     assert drawn == ("the lottery of 2 January", {"entropy": "the lottery of 2 January", "checked": False})
 
 
-def test_pages_show_the_evaluations_that_the_season_names(tmp_path):
-    known = commitment.Season("2026-12", tmp_path, {"small": {"seeds": 2}, "small-view": {}})
-    for name in ("small-0", "small-1", "small-view-0"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "run.json").touch()
-    found = pages.published(tmp_path, known, "small")
-    assert [path.name for path in found] == ["small-0", "small-1"]
-    with pytest.raises(InputError, match="unknown entry"):
-        pages.published(tmp_path, known, "large")
-    more = dataclasses.replace(known, entries={"small": {"seeds": 3}, "small-view": {}})
-    with pytest.raises(InputError, match="small-2 is not there"):
-        pages.published(tmp_path, more, "small")
-    fewer = dataclasses.replace(known, entries={"small": {"seeds": 1}, "small-view": {}})
-    with pytest.raises(InputError, match="small-1 is no evaluation of season 2026-12: remove it"):
-        pages.published(tmp_path, fewer, "small")
-
-
 def test_what_was_interrupted_goes_on(house):
     root, path = house
     commitment.commit(path, ROUND, BEFORE)
@@ -175,11 +157,3 @@ def test_every_page_shows_what_was_published():
         assert pages.rewritten(text) == text, f"{path.name}: run scripts/season.py write"
     runs = (pages.ROOT / "docs" / "results").glob("*/*/run.json")
     assert shown == {f"{run.parents[1].name}/{run.parent.name.rpartition('-')[0]}" for run in runs}
-
-
-def test_a_file_that_is_no_season_is_refused(tmp_path):
-    path = tmp_path / "a.json"
-    for content in ("{}", '{"schema": 1, "entries": []}', '{"schema": 2}', '{"schema": 3, "entries": {}}'):
-        path.write_text(content)
-        with pytest.raises(InputError, match="is no season"):
-            commitment.read_season(path)

@@ -5,6 +5,7 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
+from refusals import rejected
 from robots import CELL
 from seen_tables import AMID, GIVEN, block, flat, height_over, leaning, seen_at, standing, without
 
@@ -85,7 +86,7 @@ def test_a_file_states_the_table_and_is_held_to_its_points():
     assert height_over(content, T) > 0.0
     assert np.allclose(content["table"]["normal"], T[:3, 2], atol=2e-3)
     record = record_of(content)
-    assert [check.name for check in verify(record) if not check.holds] == []
+    assert rejected(record) == []
     names = {check.name for check in verify(record)}
     assert {"clearance hand_seen", "pregrasp clearance hand_seen", "lift: clearance hand_seen"} <= names
     assert as_json(record)["table"] == content["table"]
@@ -122,16 +123,8 @@ def test_a_table_that_is_higher_than_it_was_planned_for_is_hit():
     table = content["table"]
     table["points"] = (np.array(table["points"]) + 0.01 * np.array(table["normal"])).tolist()
     table["offset"] += 0.01
-    failed = {check.name for check in verify(record_of(content)) if not check.holds}
+    failed = set(rejected(record_of(content)))
     assert {"clearance hand_table", "clearance hand_seen"} <= failed
-
-
-def test_files_of_before_are_read():
-    content = copy.deepcopy(bar_on_a_higher_table()[1])
-    del content["table"]
-    record = record_of(content)
-    assert record.table is None
-    assert record.here is CELL.mounted(content["mount"])
 
 
 def test_a_trajectory_is_checked_against_the_table_that_was_seen(tmp_path):
@@ -208,16 +201,7 @@ def under_a_shelf(rng, height=0.45):
     return [*standing(rng, (0.5, 0.0), CARTON), flat(rng, (0.3, -0.3), (0.8, 0.3), height, 0.008)], 0.0
 
 
-def in_a_bin(rng):
-    """A carton on the floor of a bin, whose rims are 9 cm high and 2 cm wide, on a table."""
-    table = without(flat(rng, (0.2, -0.45), (0.85, 0.45)), (0.52, 0.0), (0.34, 0.44))
-    floor = without(flat(rng, (0.37, -0.20), (0.67, 0.20), 0.012), (0.5, 0.0), CARTON)
-    rims = [flat(rng, (x, -0.22), (x + 0.02, 0.22), 0.09) for x in (0.35, 0.67)]
-    rims += [flat(rng, (0.35, y), (0.69, y + 0.02), 0.09) for y in (-0.22, 0.20)]
-    return [table, floor, *rims, block(rng, (0.5, 0.0), CARTON, 0.012)], 0.012
-
-
-SCENES = (beside_a_plate, on_a_plate, before_a_ramp, under_a_shelf, in_a_bin)
+SCENES = (beside_a_plate, on_a_plate, before_a_ramp, under_a_shelf)
 
 
 @pytest.mark.parametrize("noise", [0.0005, 0.003])
@@ -264,28 +248,6 @@ def test_what_is_level_beside_or_above_is_an_obstacle():
         assert not isinstance(file_of(points), str)
 
 
-def test_a_tall_thing_that_is_seen_from_above_does_not_hang():
-    rng = np.random.default_rng(6)
-    place, sides = np.array([0.6, 0.25]), (0.12, 0.12)
-    table, carton = standing(rng, (0.5, -0.05), CARTON)
-    lid = flat(rng, place - 0.06, place + 0.06, 0.32)
-    found = look(
-        seen_at(rng, leaning(0.0), without(table, place, sides), carton, lid), near=(0.5, -0.05, 0.1)
-    )
-    assert found.reason is None
-    assert not found.boxes  # it is solid down to the table
-
-
-def test_what_is_pointed_at_tells_which_level_is_the_table():
-    rng = np.random.default_rng(2)
-    surfaces, _ = beside_a_plate(rng)
-    points = seen_at(rng, leaning(0.0), *surfaces, block(rng, (0.5, -0.25), CARTON, 0.02))
-    for y, height in ((0.1, 0.0), (-0.25, 0.02)):
-        for pointing in ({"near": (0.5, y, 0.1)}, {"box": [[0.44, y - 0.06, 0.03], [0.56, y + 0.06, 0.16]]}):
-            table = look(points, **pointing).table
-            assert table.height(np.array([0.5, y])) == pytest.approx(height, abs=0.003)
-
-
 @pytest.mark.skipif(not GIVEN.is_dir(), reason="clouds of others are not here")
 @pytest.mark.parametrize(
     ("name", "height", "lean"),
@@ -303,7 +265,7 @@ def test_given_clouds_are_planned_clear_of_their_table(name, height, lean):
     assert -0.001 < table.height(AMID[:2]) - height < 0.004
     assert np.degrees(table.lean) == pytest.approx(lean, abs=0.2)
     content = file_of(points)
-    assert [check.name for check in verify(record_of(content)) if not check.holds] == []
+    assert rejected(record_of(content)) == []
     if lean < 1.0:
         T = np.eye(4)
         T[2, 3] = np.median(table.points[:, 2])

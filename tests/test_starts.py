@@ -6,7 +6,6 @@ import pytest
 from lift_envs import make
 from refusals import refused
 from robots import HOME, UPPER
-from vector_envs import assert_same, native, singles
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.tasks.starts import PreGrasps
@@ -39,14 +38,6 @@ def test_joints_that_cannot_be_are_refused(options, word):
         make().reset(options=options)
 
 
-def test_an_object_in_the_hand_is_refused():
-    env = make()
-    env.reset(seed=0)
-    palm = env.unwrapped.data.site("palm").xpos.copy()
-    with refused("in the way"):
-        env.reset(options={"object_pose": [*palm, 1.0, 0.0, 0.0, 0.0], "joints": HOME})
-
-
 def test_episodes_begin_on_the_way_to_pre_grasps():
     starts = PreGrasps(objects=["sugar_box"])
     assert starts.ways >= 2
@@ -60,19 +51,6 @@ def test_episodes_begin_on_the_way_to_pre_grasps():
             assert info["stage"] == "untouched"
             moved = np.abs(seen["object_pose"][:3] - starts.poses[way, :3]).max()
             assert moved < 0.005  # nothing was pushed by the hand that is there already
-
-
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_many_begin_as_single_ones(mode):
-    kwargs = {"env_id": ID, "autoreset_mode": mode, "max_episode_steps": 2, "objects": ["sugar_box", "soda"]}
-    ours, theirs = native(3, **kwargs), singles(3, **kwargs)
-    first = ours.reset(seed=3)
-    assert_same(theirs.reset(seed=3), first)
-    assert first[1]["level"].tolist() == [0.9] * 3
-    rng = np.random.default_rng(0)
-    for step in range(5):
-        actions = rng.uniform(-1.0, 1.0, ours.action_space.shape).astype(np.float32)
-        assert_same(theirs.step(actions), ours.step(actions), f"step {step}")
 
 
 def test_starts_move_back_as_episodes_succeed():

@@ -39,14 +39,6 @@ def test_strange_clouds_raise_nothing(agent, name):
         assert agent.report.failure
 
 
-@pytest.mark.parametrize(
-    "normals", [np.zeros((256, 3)), np.full((256, 3), np.nan), np.tile([1e9, 0.0, 0.0], (256, 1))]
-)
-def test_strange_normals_raise_nothing(agent, normals):
-    agent.seed(0)
-    agent.reset(observation(BLOB) | {"cloud_normals": normals}, {})
-
-
 @pytest.mark.parametrize("targets", [np.full(23, 1e3), np.full(23, np.nan), HOME[:7]])
 def test_starts_that_the_robot_cannot_have_are_refused(agent, targets):
     with refused("joint_targets"):

@@ -6,7 +6,7 @@ from trial_rows import row
 
 from dexgrasp.evaluation.report.tables import render_summary
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.summary import present_sets, summarise, summarise_agent
+from dexgrasp.evaluation.summary import summarise, summarise_agent
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 
@@ -22,14 +22,6 @@ def some_rows(agent, seed):
             details = {"certificate": certificate, "stage_seconds": {"ik": 0.1}, "stage_repeats": {"ik": 2}}
             rows.append(row(agent, name, trial, bool(rng.random() < 0.7), details=details))
     return rows
-
-
-def test_sets_are_counted_apart():
-    agent = summarise_agent(some_rows("bilevel", 0))
-    assert {name: cell["trials"] for name, cell in agent["by_set"].items()} == {
-        "seen": 9, "familiar": 12, "novel": 39, "meshes": 3,
-    }  # fmt: skip
-    assert set(present_sets(list(OBJECT_SETS["ycb6"]))) == {"seen", "ycb6"}
 
 
 def test_trials_in_other_physics_are_averaged_into_nothing():
@@ -50,17 +42,13 @@ def test_trials_in_other_physics_are_averaged_into_nothing():
 
 def test_constraints_as_tables_4_to_6():
     rows = some_rows("bilevel", 0)
-    agent = summarise_agent(rows)
+    found = summarise_agent(rows)["constraints"]
     distances = [d for r in rows for d in r["details"]["certificate"]["distances_cm"]]
-    found = agent["constraints"]
     assert (found["grasps"], found["hold"]) == (63, 63)
     assert found["distance_cm"]["median"] == pytest.approx(np.median(distances))
-    assert found["distance_cm"]["max_violation"] == pytest.approx(
-        max(0, -0.68 - min(distances), max(distances) + 0.32)
-    )
+    violation = max(0, -0.68 - min(distances), max(distances) + 0.32)
+    assert found["distance_cm"]["max_violation"] == pytest.approx(violation)
     assert set(found["by_set"]) == {"seen", "familiar", "novel", "meshes"}
-    assert found["torque_ratio_percent"]["p75"] <= 1.0
-    assert agent["stages"]["overall"]["stage_seconds"]["ik"]["median"] == pytest.approx(0.1)
     assert summarise_agent([row()])["constraints"] == {}
 
 

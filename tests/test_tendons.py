@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from refusals import rejected
 
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
@@ -139,12 +140,12 @@ def test_it_lifts_and_the_judge_agrees(made, tmp_path):
     assert "torque on the stops of tendons" in [check.name for check in checks]
     pulled = tuple(replace(contact, force=-np.array(contact.force)) for contact in record.contacts)
     object.__setattr__(record, "contacts", pulled)
-    failed = [check.name for check in verify(record) if not check.holds]
+    failed = rejected(record)
     assert "torque on the stops of tendons" in failed
     apart = record.grasp.copy()
     apart[make_cell(made).robot.joints.index("left_bend")] += 0.002
     object.__setattr__(record, "grasp", apart)
-    assert "coupled joints as stated" in [check.name for check in verify(record) if not check.holds]
+    assert "coupled joints as stated" in rejected(record)
 
 
 @pytest.mark.parametrize("servos", ["", _SERVO.replace('tendon="{n}"', 'joint="{n}_curl"')])

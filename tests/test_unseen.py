@@ -8,15 +8,12 @@ import pytest
 from robots import CELL
 
 import dexgrasp_env  # noqa: F401
-from dexgrasp.geometry.completion import NoTarget, completed_corners, target_of
+from dexgrasp.geometry.completion import completed_corners
 from dexgrasp.geometry.hull import cloud_corners
-from dexgrasp.geometry.visible_side import ONE_SIDED, one_sidedness
-from dexgrasp.planning.holding import narrowed_friction
-from dexgrasp.planning.plan_scene import plan_cloud, plan_scene
+from dexgrasp.planning.plan_scene import plan_scene
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import fibonacci_directions
-from dexgrasp_env.perception.scene import ObjectCloud, Scene
+from dexgrasp_env.perception.scene import Scene
 
 LEVEL = fibonacci_directions(200)
 LEVEL = LEVEL[np.abs(LEVEL[:, 2]) < 0.5]
@@ -59,55 +56,12 @@ def test_one_view_is_completed_to_the_true_size(one_view):
     assert np.abs(one_view.off(cloud_corners(one_view.points, one_view.plane))).max() > 0.025
 
 
-def test_what_was_seen_stays_where_it_was_seen(one_view):
-    corners, _ = completed_corners(*one_view.cloud)
-    away = one_view.eyes[0] - one_view.points.mean(0)
-    near = LEVEL[LEVEL @ (away / np.linalg.norm(away)) > 0.6]
-    seen = (one_view.points @ near.T).max(0)
-    assert np.abs((corners @ near.T).max(0) - seen).max() < 0.008
-
-
-def test_the_far_side_is_less_certain_than_the_near_one_and_says_by_how_much(one_view):
-    corners, spread = completed_corners(*one_view.cloud)
-    away = one_view.eyes[0] - one_view.points.mean(0)
-    away[2] = 0.0
-    away /= np.linalg.norm(away)
-    near, far = spread.along(np.array([away, -away]))
-    assert far > 1.2 * near
-    expected = spread.along(LEVEL)
-    assert 0.3 < np.abs(one_view.off(corners)).mean() / expected.mean() < 3.0
-
-
-def test_contacts_on_a_guessed_face_may_rely_on_less_friction(one_view):
-    target, settings = target_of(one_view.scene), PlannerSettings()
-    tips = target.centre + 0.2 * LEVEL
-    distance, normals = target.distance.distance_gradient(tips)
-    tips -= (distance - settings.tip_radius)[:, None] * normals
-    errors = np.where(target.spread.directions[:, 0] > 0.5, 0.008, 0.002)
-    seen = narrowed_friction(tips, normals, replace(target, spread=None), settings)
-    unsure = replace(target, spread=target.spread._replace(errors=errors))
-    guessed = narrowed_friction(tips, normals, unsure, settings)
-    far = unsure.spread.along(normals) > 0.005
-    assert 10 < far.sum() < len(far) - 10
-    assert (guessed[far] < seen[far] - 0.01).all()
-    np.testing.assert_array_equal(guessed[~far], seen[~far])
-
-
 def test_an_object_seen_all_round_is_left_as_it_is():
     look = Look("soda", 4, seed=3)
     corners, spread = completed_corners(*look.cloud)
     plain = cloud_corners(look.points, look.plane)
     assert spread is None
     np.testing.assert_array_equal(corners, plain)
-
-
-def test_the_planner_from_a_file_completes_too(one_view):
-    rng = np.random.default_rng(0)
-    table = np.column_stack([rng.uniform(0.3, 0.75, 6000), rng.uniform(-0.35, 0.35, 6000), np.zeros(6000)])
-    under = np.linalg.norm(table[:, :2] - one_view.points[:, :2].mean(0), axis=1) < 0.12
-    plan = plan_cloud(np.concatenate([table[~under], one_view.points]), seed=0)
-    assert plan.target is not None
-    assert np.abs(one_view.off(plan.target.corners[0])).mean() < 0.006
 
 
 def test_a_plan_says_whether_contacts_hold_the_nearest_guess_too(one_view):
@@ -120,18 +74,3 @@ def test_a_plan_says_whether_contacts_hold_the_nearest_guess_too(one_view):
     assert plan.hidden_side.startswith("contacts hold the nearest")
     plan.target = replace(target, near=None)
     assert plan.hidden_side == ""
-
-
-def test_one_sidedness_of_a_ball_and_of_half_of_it():
-    ball = fibonacci_directions(500)
-    assert one_sidedness(ball) < 0.02
-    assert one_sidedness(ball[ball[:, 0] > 0.0]) > ONE_SIDED
-    assert one_sidedness(np.tile([0.0, 0.0, 1.0], (10, 1))) == 0.0
-
-
-def test_clouds_without_volume_or_table_are_not_completed():
-    points = np.random.default_rng(0).normal(size=(50, 3)) * 0.02 + [0.5, 0.0, 0.05]
-    normals = np.tile([1.0, 0.0, 0.0], (50, 1))
-    assert completed_corners(ObjectCloud(points, normals), None)[1] is None
-    with pytest.raises(NoTarget, match="empty_cloud"):
-        target_of(Scene(ObjectCloud(points[:3], normals[:3])))

@@ -4,7 +4,6 @@ import inspect
 
 import numpy as np
 import pytest
-import trimesh
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from lift_envs import few, skip_without_gl
@@ -63,18 +62,6 @@ def test_each_has_the_attributes_of_a_single_environment(vector, single):
     assert np.array_equal(envs.get_attr("simulation")[1].data.qpos, other.simulation.data.qpos)
 
 
-def test_one_is_reset_and_observed_by_itself():
-    envs, other = native(2), native(2)
-    envs.reset(seed=0)
-    other.reset(seed=[5, 1])
-    observation, info = envs.members[0].reset(seed=5)
-    first, infos = other.observe()
-    assert all(np.array_equal(observation[key], first[key][0]) for key in first)
-    assert info["object"] == infos["object"][0]
-    envs.set_state(other.get_state(0), [1])
-    assert all(np.array_equal(envs.observe()[0][key][1], first[key][0]) for key in first)
-
-
 @pytest.mark.parametrize("obs_mode", OBS_MODES)
 def test_every_mode_is_that_of_gymnasiums_own(obs_mode):
     """Objects and sizes of each its own: what draws them is made for each."""
@@ -128,10 +115,3 @@ def test_no_limit_in_gymnasiums_word_and_closed_environments_say_so():
             what()
         with pytest.raises(ClosedEnvironmentError):
             what()
-
-
-def test_a_path_is_an_object_as_its_text_is(tmp_path):
-    path = tmp_path / "part.stl"
-    trimesh.creation.box((0.06, 0.05, 0.08)).export(path)
-    assert native(1, objects=[path, "soda"]).unwrapped.settings.objects == (str(path), "soda")
-    assert native(1, objects=path).unwrapped.settings.objects == (str(path),)

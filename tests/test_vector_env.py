@@ -7,8 +7,8 @@ import sys
 import gymnasium as gym
 import numpy as np
 import pytest
-from lift_envs import few
 from refusals import refused
+from tables import mistakes, table
 from vector_envs import ID, OBJECTS, RANDOM, assert_same, native, singles
 
 
@@ -59,42 +59,11 @@ def throw(ours, theirs, i):
     ours.set_state(state, [i])
 
 
-@pytest.mark.parametrize(("mode", "control_mode"), [
-    ("NextStep", "joint_delta"), ("SameStep", "joint_position"), ("Disabled", "ee_delta"),
-])  # fmt: skip
-def test_equals_single_environments_bit_for_bit(mode, control_mode):
-    lost, truncated = compare(3, 60, mode, control_mode=control_mode, randomisation=RANDOM, threads=2)
-    assert lost >= 1
-    assert truncated >= 3
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("number", "threads", "mode", "env_id"), [
-    (1, 1, "NextStep", ID), (16, 2, "SameStep", ID), (64, 4, "NextStep", ID), (16, 4, "Disabled", "DexGrasp/Place-v2"),
-])  # fmt: skip
-def test_equal_for_a_thousand_steps(number, threads, mode, env_id):
-    """Steps of all environments together; resets in the middle, by the time limit and by lost objects."""
-    steps = max(100, 1000 // number)
-    limit = 7 if number == 1 else 41  # one of them loses its object every 11 steps
-    lost, truncated = compare(
-        number, steps, mode, env_id=env_id, randomisation=RANDOM, threads=threads, max_episode_steps=limit
-    )
-    assert lost >= 1
-    assert truncated >= 3
-
-
-def test_threads_change_nothing():
-    compare(5, 12, threads=4, disturbance="pushed", max_episode_steps=9)
-
-
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_place_equals_single_environments_bit_for_bit(mode):
-    lost, truncated = compare(
-        3, 60, mode, env_id="DexGrasp/Place-v2", randomisation=RANDOM, threads=2,
-        reward_mode="dense" if mode == "SameStep" else "sparse",
-    )  # fmt: skip
-    assert lost >= 1
-    assert truncated >= 3
+@pytest.mark.parametrize(("name", "mode", "number", "steps", "settings"), table("vectors"))
+def test_equals_single_environments_bit_for_bit(name, mode, number, steps, settings):
+    """Where there is time for it objects are thrown away, and episodes end by their limit."""
+    lost, truncated = compare(number, steps, mode, env_id=f"DexGrasp/{name}", **settings)
+    assert steps < 60 or (lost >= 1 and truncated >= 3)
 
 
 def test_place_truncates_what_is_lost():
@@ -115,17 +84,6 @@ def test_place_truncates_what_is_lost():
     assert b[3].tolist() == [False, True]
 
 
-@pytest.mark.parametrize(
-    ("obs_mode", "observe"),
-    [("depth", "step"), ("pointcloud", "clear")],
-)
-def test_cameras_equal_single_ones(obs_mode, observe):
-    compare(
-        2, 8, "SameStep", obs_mode=obs_mode, observe=observe, views=2, calibration={"position": 0.01},
-        randomisation={"size": (0.9, 1.1)}, max_episode_steps=3,
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 @pytest.mark.parametrize("value", [1e12, np.nan])
 def test_numbers_that_go_wrong_are_told_alike_and_once(mode, value):
@@ -141,40 +99,6 @@ def test_numbers_that_go_wrong_are_told_alike_and_once(mode, value):
         assert_same(a, b, f"step {step}")
         assert b[2].tolist() == [False, step == 0]
         assert step > 0 or -5.0 < b[1][1] <= 0.0  # what had been earned is lost
-
-
-def test_presets_have_vector_environments():
-    for name in sorted(name for name in gym.registry if name.startswith("DexGrasp/")):
-        envs = gym.make_vec(name, num_envs=2, objects="sugar_box", **few(name))
-        first, _ = envs.reset(seed=3)
-        second, _ = envs.reset(seed=3)
-        assert_same(first, second)
-        assert envs.observation_space.contains(first)
-        envs.close()
-
-
-def test_state_continues_bit_for_bit_here_and_in_a_single_environment():
-    envs = native(3, randomisation=RANDOM, max_episode_steps=12)
-    single = gym.make(ID, objects=OBJECTS, randomisation=RANDOM, disable_env_checker=True)
-    envs.reset(seed=0)
-    rng = np.random.default_rng(1)
-    acts = rng.uniform(-0.5, 0.5, (10, 3, 23))
-    for act in acts[:4]:
-        envs.step(act)
-    state = pickle.loads(pickle.dumps(envs.get_state(1)))
-    single.reset(seed=5)
-    single.unwrapped.set_state(state)
-    envs.set_state(state)  # all three
-    for act in acts[4:]:
-        together = np.repeat(act[1:2], 3, axis=0)
-        observation, rewards, _, truncated, _ = envs.step(together)
-        alone, reward, *_ = single.step(act[1])
-        assert all(np.array_equal(observation[key][2], alone[key]) for key in alone)
-        assert np.all(rewards == reward)
-        assert not truncated.any()
-    for _ in range(2):  # the count of steps came with the state: 12 in all
-        *_, truncated, _ = envs.step(together)
-    assert truncated.all()
 
 
 @pytest.mark.parametrize("obs_mode", ["state", "pointcloud"])
@@ -226,36 +150,7 @@ def test_episodes_begin_at_a_state():
         envs.reset(options={"state": [state] * 2})
 
 
-def test_resets_without_options_begin_where_they_are_told():
-    envs = native(2, max_episode_steps=3, autoreset_mode="SameStep", objects="sugar_box")
-    envs.reset(seed=0)
-    state, asked = envs.get_state(1), []
-
-    def starts(slot, rng, record):
-        asked.append((slot, int(record["elapsed"])))
-        return {"state": state} if slot == 0 else {}
-
-    envs.start_from(starts)
-    for _ in range(3):
-        seen, *_ = envs.step(np.zeros((2, 23)))
-    assert asked == [(0, 3), (1, 3)]
-    assert np.array_equal(seen["object_pose"][0], state.physics[24:31].astype(np.float32))
-    assert not np.array_equal(seen["object_pose"][0], seen["object_pose"][1])
-
-
-@pytest.mark.parametrize(
-    ("settings", "word"),
-    [
-        ({"control_mode": "ee_delta"}, "control_mode"),
-        ({"mount": "fingers_along"}, "mount"),
-        ({"disturbance": "pushed"}, "disturbance"),
-        ({"frame_skip": 50}, "frame_skip"),
-        ({"reward_weights": {"reach": 1.0}}, "reward_weights"),
-        ({"objects": "soda"}, "sugar_box"),
-        ({"env_id": "DexGrasp/Place-v2"}, "task"),
-        ({"obs_mode": "depth", "views": 2}, "obs_mode"),
-    ],
-)
+@pytest.mark.parametrize(("settings", "word"), mistakes("states"))
 def test_states_of_other_settings_are_refused_in_one_line(settings, word):
     env = gym.make(ID, objects="sugar_box", disable_env_checker=True)
     env.reset(seed=0)
@@ -282,9 +177,10 @@ def test_what_cameras_have_not_seen_is_not_left_out_of_a_reset():
 
 def test_wrong_use_is_named_in_one_line():
     for kwargs, word in (
-        ({"render_mode": "human"}, "'human'"), ({"threads": 0}, "threads"), ({"autoreset_mode": "Later"}, "NextStep"),
-        ({"control_mode": "torque"}, "ee_delta"),
-    ):  # fmt: skip
+        ({"render_mode": "human"}, "'human'"),
+        ({"threads": 0}, "threads"),
+        ({"autoreset_mode": "Later"}, "NextStep"),
+    ):
         with refused(word):
             native(2, **kwargs)
     envs = native(2, objects="sugar_box", autoreset_mode="Disabled", max_episode_steps=1)

@@ -26,6 +26,7 @@ TOLD_ONCE = {
     "obs_mode",
     "control_mode",
     "observe",
+    "tray",
 }
 """Keys of a single reset's info that are of the environment, not of the episode: `SingleEnv.agent_info`."""
 
