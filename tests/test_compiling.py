@@ -144,4 +144,23 @@ def test_constants_of_calls_make_no_versions_of_their_own():
         return scaled(x, 2) + scaled(x, 3) + scaled(x, int(np.rint(x)))
 
     assert both(2.0) == 14.0
-    assert len(scaled.signatures) == 1
+    assert len(scaled.called.signatures) == 1
+    assert not scaled.signatures  # Python has not called it: nothing is emitted for it
+    assert scaled(2.0, 3) == 6.0
+
+
+def test_an_error_of_a_function_that_a_compiled_one_calls_is_raised():
+    @compiled.njit
+    def root(x):
+        if x < 0.0:
+            raise ValueError("no root of", x)
+        return np.sqrt(x)
+
+    @compiled.njit
+    def both(x):
+        return root(x) + root(x - 4.0)
+
+    assert both(4.0) == 2.0
+    with pytest.raises(ValueError, match="no root of") as error:
+        both(1.0)
+    assert error.value.args[1] == -3.0

@@ -12,7 +12,7 @@ from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
 from dexgrasp.mechanics.kinematics.forward import Frames, add_row, body_frames, to_world
 from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array, Index, Mask
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf, njit
 
 OBJECT, TABLE, SELF, NEIGHBOUR = 0, 1, 2, 3
 ROUNDING = 1e-9  # m: two ways to compute a distance differ by less
@@ -109,7 +109,7 @@ def cover_of(tree: RobotTree, frames: Frames) -> Cover:
     return cover
 
 
-@njit
+@leaf
 def _know(cover: Cover, b: int) -> None:
     tree, frames = cover.tree, cover.frames
     if not cover.known[b]:
@@ -118,7 +118,7 @@ def _know(cover: Cover, b: int) -> None:
             to_world(frames.R[b], frames.p[b], tree.sphere_centre[s], cover.centres[s])
 
 
-@njit
+@leaf
 def table_clearance(cover: Cover, b: int, activation: float) -> tuple[float, int]:
     """Return the clearance of body `b` from the table and the sphere that has it; `activation` and -1 if beyond."""
     tree, centres, best, which = cover.tree, cover.centres, activation, -1
@@ -177,7 +177,7 @@ def object_clearance(
     return best, which
 
 
-@njit
+@leaf
 def _lowest(cover: Cover, b: int, direction: Array, tips_touch: bool) -> int:
     """Return the sphere of body `b` that reaches farthest against a direction, -1 where none counts."""
     tree, least, which = cover.tree, np.inf, -1
@@ -190,14 +190,14 @@ def _lowest(cover: Cover, b: int, direction: Array, tips_touch: bool) -> int:
     return which
 
 
-@njit
+@leaf
 def bounds_clearance(cover: Cover, a: int, b: int) -> float:
     """Return the clearance between the spheres around two whole bodies, which is no more than that between them."""
     apart = np.sqrt(_squared(cover.bounds[a], cover.bounds[b]))
     return apart - cover.tree.bound_radius[a] - cover.tree.bound_radius[b]
 
 
-@njit
+@leaf
 def self_clearance(cover: Cover, a: int, b: int, activation: float) -> tuple[float, int, int]:
     """Return the clearance between two bodies and the spheres that have it; `activation` and -1 if beyond."""
     tree, centres, best, first, second = cover.tree, cover.centres, activation, -1, -1
@@ -215,7 +215,7 @@ def self_clearance(cover: Cover, a: int, b: int, activation: float) -> tuple[flo
     return best, first, second
 
 
-@njit
+@leaf
 def _write(
     rows: Rows,
     n: int,
@@ -303,12 +303,12 @@ def _self_rows(cover: Cover, activation: float, rows: Rows, n: int) -> int:
     return n
 
 
-@njit
+@leaf
 def _along(direction: Array, a: Array, b: Array) -> float:
     """Return the distance from a to b along a direction."""
     return direction[0] * (b[0] - a[0]) + direction[1] * (b[1] - a[1]) + direction[2] * (b[2] - a[2])
 
 
-@njit
+@leaf
 def _squared(a: Array, b: Array) -> float:
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
