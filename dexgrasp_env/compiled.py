@@ -119,8 +119,10 @@ class _Library(codegen.JITCodeLibrary):
             return
         super()._finalize_final_module()
         for name in (variable.name for variable in self._final_module.global_variables):
-            if (environment := lookup_environment(name)) is not None:  # of one called, which had none to be set in
-                self._codegen.set_env(name, environment)
+            if (
+                environment := lookup_environment(name)
+            ) is not None:  # of one called, which had none to be set in
+                self.codegen.set_env(name, environment)
 
     def _set_compiled_object(self, value: bytes) -> None:
         self._for_python = True  # of what was kept
@@ -140,7 +142,7 @@ class _Compiled(CPUDispatcher):
 
     def compile(self, sig: Any) -> Any:
         """Compile for types, at a lower level than numba's 3."""
-        maker = self.targetctx.codegen()
+        maker = cast(Any, self.targetctx).codegen()
         # numba asks for these while it compiles, and has no option for them
         with global_compiler_lock, uncollected():
             before = config.OPT, config.LOOP_VECTORIZE, maker._library_class
@@ -247,7 +249,7 @@ class _Kernel(_Compiled):
     _files = _KernelCache
 
     @cached_property
-    def called(self) -> _Called:
+    def called(self) -> Any:
         """Return the function as compiled functions call it."""
         called = _Called(self.py_func, targetoptions=self.targetoptions | {"no_cpython_wrapper": True})
         called.enable_caching()
