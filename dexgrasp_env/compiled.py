@@ -1,21 +1,25 @@
 """The decorator of compiled functions: numba's, with the options that all of them share. It imports numba.
 
 What is compiled is kept on disk, and a division by zero gives what numpy gives. A constant in a call between compiled
-functions makes no version of its own, and no wrapper for C callbacks is made: neither is of use here, and both together
-are a fifth of the compilation.
+functions makes no version of its own, no wrapper for C callbacks is made, and what only compiled functions call is
+emitted within those that Python calls: the rest of numba's work is of no use here, and is half of the compilation.
 """
 
+import gc
 import os
 import re
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from numba.core import caching, types
+from llvmlite import binding as llvm
+from numba.core import caching, codegen, types
 from numba.core import config as numba_config
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.environment import lookup_environment
 from numba.core.registry import CPUDispatcher
 
 from dexgrasp_env.files import cache_dir, note_unwritable, temporary_cache_dir, user_cache_dir
@@ -35,10 +39,15 @@ def njit(function: F, **options: Any) -> F:
     """
     if config.DISABLE_JIT:
         return function
-    shared = {"nopython": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    shared = {"nopython": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": True}
     kernel = _Kernel(function, targetoptions=shared | options)
     kernel.enable_caching()
     return cast(F, kernel)
+
+
+def leaf(function: F) -> F:
+    """Compile a function that neither makes nor returns arrays, nor calls one that does: no references are counted."""
+    return njit(function, _nrt=False)
 
 
 def code_folder() -> Path | None:
@@ -49,27 +58,106 @@ def code_folder() -> Path | None:
         return None
 
 
-class _Kernel(CPUDispatcher):
-    def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Resolve a call from a compiled function: a constant is a number like others."""
-        plain = {name: types.unliteral(kind) for name, kind in kws.items()}
-        return super().get_call_template(tuple(types.unliteral(kind) for kind in args), plain)
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Search for no cycles within a block: a compiler makes many objects, all of which each search would visit."""
+    searches = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if searches:
+            gc.enable()
+
+
+class _Library(codegen.JITCodeLibrary):
+    """Code of one function, made the machine's only where Python calls it, with all that it calls.
+
+    numba optimises and emits each function alone and again within each of its callers, which takes twice as long.
+    """
+
+    _for_python = False
+
+    @property
+    def codegen(self) -> Any:
+        """Return where an environment is set: nowhere before the code is emitted."""
+        return super().codegen if self._for_python else _NoEnvironment
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return the address of the function that Python calls, 0 where it calls none."""
+        if not self._finalized:
+            self._for_python = any(function.name == name for function in self._final_module.functions)
+        return int(super().get_pointer_to_function(name)) if self._for_python else 0
+
+    def serialize_using_object_code(self) -> Any:
+        """Return what is kept on disk."""
+        return super().serialize_using_object_code() if self._for_python else self.serialize_using_bitcode()
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Simplify: all of LLVM's passes follow where Python calls it."""
+        ll_module.data_layout = self._codegen._data_layout
+        manager, builder = (
+            llvm.newpassmanagers.create_new_function_pass_manager(),
+            self._codegen._pass_builder(),
+        )
+        manager.add_sroa_pass()
+        manager.add_simplify_cfg_pass()
+        manager.add_instruction_combine_pass()
+        manager.add_refprune_pass()
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                manager.run(function, builder)
+
+    def _optimize_final_module(self) -> None:
+        if self._for_python:
+            super()._optimize_final_module()
+
+    def _finalize_final_module(self) -> None:
+        if not self._for_python:
+            self._finalize_dynamic_globals()
+            self._finalized = True
+            return
+        super()._finalize_final_module()
+        for name in (variable.name for variable in self._final_module.global_variables):
+            if (
+                environment := lookup_environment(name)
+            ) is not None:  # of one called, which had none to be set in
+                self.codegen.set_env(name, environment)
+
+    def _set_compiled_object(self, value: bytes) -> None:
+        self._for_python = True  # of what was kept
+        super()._set_compiled_object(value)
+
+
+class _NoEnvironment:
+    @staticmethod
+    def set_env(name: str, env: Any) -> None:
+        """Do nothing; see `_finalize_final_module`."""
+
+
+class _Compiled(CPUDispatcher):
+    """A function for types of arguments; compiled where either Python or a compiled function calls it with those."""
+
+    _files: type[caching.FunctionCache]
 
     def compile(self, sig: Any) -> Any:
-        """Compile for types at a lower level than numba's 3: the first plan comes a quarter sooner."""
-        with global_compiler_lock:  # numba asks for the levels while it compiles, and has no option for them
-            before = config.OPT, config.LOOP_VECTORIZE
+        """Compile for types, at a lower level than numba's 3."""
+        maker = cast(Any, self.targetctx).codegen()
+        # numba asks for these while it compiles, and has no option for them
+        with global_compiler_lock, uncollected():
+            before = config.OPT, config.LOOP_VECTORIZE, maker._library_class
+            maker._library_class = _Library
             if "NUMBA_OPT" not in os.environ:
                 config.OPT, config.LOOP_VECTORIZE = _LEVEL, 0
             try:
                 return super().compile(sig)
             finally:
-                config.OPT, config.LOOP_VECTORIZE = before
+                config.OPT, config.LOOP_VECTORIZE, maker._library_class = before
 
     def enable_caching(self) -> None:
         """Keep what is compiled on disk, where any of the folders can be written."""
         try:
-            self._cache = _KernelCache(self.py_func)
+            self._cache = self._files(self.py_func)
         except RuntimeError:  # no folder: it is kept in memory
             note_unwritable(str(cache_dir()), "nor the folders of the code, the user, temporary files")
 
@@ -122,6 +210,12 @@ class _CacheFiles(caching.CompileResultCacheImpl):
     ]  # fmt: skip
 
 
+class _CalledFiles(_CacheFiles):
+    def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        """Return the start of the files' names."""
+        return f"{super().get_filename_base(fullname, abiflags)}-called"
+
+
 class _KernelCache(caching.FunctionCache):
     _impl_class = _CacheFiles
 
@@ -132,3 +226,39 @@ class _KernelCache(caching.FunctionCache):
         except OSError as error:
             note_unwritable(self.cache_path, error.strerror or str(error))
             self.disable()
+
+
+class _CalledCache(_KernelCache):
+    _impl_class = _CalledFiles
+
+
+class _Called(_Compiled):
+    """A function as compiled functions call it."""
+
+    _files = _CalledCache
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Resolve a call from a compiled function: a constant is a number like others."""
+        plain = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template(tuple(types.unliteral(kind) for kind in args), plain)
+
+
+class _Kernel(_Compiled):
+    """A function as Python calls it."""
+
+    _files = _KernelCache
+
+    @cached_property
+    def called(self) -> Any:
+        """Return the function as compiled functions call it."""
+        called = _Called(self.py_func, targetoptions=self.targetoptions | {"no_cpython_wrapper": True})
+        called.enable_caching()
+        return called
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Resolve a call from a compiled function."""
+        return self.called.get_call_template(args, kws)
+
+    def get_overload(self, sig: Any) -> Any:
+        """Return the function that such a call is of."""
+        return self.called.get_overload(sig)

@@ -8,6 +8,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+import numpy as np
 import pytest
 from numba.core import caching
 from processes import python
@@ -109,3 +110,35 @@ def test_nothing_is_compiled_by_plans_and_episodes_on_a_machine_that_is_warm():
     said = python(code)
     assert "grasp found" in said
     assert "compiles" not in said
+
+
+def test_constants_of_calls_make_no_versions_of_their_own():
+    @compiled.njit
+    def scaled(x, by):
+        return by * x
+
+    @compiled.njit
+    def both(x):
+        return scaled(x, 2) + scaled(x, 3) + scaled(x, int(np.rint(x)))
+
+    assert both(2.0) == 14.0
+    assert len(scaled.called.signatures) == 1
+    assert not scaled.signatures  # Python has not called it: nothing is emitted for it
+    assert scaled(2.0, 3) == 6.0
+
+
+def test_an_error_of_a_function_that_a_compiled_one_calls_is_raised():
+    @compiled.njit
+    def root(x):
+        if x < 0.0:
+            raise ValueError("no root of", x)
+        return np.sqrt(x)
+
+    @compiled.njit
+    def both(x):
+        return root(x) + root(x - 4.0)
+
+    assert both(4.0) == 2.0
+    with pytest.raises(ValueError, match="no root of") as error:
+        both(1.0)
+    assert error.value.args[1] == -3.0

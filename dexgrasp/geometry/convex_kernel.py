@@ -7,14 +7,13 @@ The functions are compiled and may be called from compiled code. Source: Eq. (3)
 """
 
 import math
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from dexgrasp.geometry.triangle import EDGE, FACE, VERTEX, closest_on_triangle
 from dexgrasp_env.arrays import Array, Index
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf, njit
 
 
 class Obstacle(NamedTuple):
@@ -28,7 +27,7 @@ class Obstacle(NamedTuple):
 NOTHING = Obstacle(np.empty((0, 3, 3)), np.empty((0, 4)), np.zeros(1, np.int64))
 
 
-@njit
+@leaf
 def _farthest_plane(
     px: float, py: float, pz: float, planes: Array, first: int, end: int, limit: float
 ) -> tuple[float, int]:
@@ -43,7 +42,7 @@ def _farthest_plane(
     return best, face
 
 
-@njit
+@leaf
 def _walk(
     px: float, py: float, pz: float, obstacle: Obstacle, first: int, end: int, start: int
 ) -> tuple[float, float, float, float, int, int]:
@@ -73,9 +72,9 @@ def _walk(
     return best, cx, cy, cz, code, face
 
 
-@partial(njit, inline="always")
+@leaf
 def closest_feature(
-    p: Array, obstacle: Obstacle, gradient_out: Array, limit: float = math.inf
+    p: Array, obstacle: Obstacle, gradient_out: Array, limit: float
 ) -> tuple[float, int, int]:
     """Return the signed distance, the closest feature's code and a face that holds it.
 
@@ -113,7 +112,7 @@ def closest_feature(
     return min(distance, beyond), code, face
 
 
-@njit
+@leaf
 def convex_distance(p: Array, obstacle: Obstacle, gradient_out: Array, limit: float = math.inf) -> float:
     """Return the exact signed distance [m] of p (3,) and write its unit gradient (3,); see `closest_feature`.
 
@@ -130,7 +129,7 @@ def convex_distance_hessian(p: Array, obstacle: Obstacle, gradient_out: Array, h
     With n the gradient, d the distance and t the direction of the closest edge, the Hessian is 0 over faces
     and inside, (I - n n' - t t') / d over edges and (I - n n') / d over vertices.
     """
-    distance, code, face = closest_feature(p, obstacle, gradient_out)
+    distance, code, face = closest_feature(p, obstacle, gradient_out, math.inf)
     hessian_out[:] = 0.0
     if code == FACE:
         return distance

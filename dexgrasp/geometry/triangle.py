@@ -1,19 +1,19 @@
 """The closest point of a triangle, and which of its features holds it; the way across two vectors."""
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf
 
 FACE, EDGE, VERTEX = 0, 1, 4
 """Codes of a triangle's features: its inside; the first of its edges 01, 12, 20; the first of its vertices 0, 1, 2."""
 
 
-@njit
+@leaf
 def cross(a: Array, b: Array, out: Array) -> None:
     """Write a x b, (3,)."""
     out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit
+@leaf
 def closest_on_triangle(px: float, py: float, pz: float, triangle: Array) -> tuple[float, float, float, int]:
     """Return the point of a triangle closest to p and the code of the feature that holds it.
 

@@ -11,7 +11,7 @@ therefore (1, 2, 3) / |.|, away from all of them.
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf
 
 _S14, _S10, _S140 = 14.0**0.5, 10.0**0.5, 140.0**0.5
 C = (1.0 / _S14, 2.0 / _S14, 3.0 / _S14)
@@ -21,7 +21,7 @@ POLE = 1e-12
 """Normals with 1 + C.n below this get the basis (C1, -C2)."""
 
 
-@njit
+@leaf
 def basis_of(x: float, y: float, z: float) -> tuple[float, float, float, float, float, float]:
     """Return the tangents (t1, t2) of the unit normal (x, y, z), as scalars: hot loops allocate nothing."""
     D = 1.0 + C[0] * x + C[1] * y + C[2] * z

@@ -27,7 +27,7 @@ from dexgrasp.mechanics.margin_lp import (
 )
 from dexgrasp.mechanics.robust_push import borne_pushes
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf, njit
 
 RESERVED = 1.0
 """Weights: what a push has beyond this, the joints keep the torque to answer. What is heavy is squeezed with all."""
@@ -87,7 +87,7 @@ def squeeze_kernel(contacts: Contacts, aim: Aim, p: Programme) -> tuple[float, f
     return 0.0, max(p.lp.z[-1], 0.0) if _solve(p, contacts, aim, 1.0, tolerance) else 0.0
 
 
-@njit
+@leaf
 def _solve(p: Programme, contacts: Contacts, aim: Aim, most: float, tolerance: float) -> bool:
     begin(p, most, aim.faces)
     if aim.press > 0.0:

@@ -28,7 +28,7 @@ from dexgrasp.mechanics.contacts import Shape, shape_of
 from dexgrasp.mechanics.equilibrium import contact_map, internal_forces, middle_and_inverse
 from dexgrasp.mechanics.margin_lp import Programme, begin, empty_programme, maximise, set_cones
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf, njit
 
 UNDEFINED = -1e3
 """Value of triples on a line, and of those whose internal forces cannot press at all; values end there."""
@@ -78,7 +78,7 @@ def _optimum(points: Array, normals: Array, room: _Room, tolerance: float, enoug
     return max(n * p.lp.z[-1], UNDEFINED)
 
 
-@njit
+@leaf
 def _press_one(normals: Array, room: _Room) -> bool:
     """Write the programme's forces: internal ones that press 1 N in all, t outwards each; False where there are none.
 

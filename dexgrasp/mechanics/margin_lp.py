@@ -10,7 +10,6 @@ starts with a few planes of each cone; those that its forces break are added unt
 capacity and margin of a grasp are such programmes.
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from dexgrasp.mechanics.contacts import Contacts, Shape
 from dexgrasp.mechanics.robust_push import Friction, borne_push
 from dexgrasp.mechanics.simplex import Simplex, empty_simplex, restart, solve
 from dexgrasp_env.arrays import Array, Index
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf, njit
 
 _HALF = 0.5**0.5
 
@@ -54,17 +53,17 @@ def empty_programme(shape: Shape, n: int, rows: int) -> Programme:
     )  # fmt: skip
 
 
-@njit
+@leaf
 def set_cones(p: Programme, normals: Array, friction: Array) -> None:
     """Take the cones of contacts: normals (N, 3) out of the object, friction (N,)."""
     for i in range(normals.shape[0]):
         basis = basis_of(normals[i, 0], normals[i, 1], normals[i, 2])
-        p.cones[i, 0] = -friction[i] * normals[i]
         for k in range(3):
+            p.cones[i, 0, k] = -friction[i] * normals[i, k]
             p.cones[i, 1, k], p.cones[i, 2, k] = basis[k], basis[3 + k]
 
 
-@njit
+@leaf
 def begin(p: Programme, most: float, faces: int) -> None:
     """Start with `faces` planes of each cone, and t at most `most`; `fixed`, `span` and `answers` are written."""
     restart(p.lp, most)
@@ -82,71 +81,66 @@ def begin(p: Programme, most: float, faces: int) -> None:
             _add_plane(p, i, (0.0, 0.0, -1.0))
 
 
-@njit
+@leaf
 def _add_plane(p: Programme, i: int, friction: Friction) -> None:
     """Add the plane that touches cone i where friction points in a direction of length 1."""
-    plane = _plane(p, i, friction)
-    _add_row(p, i, plane, _asked(p, i, plane), 0.0)
-
-
-@partial(njit, inline="always")
-def _plane(p: Programme, i: int, friction: Friction) -> Plane:
     c, (u, v, turn) = p.cones[i], friction
-    return (
+    plane = (
         c[0, 0] - u * c[1, 0] - v * c[2, 0], c[0, 1] - u * c[1, 1] - v * c[2, 1], c[0, 2] - u * c[1, 2] - v * c[2, 2],
         -turn,
     )  # fmt: skip
+    _add_row(p, i, plane, _asked(p.answers, i, plane), 0.0)
 
 
-@partial(njit, inline="always")
-def _along(p: Programme, plane: Plane, forces: Array, i: int) -> float:
+@leaf
+def _along(plane: Plane, forces: Array, i: int) -> float:
     """The part along a plane's normal of force i of (N, c)."""
     along = plane[0] * forces[i, 0] + plane[1] * forces[i, 1] + plane[2] * forces[i, 2]
-    if len(p.parts) == 4:
+    if forces.shape[1] == 4:
         along += plane[3] * forces[i, 3]
     return along
 
 
-@partial(njit, inline="always")
-def _each_along(p: Programme, plane: Plane, forces: Array, i: int, k: int) -> float:
+@leaf
+def _each_along(plane: Plane, forces: Array, i: int, k: int) -> float:
     """The same of force i among the k-th of (N, c, n)."""
     along = plane[0] * forces[i, 0, k] + plane[1] * forces[i, 1, k] + plane[2] * forces[i, 2, k]
-    if len(p.parts) == 4:
+    if forces.shape[1] == 4:
         along += plane[3] * forces[i, 3, k]
     return along
 
 
-@partial(njit, inline="always")
-def _asked(p: Programme, i: int, plane: Plane) -> float:
+@leaf
+def _asked(answers: Array, i: int, plane: Plane) -> float:
     """Return how far the worst push of 1 moves the force of contact i against a plane."""
     total = 0.0
     for k in range(3):
-        total += _each_along(p, plane, p.answers, i, k) ** 2
+        total += _each_along(plane, answers, i, k) ** 2
     return np.sqrt(total)
 
 
-@partial(njit, inline="always")
+@leaf
 def _add_row(p: Programme, i: int, plane: Plane, asked: float, bound: float) -> None:
     """Ask that plane . f_i - asked t >= bound."""
     A, r, n = p.lp.A, p.lp.size[0], len(p.lp.z)
     for k in range(n):
-        A[r, k] = _each_along(p, plane, p.span, i, k)
+        A[r, k] = _each_along(plane, p.span, i, k)
     A[r, n - 1] -= asked
-    p.lp.b[r] = bound - _along(p, plane, p.fixed, i)
+    p.lp.b[r] = bound - _along(plane, p.fixed, i)
     p.owner[r], p.planes[r, 0], p.planes[r, 1], p.planes[r, 2] = i, plane[0], plane[1], plane[2]
     if len(p.parts) == 4:
         p.planes[r, 3] = plane[3]
     p.lp.size[0] = r + 1
 
 
-@njit
+@leaf
 def add_presses(p: Programme, normals: Array, press: float) -> None:
     """Ask of each contact to press with `press` N against the object."""
     for i in range(normals.shape[0]):
         _add_row(p, i, (-normals[i, 0], -normals[i, 1], -normals[i, 2], 0.0), 0.0, press)
 
 
-@njit
+@leaf
 def add_torques(p: Programme, contacts: Contacts, reserved: float) -> None:
     """Keep joints within their torques, also as they answer what a push has beyond `reserved` (inf: nothing)."""
     for i in range(contacts.jacobians.shape[0]):
@@ -159,13 +153,13 @@ def add_torques(p: Programme, contacts: Contacts, reserved: float) -> None:
                     _add_torque(p, contacts.jacobians, (i, j), scale, 1.0, reserved)
 
 
-@partial(njit, inline="always")
+@leaf
 def _moves(jacobians: Array, i: int, j: int) -> bool:
     J = jacobians[i]
     return not (J[0, j] == 0.0 and J[1, j] == 0.0 and J[2, j] == 0.0)
 
 
-@partial(njit, inline="always")
+@leaf
 def _moves_first(jacobians: Array, i: int, j: int) -> bool:
     """Return True where contact i is the first that joint j moves."""
     first = 0
@@ -174,7 +168,7 @@ def _moves_first(jacobians: Array, i: int, j: int) -> bool:
     return first == i and _moves(jacobians, i, j)
 
 
-@partial(njit, inline="always")
+@leaf
 def _add_torque(
     p: Programme, jacobians: Array, of: tuple[int, int], scale: float, share: float, reserved: float
 ) -> None:
@@ -185,30 +179,30 @@ def _add_torque(
     for k in range(i, jacobians.shape[0] if share > 0.0 else i):
         if not _moves(jacobians, k, j):
             continue
-        plane = _torque(p, jacobians, (k, j), scale)
-        ax += _each_along(p, plane, p.answers, k, 0)
-        ay += _each_along(p, plane, p.answers, k, 1)
-        az += _each_along(p, plane, p.answers, k, 2)
+        plane = _torque(jacobians, (k, j), scale)
+        ax += _each_along(plane, p.answers, k, 0)
+        ay += _each_along(plane, p.answers, k, 1)
+        az += _each_along(plane, p.answers, k, 2)
     asked = share * np.sqrt(ax * ax + ay * ay + az * az)
-    _add_row(p, i, _torque(p, jacobians, (i, j), scale), asked, -1.0 - reserved * asked)
+    _add_row(p, i, _torque(jacobians, (i, j), scale), asked, -1.0 - reserved * asked)
     r = lp.size[0] - 1
     for k in range(i + 1, jacobians.shape[0]):
         if not _moves(jacobians, k, j):
             continue
-        plane = _torque(p, jacobians, (k, j), scale)
+        plane = _torque(jacobians, (k, j), scale)
         for q in range(len(lp.z)):
-            lp.A[r, q] += _each_along(p, plane, p.span, k, q)
-        lp.b[r] -= _along(p, plane, p.fixed, k)
+            lp.A[r, q] += _each_along(plane, p.span, k, q)
+        lp.b[r] -= _along(plane, p.fixed, k)
 
 
-@partial(njit, inline="always")
-def _torque(p: Programme, J: Array, of: tuple[int, int], scale: float) -> Plane:
+@leaf
+def _torque(J: Array, of: tuple[int, int], scale: float) -> Plane:
     i, j = of
-    turn = scale * J[i, 3, j] if len(p.parts) == 4 else 0.0
+    turn = scale * J[i, 3, j] if J.shape[1] == 4 else 0.0
     return scale * J[i, 0, j], scale * J[i, 1, j], scale * J[i, 2, j], turn
 
 
-@njit
+@leaf
 def maximise(p: Programme, rounds: int, tolerance: float, enough: float) -> bool:
     """Write the solution's unknowns and forces; False where there is none.
 
@@ -237,11 +231,20 @@ def maximise(p: Programme, rounds: int, tolerance: float, enough: float) -> bool
     return True
 
 
-@njit
+@leaf
+def _any(answers: Array, i: int) -> bool:
+    for part in range(answers.shape[1]):
+        for k in range(3):
+            if answers[i, part, k] != 0.0:
+                return True
+    return False
+
+
+@leaf
 def _cut(p: Programme, i: int, tolerance: float) -> None:
     """Add the plane that a force breaks most, where it does by more than `tolerance`, N of friction."""
     u, v, turn = 0.0, 0.0, 0.0
-    if p.answers[i].any():
+    if _any(p.answers, i):
         _, (u, v, turn) = borne_push(p.cones[i], p.answers[i], p.forces[i])
     else:
         for k in range(3):

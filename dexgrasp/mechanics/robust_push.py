@@ -9,7 +9,7 @@ share of that part is scanned and bisected besides.
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf
 
 _SCAN = 48  # angles at which the worst plane of a cone is looked for first
 _SHARP = 1e-6  # rad to which it is found
@@ -20,7 +20,7 @@ Friction = tuple[float, float, float]
 """Direction of friction: in both tangents, and about the normal."""
 
 
-@njit
+@leaf
 def borne_push(cone: Array, answers: Array, force: Array) -> tuple[float, Friction]:
     """Return the t that one force bears, and the direction of friction at the plane that says so.
 
@@ -46,7 +46,7 @@ def borne_push(cone: Array, answers: Array, force: Array) -> tuple[float, Fricti
     return least, (np.cos(tilt) * np.cos(worst), np.cos(tilt) * np.sin(worst), np.sin(tilt))
 
 
-@njit
+@leaf
 def borne_pushes(cones: Array, answers: Array, forces: Array) -> float:
     """Return the t that all forces (N, c) bear, by cones (N, 3, 3) and answers (N, c, 3) as `borne_push` takes them."""
     least = np.inf
@@ -55,7 +55,7 @@ def borne_pushes(cones: Array, answers: Array, forces: Array) -> float:
     return least
 
 
-@njit
+@leaf
 def _around(cone: Array, answers: Array, force: Array, tilt: float) -> tuple[float, float]:
     """Return the least ratio where friction turns by its share sin(tilt), and that plane's angle.
 
@@ -80,7 +80,7 @@ def _around(cone: Array, answers: Array, force: Array, tilt: float) -> tuple[flo
     return least, worst
 
 
-@njit
+@leaf
 def _ratio(cone: Array, answers: Array, force: Array, angle: float, tilt: float) -> float:
     """Return how far a force is from a plane over what a unit of t moves it towards there."""
     turn, along, asked = np.sin(tilt), 0.0, 0.0

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp_env.arrays import Array, Index
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf, njit
 
 FAR = 1e4
 """Bound of the unknowns but the last."""
@@ -39,7 +39,7 @@ def empty_simplex(n: int, rows: int) -> Simplex:
     )  # fmt: skip
 
 
-@njit
+@leaf
 def restart(lp: Simplex, most: float) -> None:
     """Forget all rows; the last unknown is at most `most`."""
     n = len(lp.z)
@@ -50,7 +50,7 @@ def restart(lp: Simplex, most: float) -> None:
     lp.right[n - 1], lp.multipliers[n - 1], lp.size[0] = -most, 1.0, 0
 
 
-@njit
+@leaf
 def solve(lp: Simplex, tolerance: float) -> bool:
     """Write unknowns and multipliers; False where nothing satisfies all rows to `tolerance`, or no end is found."""
     n, z, A, b, worst = len(lp.z), lp.z, lp.A, lp.b, 0.0
@@ -77,7 +77,7 @@ def solve(lp: Simplex, tolerance: float) -> bool:
     return worst > -1e-7  # violation that passes where pivots go round in circles at rounding
 
 
-@njit
+@leaf
 def _leaving(lp: Simplex, enter: int) -> int:
     """Write the row that enters in the basis; return which place it takes, -1 where no multiplier would fall."""
     n, w, leave, least = len(lp.z), lp.entering, -1, np.inf
@@ -92,7 +92,7 @@ def _leaving(lp: Simplex, enter: int) -> int:
     return leave
 
 
-@njit
+@leaf
 def _exchange(lp: Simplex, leave: int, enter: int) -> None:
     n, w, inverse = len(lp.z), lp.entering, lp.inverse
     step = max(lp.multipliers[leave], 0.0) / w[leave]

@@ -27,7 +27,7 @@ from dexgrasp.mechanics.margin_lp import (
 )
 from dexgrasp.mechanics.robust_push import borne_pushes
 from dexgrasp_env.arrays import Array, cube_directions
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf, njit
 
 BALANCED = 1e-4  # of the weight: what counts as balanced
 _ROUNDING = 1e-6
@@ -155,7 +155,7 @@ def _capacity(contacts: Contacts, shape: Shape, pushes: Array, stop: float) -> f
     return 1.0 + least
 
 
-@njit
+@leaf
 def _most(p: Programme, contacts: Contacts) -> float:
     begin(p, 1e6, _FACES)  # weights: no push is larger
     add_torques(p, contacts, np.inf)

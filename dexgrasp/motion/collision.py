@@ -29,7 +29,7 @@ from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.shapes import LEAST, near_shapes
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array, Index
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf, njit
 from dexgrasp_env.robot.cell import Cell
 
 _NEAR = 0.004  # m beyond the margin, up to where clearances between bodies are measured
@@ -179,17 +179,17 @@ def _first_contact(path: Array, tree: RobotTree, watch: _Watch) -> float:
     return np.inf
 
 
-@njit
+@leaf
 def _object_contact(cover: Cover, watch: _Watch) -> float:
     """Return a clearance from table or object that is less than needed, infinity if there is none."""
     obstacle, needed, margin, label = watch.obstacle, watch.needed, watch.margin, watch.label
-    tree, direction, known = cover.tree, np.empty(3), watch.to_object
+    tree, direction, known = cover.tree, cover.room[5], watch.to_object
     nb = tree.parent.shape[0]
     for b in range(2, nb):
         if tree.bound_radius[b] < 0.0:
             continue
         value = cover.bounds[b, 2] - tree.bound_radius[b]
-        if value <= margin:  # calls are dear: each counts references to the arrays of the tree
+        if value <= margin:
             value, _ = table_clearance(cover, b, margin)
         if value < min(needed[b, nb + 1], margin):
             label[0], label[1], label[2] = TABLE, b, -1
@@ -197,7 +197,7 @@ def _object_contact(cover: Cover, watch: _Watch) -> float:
         way = watch.ways[0, b]
         if obstacle.planes.shape[0] == 0 or known[0, b] - (way - known[1, b]) > margin:
             continue
-        value = convex_distance(cover.bounds[b], obstacle, direction) - tree.bound_radius[b]
+        value = convex_distance(cover.bounds[b], obstacle, direction, np.inf) - tree.bound_radius[b]
         if value <= margin:
             value, _ = object_clearance(cover, b, obstacle, margin + 0.016, False, direction)
         known[0, b], known[1, b] = value, way
@@ -207,7 +207,7 @@ def _object_contact(cover: Cover, watch: _Watch) -> float:
     return np.inf
 
 
-@njit
+@leaf
 def _self_contact(cover: Cover, watch: _Watch) -> float:
     """Return a clearance between two bodies that is less than needed, infinity if there is none."""
     needed, margin, label = watch.needed, watch.margin, watch.label
@@ -218,7 +218,7 @@ def _self_contact(cover: Cover, watch: _Watch) -> float:
         if known[0, k] - (way - known[1, k]) > margin:
             continue
         if k < 0:
-            value = palm_clearance(cover, margin + _NEAR, np.empty(3), np.empty(3))
+            value = palm_clearance(cover, margin + _NEAR, cover.room[5], cover.room[6])
         else:
             value = bounds_clearance(cover, a, b)
             if value <= margin:
@@ -230,7 +230,7 @@ def _self_contact(cover: Cover, watch: _Watch) -> float:
     return np.inf
 
 
-@njit
+@leaf
 def _add_ways(tree: RobotTree, now: Frames, before: Frames, way: Array) -> None:
     """Add to `way` (nb,) how far (m) each body's spheres can have moved: the middle's way, and the turn's."""
     centre, radius, R, p, R0, p0 = tree.bound_centre, tree.bound_radius, now.R, now.p, before.R, before.p
@@ -246,7 +246,7 @@ def _add_ways(tree: RobotTree, now: Frames, before: Frames, way: Array) -> None:
         way[b] += np.sqrt(shift) + np.sqrt(turn) * max(radius[b], 0.0) + ROUNDING
 
 
-@njit
+@leaf
 def _seen_from(frames: Frames, a: int, seen: Frames) -> None:
     """Write the frames of all bodies in the frame of body `a`."""
     R, p = frames.R, frames.p

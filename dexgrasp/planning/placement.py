@@ -13,7 +13,7 @@ from dexgrasp.mechanics.kinematics.forward import to_world
 from dexgrasp.planning.atlas import Tips, hand_atlas, triangle_sides
 from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Index
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf, njit
 
 NEIGHBOURS = 16
 """Postures of the atlas that the dataset looks at for each assignment; a planner's are its setting."""
@@ -69,7 +69,7 @@ def _frame(triangle: Array, out: Array) -> None:
     cross(out[:, 2], out[:, 0], out[:, 1])
 
 
-@njit
+@leaf
 def _third(points: Array, way: Array, out: Array) -> None:
     """Write a triangle (3, 3): the first three points, or two and one on the way (3,) from the first."""
     for r in range(3):
@@ -87,14 +87,14 @@ def _across(points: Array, turn: float) -> Array:
     return np.array([c * ax + s * bx, c * ay + s * by, c * az + s * bz])
 
 
-@njit
+@leaf
 def _unit(columns: Array, k: int) -> None:
     size = np.sqrt(columns[0, k] ** 2 + columns[1, k] ** 2 + columns[2, k] ** 2) + 1e-12
     for r in range(3):
         columns[r, k] /= size
 
 
-@njit
+@leaf
 def _align(goal: Array, goal_frame: Array, tips: Array, tip_frame: Array, R: Array, p: Array) -> None:
     """Write the rotation (3, 3) and shift (3,) that put the first n tips on their goals (n, 3), middle on middle."""
     n = goal.shape[0]
@@ -115,7 +115,7 @@ def _align(goal: Array, goal_frame: Array, tips: Array, tip_frame: Array, R: Arr
             p[r] -= R[r, c] * total / n
 
 
-@njit
+@leaf
 def _facing(inward: Array, posture: Tips, R: Array) -> float:
     """Return the squareness of the tips to where they press; -1 where one would touch with its back."""
     facing = 2.0
@@ -131,7 +131,7 @@ def _facing(inward: Array, posture: Tips, R: Array) -> float:
     return facing
 
 
-@njit
+@leaf
 def _score(
     inward: Array, posture: Tips, R: Array, p: Array, obstacle: Obstacle, room: Array, height: float
 ) -> float:

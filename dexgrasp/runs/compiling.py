@@ -10,7 +10,7 @@ from numba.core.registry import cpu_target
 
 from dexgrasp.runs.progress import Show, progress_bar
 from dexgrasp_env import __version__
-from dexgrasp_env.compiled import code_folder
+from dexgrasp_env.compiled import code_folder, uncollected
 from dexgrasp_env.files import content_hash, lock
 
 
@@ -35,6 +35,7 @@ def compiling(what: str) -> Iterator[None]:
         counter = _Counter(show)
         event.register("numba:compile", counter)
         stack.callback(event.unregister, "numba:compile", counter)
+        stack.enter_context(uncollected())
         yield
         with suppress(OSError):
             done.touch()

@@ -12,7 +12,7 @@ from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
 from dexgrasp.mechanics.kinematics.forward import Frames, add_row, body_frames, to_world
 from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array, Index, Mask
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf, njit
 
 OBJECT, TABLE, SELF, NEIGHBOUR = 0, 1, 2, 3
 ROUNDING = 1e-9  # m: two ways to compute a distance differ by less
@@ -35,6 +35,7 @@ class Cover(NamedTuple):
     bounds: Array  # (nb, 3) m, centres of the spheres around whole bodies
     centres: Array  # (ns, 3) m
     known: Mask  # (nb,): whose centres are there
+    room: Array  # (7, 3) to work in
 
 
 def empty_rows(count: int, tree: RobotTree) -> Rows:
@@ -68,7 +69,6 @@ def clearance_rows(
     for b in range(2, tree.parent.shape[0]):
         if tree.bound_radius[b] < 0.0 or n >= rows.values.shape[0] - 3:
             continue
-        # Calls are dear, as each counts references to the tree's arrays: what is far away is told apart here.
         best, which = activation, -1
         if cover.bounds[b, 2] - tree.bound_radius[b] <= activation:
             best, which = table_clearance(cover, b, activation)
@@ -103,13 +103,14 @@ def cover_of(tree: RobotTree, frames: Frames) -> Cover:
     """Return where the spheres around whole bodies are; the others wait to be asked for."""
     nb = tree.parent.shape[0]
     spheres = tree.sphere_radius.shape[0]
-    cover = Cover(tree, frames, np.empty((nb, 3)), np.empty((spheres, 3)), np.zeros(nb, dtype=np.bool_))
+    known = np.zeros(nb, dtype=np.bool_)
+    cover = Cover(tree, frames, np.empty((nb, 3)), np.empty((spheres, 3)), known, np.empty((7, 3)))
     for b in range(nb):
         to_world(frames.R[b], frames.p[b], tree.bound_centre[b], cover.bounds[b])
     return cover
 
 
-@njit
+@leaf
 def _know(cover: Cover, b: int) -> None:
     tree, frames = cover.tree, cover.frames
     if not cover.known[b]:
@@ -118,7 +119,7 @@ def _know(cover: Cover, b: int) -> None:
             to_world(frames.R[b], frames.p[b], tree.sphere_centre[s], cover.centres[s])
 
 
-@njit
+@leaf
 def table_clearance(cover: Cover, b: int, activation: float) -> tuple[float, int]:
     """Return the clearance of body `b` from the table and the sphere that has it; `activation` and -1 if beyond."""
     tree, centres, best, which = cover.tree, cover.centres, activation, -1
@@ -133,7 +134,7 @@ def table_clearance(cover: Cover, b: int, activation: float) -> tuple[float, int
     return best, which
 
 
-@njit
+@leaf
 def object_clearance(
     cover: Cover, b: int, obstacle: Obstacle, activation: float, tips_touch: bool, direction: Array
 ) -> tuple[float, int]:
@@ -142,7 +143,7 @@ def object_clearance(
     `direction` (3,) is written with its gradient by that sphere's centre.
     """
     tree, centres, best, which = cover.tree, cover.centres, activation, -1
-    gradient, first = np.empty(3), np.empty(3)
+    gradient, first = cover.room[0], cover.room[1]
     last = cover.bounds[b]
     middle = convex_distance(last, obstacle, first, activation + tree.bound_radius[b])
     at_last = middle
@@ -173,11 +174,12 @@ def object_clearance(
         at_last, last = convex_distance(centre, obstacle, gradient, need), centre
         if at_last < need:
             best, which = at_last - tree.sphere_radius[s], s
-            direction[:] = gradient
+            for r in range(3):
+                direction[r] = gradient[r]
     return best, which
 
 
-@njit
+@leaf
 def _lowest(cover: Cover, b: int, direction: Array, tips_touch: bool) -> int:
     """Return the sphere of body `b` that reaches farthest against a direction, -1 where none counts."""
     tree, least, which = cover.tree, np.inf, -1
@@ -190,14 +192,14 @@ def _lowest(cover: Cover, b: int, direction: Array, tips_touch: bool) -> int:
     return which
 
 
-@njit
+@leaf
 def bounds_clearance(cover: Cover, a: int, b: int) -> float:
     """Return the clearance between the spheres around two whole bodies, which is no more than that between them."""
     apart = np.sqrt(_squared(cover.bounds[a], cover.bounds[b]))
     return apart - cover.tree.bound_radius[a] - cover.tree.bound_radius[b]
 
 
-@njit
+@leaf
 def self_clearance(cover: Cover, a: int, b: int, activation: float) -> tuple[float, int, int]:
     """Return the clearance between two bodies and the spheres that have it; `activation` and -1 if beyond."""
     tree, centres, best, first, second = cover.tree, cover.centres, activation, -1, -1
@@ -215,7 +217,7 @@ def self_clearance(cover: Cover, a: int, b: int, activation: float) -> tuple[flo
     return best, first, second
 
 
-@njit
+@leaf
 def _write(
     rows: Rows,
     n: int,
@@ -231,15 +233,15 @@ def _write(
     add_row(rows.gradients[n], label[1], point, direction, 1.0, cover.tree, cover.frames)
 
 
-@njit
+@leaf
 def palm_clearance(cover: Cover, activation: float, nearest: Array, direction: Array) -> float:
     """Return the clearance of the link that works beside the palm from it, `activation` if beyond.
 
     It works closer to the palm than covering spheres can tell: points of its box's edges against the true box.
     `nearest` (3,) and `direction` (3,) are written with the point that has it and its gradient.
     """
-    tree, frames, best, inside = cover.tree, cover.frames, activation, np.zeros(3)
-    point, local = np.empty(3), np.empty(3)
+    tree, frames, best = cover.tree, cover.frames, activation
+    inside, point, local = cover.room[2], cover.room[3], cover.room[4]
     R, p, palm, beside, last, at_last = frames.R, frames.p, tree.palm, tree.beside, 0, -1.0
     for k in range(tree.beside_edges.shape[0]):
         # As in `object_clearance`: what lies near a point that is far enough away need not be looked at.
@@ -263,18 +265,17 @@ def palm_clearance(cover: Cover, activation: float, nearest: Array, direction: A
         if d >= best:
             continue
         best = d
-        nearest[:] = point
         for r in range(3):
-            direction[r] = 0.0
+            nearest[r], direction[r] = point[r], 0.0
             for c in range(3):
                 part = inside[c] / np.sqrt(squared) if squared > 0.0 else (1.0 if c == axis else 0.0)
                 direction[r] += R[palm, r, c] * (part if local[c] > 0.0 else -part)
     return best
 
 
-@njit
+@leaf
 def _palm_row(cover: Cover, activation: float, rows: Rows, n: int) -> int:
-    tree, direction, nearest = cover.tree, np.zeros(3), np.zeros(3)
+    tree, direction, nearest = cover.tree, cover.room[5], cover.room[6]
     best = palm_clearance(cover, activation, nearest, direction)
     if best >= activation:
         return n
@@ -283,9 +284,9 @@ def _palm_row(cover: Cover, activation: float, rows: Rows, n: int) -> int:
     return n + 1
 
 
-@njit
+@leaf
 def _self_rows(cover: Cover, activation: float, rows: Rows, n: int) -> int:
-    tree, centres, direction = cover.tree, cover.centres, np.empty(3)
+    tree, centres, direction = cover.tree, cover.centres, cover.room[5]
     for k in range(tree.pairs.shape[0]):
         if n >= rows.values.shape[0]:
             continue
@@ -296,19 +297,20 @@ def _self_rows(cover: Cover, activation: float, rows: Rows, n: int) -> int:
         best, first, second = self_clearance(cover, a, b, activation)
         if first >= 0:
             norm = np.sqrt(_squared(centres[first], centres[second])) + 1e-12
-            direction[:] = (centres[first] - centres[second]) / norm
+            for r in range(3):
+                direction[r] = (centres[first, r] - centres[second, r]) / norm
             _write(rows, n, best, (SELF, a, b), cover, centres[first], direction)
             add_row(rows.gradients[n], b, centres[second], direction, -1.0, tree, cover.frames)
             n += 1
     return n
 
 
-@njit
+@leaf
 def _along(direction: Array, a: Array, b: Array) -> float:
     """Return the distance from a to b along a direction."""
     return direction[0] * (b[0] - a[0]) + direction[1] * (b[1] - a[1]) + direction[2] * (b[2] - a[2])
 
 
-@njit
+@leaf
 def _squared(a: Array, b: Array) -> float:
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2

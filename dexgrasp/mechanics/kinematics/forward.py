@@ -6,7 +6,7 @@ import numpy as np
 
 from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import leaf, njit
 
 
 class Frames(NamedTuple):
@@ -23,13 +23,13 @@ def empty_frames(tree: RobotTree) -> Frames:
     return Frames(np.empty((bodies, 3, 3)), np.empty((bodies, 3)))
 
 
-@njit
+@leaf
 def forward(q: Array, tree: RobotTree, frames: Frames) -> None:
     """Write the body frames for joint positions `q` (n,) rad into `frames`."""
     forward_part(q, tree, frames, 0, tree.parent.shape[0])
 
 
-@njit
+@leaf
 def forward_part(q: Array, tree: RobotTree, frames: Frames, first: int, end: int) -> None:
     """Write the frames of bodies `first` to `end` only; those before them are there. The hand follows the palm."""
     R, p = frames.R, frames.p
@@ -49,12 +49,14 @@ def forward_part(q: Array, tree: RobotTree, frames: Frames, first: int, end: int
         if j >= 0:
             place = tree.gear[b, 0] * q[j] + tree.gear[b, 1]
             if tree.slides[b]:
-                to_world(R[b], p[b], place * tree.axis[b], p[b])
+                x, y, z = place * tree.axis[b, 0], place * tree.axis[b, 1], place * tree.axis[b, 2]
+                for r in range(3):
+                    p[b, r] = p[b, r] + R[b, r, 0] * x + R[b, r, 1] * y + R[b, r, 2] * z
             else:
                 _turn(R[b], tree.axis[b], place)
 
 
-@njit
+@leaf
 def _turn(R: Array, axis: Array, angle: float) -> None:
     """R <- R Rot(axis, angle), in place (Rodrigues)."""
     s, c = np.sin(angle), np.cos(angle)
@@ -70,14 +72,14 @@ def _turn(R: Array, axis: Array, angle: float) -> None:
         R[r, 2] = u * a02 + v * a12 + w * a22
 
 
-@njit
+@leaf
 def to_world(R: Array, p: Array, local: Array, out: Array) -> None:
     """Write R local + p, (3,)."""
     for r in range(3):
         out[r] = p[r] + R[r, 0] * local[0] + R[r, 1] * local[1] + R[r, 2] * local[2]
 
 
-@njit
+@leaf
 def _motion(b: int, point: Array, tree: RobotTree, frames: Frames) -> tuple[float, float, float]:
     """Return how a point (3,) moves with the joint of body `b`, m/rad: the joint's axis x the way to the point.
 
@@ -94,7 +96,7 @@ def _motion(b: int, point: Array, tree: RobotTree, frames: Frames) -> tuple[floa
     return gear * (ay * dz - az * dy), gear * (az * dx - ax * dz), gear * (ax * dy - ay * dx)
 
 
-@njit
+@leaf
 def add_row(
     row: Array, body: int, point: Array, direction: Array, sign: float, tree: RobotTree, frames: Frames
 ) -> None:
@@ -111,7 +113,7 @@ def add_row(
         b = tree.parent[b]
 
 
-@njit
+@leaf
 def add_turn_row(
     row: Array, body: int, direction: Array, sign: float, tree: RobotTree, frames: Frames
 ) -> None:
@@ -144,7 +146,7 @@ def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
     return J
 
 
-@njit
+@leaf
 def contact_jacobian(
     tree: RobotTree, frames: Frames, points: Array, normals: Array, top: int, J: Array
 ) -> None:
@@ -165,7 +167,7 @@ def contact_jacobian(
             add_turn_row(J[i, 3], tree.tip_body[i], normals[i], tree.torsion, tree, frames)
 
 
-@njit
+@leaf
 def follow(q: Array, tree: RobotTree) -> None:
     """Put the joints of `q` (n,) that follow others where those have them, in place.
 
@@ -180,7 +182,7 @@ def follow(q: Array, tree: RobotTree) -> None:
             q[j] = tree.ratio[j, 0] * q[k] + tree.ratio[j, 1]
 
 
-@njit
+@leaf
 def add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, frames: Frames) -> None:
     """Add the linear Jacobian of a point (3,) of a body to `J` (3 or more, n), of the joints below body `top`."""
     b = body
