@@ -41,17 +41,9 @@ def _loaded(data: bytes) -> Any:
 
 def _even(loaded: Any) -> bool:
     """Return whether each list of a binary file has one length: the library reads all by the first."""
-    parts = [part for element in loaded.metadata["_ply_raw"].values() for part in _lists(element)]
-    return all(
-        (rows["f0"] == rows["f1"].shape[-1] if rows["f1"].ndim > 1 else rows["f0"] == 1).all()
-        for rows in parts
-    )
-
-
-def _lists(element: Any) -> list[Any]:
-    data = element.get("data")
-    names = getattr(getattr(data, "dtype", None), "names", None) or ()
-    return [data[name] for name in names if data[name].dtype.names]
+    tables = [element["data"] for element in loaded.metadata["_ply_raw"].values() if element["length"]]
+    lists = [table[name] for table in tables for name in table.dtype.names if table[name].dtype.names]
+    return all((rows["f0"] == np.prod(rows["f1"].shape[1:])).all() for rows in lists)
 
 
 def _as_text(data: bytes) -> bytes:

@@ -152,6 +152,29 @@ def test_options_fill_the_fields_they_are_declared_by(line, field, value):
         ("plan pear --object-near 1 2", "expected 3"),
         ("replay runs/x --agent a --object b", "--trial"),
         ("evaluate --agents a --objects pear --size 321x240", "even numbers"),
+        (
+            "evaluate --agents random --objects pear --camera front",
+            "--camera would change nothing without --video",
+        ),
+        (
+            "replay runs/x --agent a --object b --trial 0 --size 64x64",
+            "--size would change nothing without --video",
+        ),
+        ("check robot/pear --seed 3", "--seed would change nothing without --replay"),
+        ("train sac --objects pear --out o --every 3", "--every would change nothing without --try-on"),
+        (
+            "train bc --data d --out o --view cloud --hidden 8",
+            "hidden, chunk and execute change nothing here",
+        ),
+        ("dataset info d --robot panda_gripper", "--robot would change nothing without --verify"),
+        ("doctor --mesh-scale 0.1", "--mesh-scale would change nothing without --meshes"),
+        ("demo --no-video --camera front", "--camera and --size are of a video"),
+        ("plan --cloud a.ply --objects --approach top --count 2", "--count, --approach would change nothing"),
+        ("list agents --robot panda_gripper", "only `list envs` makes use of it"),
+        ("robot make --hand allegro.yaml --palm palm --out a.yaml", "--palm would change nothing"),
+        ("demos generate --objects pear --out o --observe step", "observe='step' changes nothing here"),
+        ("view . --seed 1", "--seed would change nothing"),
+        ("view pear --html a.html --port 9", "--port is of a server"),
     ],
 )
 def test_options_that_do_not_go_together_are_one_line_and_2(line, words, capsys):

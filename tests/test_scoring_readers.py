@@ -219,6 +219,8 @@ def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch):
     for tip in TIPS:
         assert_allclose(T[:3, :3] @ alone.site(tip).xpos + T[:3, 3], whole.site(tip).xpos, atol=1e-9)
     assert_allclose(found.squeeze_for(5.0).joints - found.grasp.joints, np.full(16, 0.04))
+    with refused("names its robot: --hand is of files of others"):
+        ours.read_ours({}, tmp_path / "grasp.json", ReadOptions("mine.xml"))
     record.T_world_object = None
     with refused("T_world_object is missing"):
         ours.read_ours({}, tmp_path / "grasp.json", ReadOptions())

@@ -130,6 +130,18 @@ def test_no_limit_in_gymnasiums_word_and_closed_environments_say_so():
             what()
 
 
+def test_seeds_and_options_are_checked_in_words():
+    envs = native(2)
+    first, _ = envs.reset(seed=np.array([3, 4]))
+    assert_same(first, envs.reset(seed=3)[0])
+    for what, words in (
+        ({"seed": 1.5}, "seed is 1.5"), ({"seed": [1, -2]}, "seed is -2"), ({"seed": "ab"}, "seed is 'ab'"),
+        ({"options": [{}]}, "options is"),
+    ):  # fmt: skip
+        with refused(words):
+            envs.reset(**what)
+
+
 def test_a_path_is_an_object_as_its_text_is(tmp_path):
     path = tmp_path / "part.stl"
     trimesh.creation.box((0.06, 0.05, 0.08)).export(path)

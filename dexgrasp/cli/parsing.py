@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Collection
 from dataclasses import MISSING, Field, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, cast, get_args, get_origin
 
 from dexgrasp.cli.command import POSITIONAL, Command, Script
 from dexgrasp_env.arrays import Fields
@@ -47,8 +47,9 @@ def build(kind: type[C], args: argparse.Namespace) -> C:
             place = place.setdefault(part, {})
         place[name] = tuple(value) if isinstance(value, list) else value
     made = read(kind, given, more=True)
-    for name in given.keys() & hints(kind).keys():
-        told = _told(hints(kind)[name])
+    known = hints(cast(Any, kind))
+    for name in given.keys() & known.keys():
+        told = _told(known[name])
         other, unasked = told.get("of"), os.environ.get(told.get("variable", ""))
         if other and not getattr(made, other) and given[name] != unasked:
             idle = given[name] if isinstance(given[name], dict) else [name]
