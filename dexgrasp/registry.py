@@ -60,14 +60,16 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     if is_policy(name):
         return _load("dexgrasp.agents.learned:LearnedAgent")(name, **kwargs)
     check_name(name)
+    found = dict[Path, None]()
     try:
-        with files_read() as found:
+        with files_read(found):
             made = _load(name)(**kwargs)
-        _READ.setdefault(name, {}).update(found)
     except InputError:
         raise
     except Exception as error:  # that a user's class cannot be made is the user's to mend
         raise InputError(f"agent {name!r} cannot be made: {type(error).__name__}: {error}") from error
+    finally:
+        _READ.setdefault(name, {}).update(found)
     return complete(name, made)
 
 
@@ -149,7 +151,10 @@ def server_identity(name: str) -> dict[str, Any]:
 
 
 def agent_files(name: str) -> list[Path]:
-    """Return the files that what an agent does rests on: of a policy, of a checkpoint, or what making one has read."""
+    """Return the files that what an agent does rests on: of a policy, of a checkpoint, or what making one has read.
+
+    A wrapper of one's own, `module:Class`, is as an agent: what its module imports counts.
+    """
     if is_policy(name):
         return policy_files(name)
     if name.endswith(".zip"):

@@ -16,20 +16,26 @@ def usable_cores(groups: Path = Path("/sys/fs/cgroup")) -> int:
     return max(1, math.ceil(min(own, _quota(groups))))
 
 
-def _quota(groups: Path) -> float:
-    """Return the cores of the quota, infinite where there is none."""
-    for read in (_version_2, _version_1):
-        with suppress(OSError, ValueError, ZeroDivisionError):
-            quota, period = read(groups)
-            return quota / period if quota > 0 else math.inf
+def _quota(groups: Path, own: Path = Path("/proc/self/cgroup")) -> float:
+    """Return the cores of the least quota that this process is under, infinite where there is none.
+
+    Args:
+        groups: as for `usable_cores`.
+        own: file that names the groups of this process: in a container the root's, elsewhere one within others.
+    """
+    places = [groups, groups / "cpu"]
+    with suppress(OSError, ValueError):
+        for line in own.read_text().splitlines():
+            _, kinds, path = line.split(":", 2)
+            within = Path(path.lstrip("/"))
+            places += [groups / kinds / part for part in (within, *within.parents)]
+    return min(map(_quota_of, places))
+
+
+def _quota_of(group: Path) -> float:
+    with suppress(OSError, ValueError, ZeroDivisionError):
+        names = ("cpu.max",) if (group / "cpu.max").is_file() else ("cpu.cfs_quota_us", "cpu.cfs_period_us")
+        quota, period = " ".join((group / name).read_text() for name in names).split()
+        if quota != "max" and float(quota) > 0:
+            return float(quota) / float(period)
     return math.inf
-
-
-def _version_2(groups: Path) -> tuple[float, float]:
-    quota, period = (groups / "cpu.max").read_text().split()
-    return (-1.0 if quota == "max" else float(quota)), float(period)
-
-
-def _version_1(groups: Path) -> tuple[float, float]:
-    folder = groups / "cpu"
-    return float((folder / "cpu.cfs_quota_us").read_text()), float((folder / "cpu.cfs_period_us").read_text())

@@ -1,6 +1,5 @@
 """Files: the user's cache, content hashes, atomic writes, values as JSON holds them."""
 
-import codecs
 import errno
 import hashlib
 import io
@@ -85,13 +84,6 @@ def read_file(path: Path, kind: str = "") -> bytes:
     """Return the bytes of a file of somebody else's that `check_file` lets pass."""
     check_file(path, kind)
     return path.read_bytes()
-
-
-def plain_text(data: bytes) -> bytes:
-    """Return a text without the byte order mark that editors put before it; UTF-16 becomes UTF-8."""
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return data.decode("utf-16", "replace").encode()
-    return data.removeprefix(codecs.BOM_UTF8)
 
 
 def check_archive(path: Path) -> None:
@@ -305,13 +297,15 @@ def parse_json(text: str | bytes) -> Any:
     """Parse JSON of somebody else's.
 
     Raises:
-        ValueError: for what is no text or no JSON, longer than a file may be, nested beyond the stack, NaN, or a number
-            that no float holds.
+        ValueError: for what is no text or no JSON, longer than a file may be, nested beyond the stack, NaN, a number
+            that no float holds, or a key that stands twice.
     """
     if len(text) > _LARGEST[".json"] * _MIB:
         raise ValueError("too long")
     try:
-        return json.loads(text, parse_constant=_refused, parse_float=_finite, parse_int=_whole)
+        return json.loads(
+            text, parse_constant=_refused, parse_float=_finite, parse_int=_whole, object_pairs_hook=_once
+        )
     except RecursionError:
         raise ValueError("nested too deeply") from None
 
@@ -336,17 +330,22 @@ def read_json_object(path: Path, remedy: str, missing: str | None = None) -> Fie
     except ValueError:
         content = None
     if not isinstance(content, dict):
-        raise InputError(f"{path} is damaged, cut off or no JSON object: {remedy}")
+        raise InputError(f"{path} is damaged, cut off, no JSON object, or has a key twice: {remedy}")
     return content
 
 
-def _refused(text: str) -> float:
+def _once(pairs: list[tuple[str, Any]]) -> Fields:
+    found = dict(pairs)
+    return found if len(found) == len(pairs) else _refused("a key that stands twice")
+
+
+def _refused(text: str) -> Any:
     raise ValueError(f"{text[:20]} is no number of JSON")
 
 
 def _finite(text: str) -> float:
     number = float(text)
-    return number if math.isfinite(number) else _refused(text)
+    return number if math.isfinite(number) else float(_refused(text))
 
 
 def _whole(text: str) -> int:

@@ -187,6 +187,42 @@ def test_an_agent_rests_on_what_it_reads_under_whatever_name(tmp_path):
         before = after
 
 
+READS_LATE = """
+import runpy, numpy as np
+from dexgrasp.agent import Agent
+class Late(Agent):
+    env_settings = {"obs_mode": "state", "control_mode": "joint_delta"}
+    def reset(self, observation, info): self.gain = runpy.run_path("gain.py")["GAIN"]
+    def act(self, observation): return np.full(23, self.gain * float(open("weights.txt").read()))
+"""
+
+
+@pytest.mark.parametrize("changed", ["gain.py", "weights.txt"])
+def test_what_an_agent_reads_while_it_acts_counts(tmp_path, monkeypatch, changed):
+    monkeypatch.chdir(tmp_path)
+    for name, text in {"late.py": READS_LATE, "gain.py": "GAIN = 0.1", "weights.txt": "0.5"}.items():
+        (tmp_path / name).write_text(text)
+    words = [
+        sys.executable,
+        "-m",
+        "dexgrasp.cli.main",
+        "evaluate",
+        "--agents",
+        "late:Late",
+        "--objects",
+        "pear",
+    ]
+
+    def evaluated():
+        return subprocess.run([*words, "--trials", "1", "--out", "run"], capture_output=True, text=True)
+
+    assert evaluated().returncode == evaluated().returncode == 0
+    (tmp_path / changed).write_text((tmp_path / changed).read_text() + " ")
+    again = evaluated()
+    assert again.returncode == 2
+    assert f"{changed} while it acted, and that has changed since: choose another --out" in again.stderr
+
+
 class Harm:
     """Unpickled, it leaves a file behind."""
 

@@ -36,6 +36,11 @@ TEXTS = {
     "e.xyz": "//X Y Z R G B\n60\n" + rows("{0} {1} {2} 1 2 3"),
     "f.asc": "\ufeff# written by hand\n" + rows("{0};{1};{2}"),
     "g.csv": "X;Y;Z\n" + rows("{0};{1};{2}").replace(".", ","),
+    "i.csv": ("0;0;0\n" + rows("{0:.6e};{1:+.6f};{2}", POINTS[1:])).replace(".", ","),
+    "j.pcd": "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 60\nHEIGHT 1\nPOINTS 60\nDATA ascii\n"
+    + rows("{0} {1} {2}").replace(".", ","),
+    "k.ply": "ply\nformat ascii 1.0\nelement vertex 60\nproperty float x\nproperty float y\nproperty float z\n"
+    "end_header\n" + rows("{0} {1} {2}").replace(".", ","),
     "h.txt": "# made in Jena\n\n" + rows("{0} {1} {2}").replace(".", ",") + " # the last\n",
 }
 
@@ -43,7 +48,8 @@ TEXTS = {
 @pytest.mark.parametrize("name", TEXTS)
 def test_texts(name, tmp_path):
     (tmp_path / name).write_text(TEXTS[name])
-    np.testing.assert_allclose(read_scan(tmp_path / name).points, POINTS, atol=1e-6)
+    first = [np.zeros(3), *POINTS[1:]] if name == "i.csv" else POINTS  # a whole number has no comma
+    np.testing.assert_allclose(read_scan(tmp_path / name).points, first, atol=1e-6)
 
 
 def test_arrays(tmp_path):

@@ -130,6 +130,30 @@ def test_numbers_with_exponents_are_numbers(tmp_path, text, value):
     assert read_yaml(tmp_path / "x.yaml") == {"a": value, "b": text, "c": "1e-x"}
 
 
+def test_yaml_is_that_of_1_2(tmp_path):
+    text = (
+        "a: 010\nb: 0o10\nc: 1:30\nd: on\ne: true\nf: 0x1F\ng: 2026-01-01\nh: &h {x: 1}\ni: {<<: *h, y: ~}\n"
+    )
+    (tmp_path / "x.yaml").write_text(text, encoding="utf-16")
+    known = {"a": 10, "b": 8, "c": "1:30", "d": "on", "e": True, "f": 31, "g": "2026-01-01", "h": {"x": 1}}
+    assert read_yaml(tmp_path / "x.yaml") == known | {"i": {"x": 1, "y": None}}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a:\n\tb: 1", r"line 2: .*character '\\t'"),
+        ("&a [*a]", "it holds itself"),
+        ("a0: &a0 [1]\n" + "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 9)),
+         "unfolds to over"),
+    ],
+)  # fmt: skip
+def test_yaml_that_is_none_says_where(tmp_path, text, words):
+    (tmp_path / "x.yaml").write_text(text)
+    with refused(words):
+        read_yaml(tmp_path / "x.yaml")
+
+
 def test_a_key_that_stands_twice_is_refused_by_its_name(tmp_path):
     (tmp_path / "x.yaml").write_text("limits:\n  torque: 1\n  velocity: 2\n  torque: 3\n")
     with refused("key 'torque' stands twice in the mapping of line 2"):

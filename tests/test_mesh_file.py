@@ -74,6 +74,37 @@ def test_a_ply_that_is_cut_off_is_refused(tmp_path, encoding):
             load_object(path)
 
 
+@pytest.mark.parametrize("behind", [b"", b"a viewer's note"])
+def test_binary_polygons_may_have_any_number_of_corners(tmp_path, behind):
+    head, body = prism_text(U, "ply").split("end_header\n")
+    rows = [line.split() for line in body.splitlines()]
+    packed = np.array(rows[: 2 * len(U)], "<f4").tobytes()
+    packed += b"".join(
+        bytes([int(n)]) + np.array(corners, "<i4").tobytes() for n, *corners in rows[2 * len(U) :]
+    )
+    head = head.replace("ascii", "binary_little_endian") + "end_header\n"
+    (tmp_path / "u.ply").write_bytes(head.encode() + packed + behind)
+    assert load_object(tmp_path / "u.ply").mesh.volume == pytest.approx(0.04 * 34e-4, rel=1e-5)
+    (tmp_path / "u.ply").write_bytes(head.encode() + packed[:-5])
+    with refused("is damaged .it ends after 9 of 10 rows of face"):
+        load_object(tmp_path / "u.ply")
+
+
+def test_texts_may_have_decimal_commas_and_capitals(tmp_path):
+    for suffix in ("obj", "off", "ply"):
+        head, end, body = prism_text(U, suffix).rpartition("end_header")
+        (tmp_path / f"u.{suffix}").write_text(head + end + body.replace(".", ","))
+        assert load_object(tmp_path / f"u.{suffix}").mesh.volume == pytest.approx(0.04 * 34e-4, rel=1e-6)
+    (tmp_path / "b.stl").write_text(BALL.export(file_type="stl_ascii").replace(".", ",").upper())
+    assert read_mesh(tmp_path / "b.stl").volume == pytest.approx(BALL.volume, rel=1e-4)
+
+
+def test_a_binary_stl_may_begin_with_the_words_of_a_text(tmp_path):
+    data = BALL.export(file_type="stl")
+    (tmp_path / "b.stl").write_bytes(b"solid facet".ljust(80) + data[80:] + b"tail")
+    assert read_mesh(tmp_path / "b.stl").volume == pytest.approx(BALL.volume, rel=1e-4)
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_texts_may_begin_with_a_byte_order_mark(tmp_path, encoding):
     for suffix in ("obj", "ply"):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from foreign_parts import foreign_hand, six_joint_arm
 from processes import typed
@@ -171,6 +172,26 @@ def test_what_a_description_includes_is_part_of_its_hash(made, tmp_path):
         found.append((named.hash, named.stamp))
     assert found[0] == found[1]
     assert len({name for name, _ in found}) == len({stamp for _, stamp in found}) == 3
+
+
+@pytest.mark.parametrize("kind", ["mjcf", "attached", "urdf"])
+def test_meshes_that_a_description_names_are_part_of_its_hash(made, tmp_path, kind):
+    robot, mesh = make_cell(made).robot, tmp_path / "hand" / "meshes" / "palm.stl"
+    mesh.parent.mkdir(parents=True)
+    inner = '<mujoco><compiler meshdir="meshes"/><asset><mesh name="palm" file="palm.stl"/></asset></mujoco>'
+    inner = '<robot><mesh filename="package://hand/meshes/palm.stl"/></robot>' if kind == "urdf" else inner
+    outer = tmp_path / "hand" / "inner.xml"
+    outer.write_text(inner)
+    if kind == "attached":
+        outer = tmp_path / "outer.xml"
+        outer.write_text('<mujoco><asset><model name="hand" file="hand/inner.xml"/></asset></mujoco>')
+    found = []
+    for side in (0.02, 0.02, 0.03):
+        trimesh.creation.box((side, side, side)).export(mesh)
+        named = replace(robot, hand=replace(robot.hand, mjcf=outer))
+        found.append((named.hash, named.stamp))
+    assert found[0] == found[1]
+    assert all(before != after for before, after in zip(*found[1:], strict=True))
 
 
 def test_policies_move_one_robot_and_weights_are_of_one_hand(made):

@@ -158,6 +158,16 @@ def test_a_palm_that_is_the_world_becomes_a_body(tmp_path):
     notes, hand = hand_of(tmp_path, mjcf(tmp_path, edit))
     assert hand["palm"] == "base"
     assert any("'base'" in note for note in notes)
+    named = lambda text: edit(text).replace('"fore_base"', '"base"')  # noqa: E731
+    assert hand_of(tmp_path, mjcf(tmp_path, named))[1]["palm"] == "base_base"
+
+
+def test_a_floating_base_of_a_urdf_is_fixed(tmp_path):
+    base = '<joint name="floats" type="floating"><parent link="world"/><child link="plate"/></joint>'
+    (tmp_path / "claw.urdf").write_text(urdf(prefix=('<link name="world"/>', base)))
+    source = read_source(tmp_path / "claw.urdf")
+    assert source.model.njnt == 9
+    assert any("'floats' floats: it is fixed" in note for note in source.notes)
 
 
 def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(tmp_path):

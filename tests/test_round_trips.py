@@ -198,9 +198,12 @@ def test_what_contradicts_the_record_is_refused(tmp_path):
         make_agent(path, env_kwargs={"frame_skip": 25})
     with refused("valid are obs_mode"):
         make_agent(path, env_kwargs=["friction=0.3"])
-    assert make_agent(path, env_kwargs=["frame_skip=50"]).assumed == ""
+    assert make_agent(path, env_kwargs=["frame_skip=5e1"]).assumed == ""
     with refused("was trained with mount palm_normal: here it is fingers_along"):
         scores(path, tmp_path, mount="fingers_along")
+    for words in (["frame_skip=50", "frame_skip=25"], ["frame_skip"], ["frame_skip=["]):
+        with refused("--env-kwargs 'frame_skip"):
+            make_agent(path, env_kwargs=words)
     with refused("is of checkpoints"):
         EvaluationSettings.of(["random"], [OBJECT], env_kwargs=["frame_skip=50"])
 

@@ -28,7 +28,12 @@ def test_terminal_observations_and_time_limits():
     expected, _ = single.reset()
     assert all(np.array_equal(observation[key][1], expected[key]) for key in expected)
     assert env.env_is_wrapped(gym.Wrapper) == [False, False]
+    assert env.get_images() == [None, None]  # as of environments that draw nothing
     env.close()
+    told = SB3VecEnv("DexGrasp/Lift-v2", num_envs=2, objects="sugar_box", told=("stages",))
+    told.reset()
+    with refused("unknown info of `told` 'stages' .the nearest is 'stage'"):
+        told.step(np.zeros((2, 23)))
 
 
 def test_options_are_of_the_next_reset():

@@ -115,3 +115,15 @@ def test_no_limit_in_gymnasiums_word_and_closed_environments_say_so():
             what()
         with pytest.raises(ClosedEnvironmentError):
             what()
+
+
+def test_seeds_and_options_are_checked_in_words():
+    envs = native(2)
+    first, _ = envs.reset(seed=np.array([3, 4]))
+    assert_same(first, envs.reset(seed=3)[0])
+    for what, words in (
+        ({"seed": 1.5}, "seed is 1.5"), ({"seed": [1, -2]}, "seed is -2"), ({"seed": "ab"}, "seed is 'ab'"),
+        ({"options": [{}]}, "options is"),
+    ):  # fmt: skip
+        with refused(words):
+            envs.reset(**what)

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 from dexgrasp.cli.command import Answer, Argument, Command, InCell, Seed
 from dexgrasp.cli.output import check_lines, coloured
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Natural, Rule
 
 
@@ -40,8 +39,8 @@ class Check(Command, InCell):
 
     trajectory: Argument[Path]
     replay: Natural = 0
-    need: Annotated[str | None, Rule("K/N, K of each N replays", _share), "K/N"] = None
-    seed: Seed = 0
+    need: Annotated[str | None, Rule("K/N, K of each N replays", _share), "K/N", {"of": "replay"}] = None
+    seed: Annotated[Seed, {"of": "replay"}] = 0
 
     def run(self) -> Answer:
         """Check, and replay if asked for."""
@@ -54,8 +53,6 @@ class Check(Command, InCell):
         from dexgrasp.grasp.file import read_grasp
         from dexgrasp.grasp.verify.verify import verify
 
-        if self.need is not None and not self.replay:
-            raise InputError("--need is of the replays of --replay N")
         folder = self.trajectory if self.trajectory.is_dir() else self.trajectory.parent
         recording = read_trajectory(self.trajectory, self.cell)
         checks, grasp = check_trajectory(recording, self.cell), folder / "grasp.json"

@@ -3,9 +3,9 @@
 A field's annotation says what is valid, its default what holds where nothing is given, its line under `Attributes:` is
 the help; nothing of an option is said a second time. `Annotated` may add, as text, what the option (`"--from"`) or its
 value (`"DIR"`) is called, as a mapping what argparse is to know besides (`instead_of`: the path of an option that this
-one excludes; `variable`: of the surroundings, whose value holds where the command line gives none). A field that is a
-dataclass itself, such as the settings that a function of the library takes, brings its own fields: all, those that a
-tuple names, or all but those of a set.
+one excludes; `of`: the option without which this one would do nothing, and is refused; `variable`: of the surroundings,
+whose value holds where the command line gives none). A field that is a dataclass itself, such as the settings that a
+function of the library takes, brings its own fields: all, those that a tuple names, or all but those of a set.
 """
 
 import json
@@ -65,6 +65,11 @@ class Options:
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True)(cls)
+
+    def given(self, *names: str) -> list[str]:
+        """Return the options, as they are written, of those fields that have another value than their default."""
+        known = type(self).__dataclass_fields__  # type: ignore[attr-defined]
+        return [f"--{name.replace('_', '-')}" for name in names if getattr(self, name) != known[name].default]
 
 
 class Script(Options):

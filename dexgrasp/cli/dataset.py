@@ -14,7 +14,7 @@ from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.arrays import Fields
-from dexgrasp_env.valid import Count
+from dexgrasp_env.valid import CellFile, Count
 
 
 class Generate(Command):
@@ -53,10 +53,12 @@ class Info(Command, InCell):
     Attributes:
         folder: of the dataset.
         verify: check N random grasps by independent means.
+        robot: file or name of the cell that they are checked in (default: the data set's).
     """
 
     folder: Argument[Folder]
     verify: Count | None = None
+    robot: Annotated[CellFile, {"of": "verify"}] = None
 
     def run(self) -> Answer:
         """Look at it; 1 if a grasp that was checked does not hold."""

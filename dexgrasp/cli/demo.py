@@ -11,6 +11,7 @@ from dexgrasp.cli.plan import check_target
 from dexgrasp.evaluation.video import VideoSettings
 from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.arrays import Fields
+from dexgrasp_env.errors import InputError
 
 if TYPE_CHECKING:
     from dexgrasp.agent import Agent
@@ -53,8 +54,10 @@ class Demo(Command, Scene):
         from dexgrasp_env.rendering import rendering_fault
 
         check_target(self.object, self.agent, self)
-        make_folder(self.out)
         unwanted = self.no_video or self.no_pictures
+        if unwanted and self.film != VideoSettings():
+            raise InputError("--camera and --size are of a video, which is left out")
+        make_folder(self.out)
         missing = "left out" if unwanted else rendering_fault()
         drawn = {} if missing else self.film.env_settings
         began, agent = time.perf_counter(), agent_for(self.agent, self.friction)

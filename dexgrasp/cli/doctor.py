@@ -46,7 +46,7 @@ class Doctor(Command):
     """
 
     meshes: Argument[Annotated[tuple[Path, ...], "MESH"]] = ()
-    mesh_scale: Scale = 1.0
+    mesh_scale: Annotated[Scale, {"of": "meshes"}] = 1.0
 
     def run(self) -> Answer:
         """Look; 1 if one of the findings is an error."""

@@ -44,7 +44,7 @@ class Evaluate(Command):
     settings: EvaluationSettings
     out: Folder | None = None
     video: Annotated[int | Literal["failures"], _VIDEOS, "K|failures"] = 0
-    film: VideoSettings = VideoSettings()
+    film: Annotated[VideoSettings, {"of": "video"}] = VideoSettings()
     backend: Backend = Backend()
 
     def run(self) -> Answer | int:

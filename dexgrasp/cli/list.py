@@ -1,11 +1,13 @@
 """`dexgrasp list`: objects, environments, agents, protocols."""
 
+import os
 from pkgutil import resolve_name
 from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, InCell
 from dexgrasp.cli.figures import columns, record_table
 from dexgrasp_env.arrays import Fields
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import one_of
 
 Rows = list[Fields]
@@ -109,6 +111,10 @@ class List(Command, InCell):
         from dexgrasp_env.objects.catalogue import OBJECT_SETS
         from dexgrasp_env.objects.sets import MESH_SUFFIXES
 
+        if self.what != "envs" and self.robot not in (None, os.environ.get("DEXGRASP_CELL")):
+            raise InputError(
+                f"--robot would change nothing: only `list envs` makes use of it, not {self.what}"
+            )
         rows = _LISTS[self.what]()
         if self.what == "envs":
             from dexgrasp_env.tasks.control import CONTROL_MODES, action_size

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Collection
 from dataclasses import MISSING, Field, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, cast, get_args, get_origin
 
 from dexgrasp.cli.command import POSITIONAL, Command, Script
 from dexgrasp_env.arrays import Fields
@@ -42,7 +42,21 @@ def build(kind: type[C], args: argparse.Namespace) -> C:
         for part in within:
             place = place.setdefault(part, {})
         place[name] = tuple(value) if isinstance(value, list) else value
-    return read(kind, given, more=True)
+    made = read(kind, given, more=True)
+    known = hints(cast(Any, kind))
+    for name in given.keys() & known.keys():
+        told = _told(known[name])
+        other, unasked = told.get("of"), os.environ.get(told.get("variable", ""))
+        if other and not getattr(made, other) and given[name] != unasked:
+            idle = given[name] if isinstance(given[name], dict) else [name]
+            words = ", ".join(f"--{part}" for part in idle)
+            raise InputError(f"{words} would change nothing without --{other}".replace("_", "-"))
+    return made
+
+
+def _told(hint: Hint) -> Fields:
+    """Return what a field's mappings say."""
+    return {key: value for mark in hint.marks if isinstance(mark, dict) for key, value in mark.items()}
 
 
 def add_options(
@@ -76,10 +90,8 @@ def add_options(
 
 def _add(place: Any, path: str, field: "Field[Any]", hint: Hint, line: str) -> None:
     default = field.default if field.default_factory is MISSING else field.default_factory()
-    settings = {"help": _help(line, default)} | _value(field.name, hint)
-    for mark in hint.marks:
-        if isinstance(mark, dict):
-            settings |= mark
+    settings = {"help": _help(line, default)} | _value(field.name, hint) | _told(hint)
+    settings.pop("of", None)
     settings["default"] = os.environ.get(settings.pop("variable", ""), argparse.SUPPRESS)
     if POSITIONAL in hint.marks:
         if default is not MISSING:

@@ -120,6 +120,10 @@ class Plan(Command, Request, Scan, Scene):
             raise InputError(
                 "--agent, --mesh-scale and --mesh-mass do not apply to --cloud (its mass is --mass)"
             )
+        if self.objects and (
+            idle := self.given("count", "at_least", "mass", "friction", *Request.__annotations__)
+        ):
+            raise InputError(f"{', '.join(idle)} would change nothing: --objects plans nothing")
         from dexgrasp_env.perception.scan import read_scan
 
         if line := self.order_line():

@@ -33,7 +33,7 @@ class Replay(Command, InCell):
     trial: Annotated[Natural, "K"]
     protocol: Annotated[str | None, "PROTOCOL"] = None
     video: bool = False
-    film: VideoSettings = VideoSettings()
+    film: Annotated[VideoSettings, {"of": "video"}] = VideoSettings()
 
     def run(self) -> Answer:
         """Replay, say what is different."""

@@ -39,8 +39,7 @@ class Request(Options):
     @property
     def of_request(self) -> list[str]:
         """Options of the request that were given."""
-        given = [name for name in Request.__annotations__ if getattr(self, name) not in (None, ())]
-        return [f"--{name.replace('_', '-')}" for name in given]
+        return self.given(*Request.__annotations__)
 
     def grasp_request(self, marked: "Callable[[Mask], Array]") -> "GraspRequest":
         """Return what is asked for.

@@ -16,6 +16,7 @@ from dexgrasp.cli.figures import record_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.findings import Finding
+from dexgrasp_env.yaml_file import YAML_SUFFIXES
 
 
 class ListRobots(Command):
@@ -90,9 +91,13 @@ class Make(Command):
         if first is None:
             raise InputError("name what to make a robot of: FILE, --hand or --arm")
         out = self.out or Path(f"{first.stem}.yaml")
-        if out.suffix not in (".yaml", ".yml"):
+        if out.suffix not in YAML_SUFFIXES:
             raise InputError(f"--out is {str(out)!r}: valid is a file that ends in .yaml")
         named = NamedParts(self.palm, self.thumb, self.flip)
+        if (idle := self.given("palm", "thumb", "flip", "recipe")) and (
+            hand is None or hand.suffix in YAML_SUFFIXES
+        ):
+            raise InputError(f"{', '.join(idle)} would change nothing: no hand is made of URDF or MJCF here")
         assumed = make_robot(hand, arm, out, named if any(named) else None, recipe)
         if recipe is None and hand is not None:
             assumed += hint_of(hand)

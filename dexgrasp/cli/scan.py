@@ -57,11 +57,7 @@ class Scan(Options):
     @property
     def of_cloud(self) -> list[str]:
         """Options that were given and apply to clouds alone."""
-        return [
-            f"--{name.replace('_', '-')}"
-            for name in Scan.__annotations__
-            if name != "cloud" and getattr(self, name) not in (None, False, "m")
-        ]
+        return [option for option in self.given(*Scan.__annotations__) if option != "--cloud"]
 
     @cached_property
     def pose(self) -> "Array | None":

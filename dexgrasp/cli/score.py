@@ -42,7 +42,7 @@ class Score(Command, InCell):
     files: Argument[tuple[File, ...]]
     protocol: Annotated[tuple[str, ...], "PROTOCOL"] = ("dgb_fc",)
     mesh: Annotated[tuple[Path, ...], "PATH"] = ()
-    mesh_scale: Scale = 1.0
+    mesh_scale: Annotated[Scale, {"of": "mesh"}] = 1.0
     hand: str = "allegro"
     seed: Seed = 0
     workers: Annotated[Count, "W"] = 1

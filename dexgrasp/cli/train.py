@@ -92,8 +92,8 @@ class Tried(Options):
     """
 
     try_on: Annotated[tuple[str, ...], "OBJECT"] = ()
-    trials: Count = 1
-    every: Count = 20
+    trials: Annotated[Count, {"of": "try_on"}] = 1
+    every: Annotated[Count, {"of": "try_on"}] = 20
 
 
 class PolicyCommand(TrainingCommand, Tried):
@@ -208,7 +208,7 @@ class Bc(PolicyCommand):
     view: Annotated[str | None, one_of(("state", "cloud"))] = None
     settings: Annotated[BcSettings, _BC] = BcSettings()
     minutes: Minutes = None
-    every: Count = 5
+    every: Annotated[Count, {"of": "try_on"}] = 5
 
     def run(self) -> Answer:
         """Train a policy for each seed, return losses and successes."""

@@ -7,6 +7,7 @@ from dexgrasp.cli.command import Answer, Argument, Command, File, Scene
 from dexgrasp.cli.output import note
 from dexgrasp.cli.plan import plan_target
 from dexgrasp.runs.folder import make_folder
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.valid import Count
 
@@ -43,7 +44,11 @@ class View(Command, Scene):
         if self.html is not None:
             make_folder(self.html.parent)
         path, cell = Path(self.target), self.cell
+        if self.html is not None and (idle := self.given("port")):
+            raise InputError(f"{idle[0]} is of a server: --html writes a page instead")
         if path.is_dir() or (path.suffix.lower() == ".json" and path.is_file()):
+            if idle := self.given("seed", "mount", "friction", "mesh_scale", "mesh_mass"):
+                raise InputError(f"{', '.join(idle)} would change nothing: {path} has a grasp already")
             files = kept_grasps(path)[:6] if path.is_dir() else [path]  # side by side
             films = [film_of(read_grasp(file, cell)) for file in files]
         else:

@@ -7,7 +7,7 @@ from typing import Literal
 
 from dexgrasp.agent import Agent, public_info
 from dexgrasp.evaluation.replay import record
-from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
+from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials, short_hash
 from dexgrasp.evaluation.store import TrialStore, check_folder, failed_or_disturbed
 from dexgrasp.evaluation.summary import bare_count, grouped, summarise
 from dexgrasp.evaluation.trial_runner import TrialRunner
@@ -92,11 +92,19 @@ class _Run:
     progress: bool
 
     def check_rows(self) -> None:
-        """Refuse trials of something else.
+        """Refuse trials of something else, or of an agent that read while it acted what has changed since.
 
         Raises:
             InputError: naming one.
         """
+        for row in self.store.rows:
+            for name, digest in row.get("files", {}).items():
+                if not Path(name).is_file() or short_hash(Path(name)) != digest:
+                    self.store.close()
+                    raise InputError(
+                        f"{self.store.folder} holds trials of {row['agent']}, which read {name} while it acted, and "
+                        "that has changed since: choose another --out"
+                    )
         for key in self.store.kept - {spec.key for spec in self.planned}:
             self.store.close()
             raise InputError(

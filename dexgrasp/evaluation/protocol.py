@@ -14,6 +14,7 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import seed_name
+from dexgrasp_env.yaml_file import parse_yaml
 
 AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode", "frame_skip", "action_scale", "hold")
 """The settings that an agent may choose; everything else belongs to the protocol."""
@@ -192,10 +193,18 @@ def agent_keywords(given: Mapping[str, Any] | Sequence[str]) -> Fields:
     """Return keywords of `gym.make` that are an agent's, from a mapping, or from words `KEY=VALUE`.
 
     Raises:
-        InputError: for one that is not an agent's to choose.
+        InputError: for one that is not an agent's to choose, is none, or stands twice.
     """
-    pairs = given.items() if isinstance(given, Mapping) else [word.partition("=")[::2] for word in given]
-    for key, _ in pairs:
+    found = Fields(given) if isinstance(given, Mapping) else Fields()
+    for word in () if isinstance(given, Mapping) else given:
+        key, equals, value = word.partition("=")
+        if not equals or key in found:
+            raise InputError(f"--env-kwargs {word!r}: valid is KEY=VALUE, each key once")
+        try:
+            found[key] = parse_yaml(value)
+        except ValueError as error:
+            raise InputError(f"--env-kwargs {word!r} has no value of YAML ({error})") from None
+    for key in found:
         if key not in AGENT_KEYS:
             raise unknown_name("--env-kwargs key", key, AGENT_KEYS)
-    return {key: yaml.safe_load(value) if isinstance(value, str) else value for key, value in pairs}
+    return found

@@ -156,7 +156,7 @@ class EvaluationSettings:
             **({"servers": servers} if servers else {}),
             "cell": make_cell(self.robot).version,
             "files": {
-                str(path): _file_hash(path) for path in (self._files() if files is None else map(Path, files))
+                str(path): short_hash(path) for path in (self._files() if files is None else map(Path, files))
             },
             "code": code_hash((*self.agents, *self._own_wrappers())),
             "versions": versions(),
@@ -176,7 +176,7 @@ class EvaluationSettings:
     def _files(self) -> list[Path]:
         """Return the files that outcomes rest on: meshes, checkpoints and what lies beside these, what agents read."""
         named = [path for name in self.objects for path in target_files(name)]
-        named += [path for name in self.agents for path in agent_files(name)]
+        named += [path for name in (*self.agents, *self._own_wrappers()) for path in agent_files(name)]
         found = [path for path in dict.fromkeys(map(expand, named)) if path.is_file()]
         for path in found:
             if path.suffix in (".zip", ".obj", ".ply", ".stl", ".glb"):  # what users' agents read is theirs
@@ -264,6 +264,11 @@ def code_hash(agents: Sequence[str]) -> str:
     return digest.hexdigest()[:16]
 
 
-def _file_hash(path: Path) -> str:
+def short_hash(path: Path) -> str:
+    """Return the hash of a file as runs keep it.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
     with readable(path):
         return file_hash(path)[:16]

@@ -2,6 +2,7 @@
 
 from contextlib import nullcontext
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -9,10 +10,11 @@ import gymnasium as gym
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import Env
 from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_seeds
-from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec
+from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, short_hash
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.evaluation.video import Video, VideoSettings
 from dexgrasp.registry import make_agent, placing_agent
+from dexgrasp.runs.reading import files_read
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
@@ -37,12 +39,15 @@ class TrialRunner:
         """
         agent, env = self.agent(spec), self._env(spec)
         seeds = spec.seeds or trial_seeds(self.settings.seed, spec.target, spec.trial)
-        with Video(spec.video) if spec.video else nullcontext() as video:
+        late = dict[Path, None]()
+        with Video(spec.video) if spec.video else nullcontext() as video, files_read(late):
             outcome, grasp = run_trial(env, agent, seeds, name=spec.agent, frames=video)
         row = {
             "protocol": spec.protocol, "agent": spec.agent, "object": spec.label, "trial": spec.trial,
             "scene_seed": seeds.scene, "agent_seed": seeds.agent, "env": self._env_arguments(spec),
         }  # fmt: skip
+        if late and ":" in spec.agent:  # an agent of the user's, which reads when it acts
+            row["files"] = {str(path): short_hash(path) for path in late}
         return jsonable(row | asdict(outcome)), grasp
 
     def agent(self, spec: TrialSpec) -> Any:

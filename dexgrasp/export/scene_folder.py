@@ -40,7 +40,7 @@ def write_scene(
     home, R = cell.robot.home.tolist(), T_world_object[:3, :3]
     spec.add_key(name="start", qpos=[*home, *T_world_object[:3, 3], *matrix_to_quat(R)], ctrl=home)
     with_decimal_points(spec.compile)
-    write_atomically(folder / SCENE, _portable(spec.to_xml(), folder / MESHES).encode())
+    write_atomically(folder / SCENE, _portable(with_decimal_points(spec.to_xml), folder / MESHES).encode())
     return [folder / SCENE, *sorted((folder / MESHES).iterdir())]
 
 

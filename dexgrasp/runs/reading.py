@@ -6,6 +6,7 @@ import sysconfig
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
+from importlib.util import source_from_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,20 +17,17 @@ _watches: list[dict[Path, None]] = []
 
 
 @contextmanager
-def files_read() -> Iterator[dict[Path, None]]:
-    """Collect the user's files that are opened for reading within, and the modules that are imported.
+def files_read(found: dict[Path, None]) -> Iterator[None]:
+    """Collect the user's files that are opened for reading within, and the modules that are imported, in `found`.
 
     Files of Python, of installed packages and of caches are nobody's own; what native code opens is not seen.
     """
     _begin_watching()
-    before, found = set(sys.modules), dict[Path, None]()
     _watches.append(found)
     try:
-        yield found
+        yield
     finally:
         _watches[:] = [each for each in _watches if each is not found]  # equal ones may be nested
-        sources: Any = (getattr(sys.modules[name], "__file__", None) for name in sys.modules.keys() - before)
-        found.update(dict.fromkeys(Path(source) for source in sources if source and source.endswith(".py")))
         for path in [path for path in found if not _is_own(path)]:
             del found[path]
 
@@ -43,10 +41,12 @@ def _note(event: str, args: tuple[Any, ...]) -> None:
     if not _watches or event != "open" or not isinstance(args[0], str | bytes | os.PathLike):
         return
     path, flags, writes = os.fsdecode(args[0]), args[2], os.O_WRONLY | os.O_RDWR | os.O_CREAT
-    # A module's source is read or not as its compiled form is there or not: `files_read` looks for the module instead.
-    if not (isinstance(flags, int) and flags & writes) and not path.endswith((".py", ".pyc")):
-        for found in _watches:
-            found[Path(path)] = None
+    if isinstance(flags, int) and flags & writes:
+        return
+    with suppress(ValueError, NotImplementedError):  # a module is its source, whichever form of it is read
+        path = source_from_cache(path)
+    for found in _watches:
+        found[Path(path)] = None
 
 
 @cache

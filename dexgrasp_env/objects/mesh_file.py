@@ -16,15 +16,13 @@ import trimesh
 
 from dexgrasp_env.arrays import Array, Fields, Index, Mask
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import check_file, plain_text
+from dexgrasp_env.files import check_file
+from dexgrasp_env.ply_file import DamagedMeshError, load_ply
 from dexgrasp_env.poses import frame_of_z
+from dexgrasp_env.texts import plain_text, rows_of
 
 _STL_HEAD, _STL_FACE = 84, 50  # bytes
 _NEEDED = {"dae": ("collada",), "3mf": ("lxml",)}  # by the mesh library to read a kind
-
-
-class DamagedMeshError(ValueError):
-    """A mesh file that ends before it says; where, in words."""
 
 
 def load_file(data: bytes, kind: str, folder: Path) -> Any:
@@ -44,19 +42,17 @@ def load_file(data: bytes, kind: str, folder: Path) -> Any:
             import_module(module)
     options: Any = {}
     if kind == "off":
-        return _mesh_of_off(plain_text(data).decode("utf-8", "replace"))
+        return _mesh_of_off(rows_of(data))
     if kind == "stl":
         data = _whole_stl(data)
     elif kind == "obj":
-        data = _with_triangles(plain_text(data).decode("utf-8", "replace")).encode()
+        data = _with_triangles("\n".join(rows_of(data))).encode()
         options = {"skip_materials": True}
     elif kind == "ply":
-        data = plain_text(data)
+        return _with_faces(load_ply(data))
     elif kind == "gltf":
         options = {"resolver": _Beside(str(folder))}
     loaded: Any = trimesh.load(io.BytesIO(data), file_type=kind, process=False, **options)
-    if kind == "ply":
-        return _with_faces(loaded)
     if kind in _NEEDED and loaded.units:
         loaded.apply_scale(trimesh.units.unit_conversion(loaded.units, "meters"))
     return loaded
@@ -95,8 +91,8 @@ def _corner_lists(element: Fields) -> list[Index]:
     return []
 
 
-def _mesh_of_off(text: str) -> trimesh.Trimesh:
-    lines = [words for line in text.splitlines() if (words := line.partition("#")[0].split())]
+def _mesh_of_off(rows: Sequence[str]) -> trimesh.Trimesh:
+    lines = [words for line in rows if (words := line.partition("#")[0].split())]
     if not lines[0][0].endswith("OFF"):
         raise ValueError("no OFF")
     head = lines.pop(0)[1:] or lines.pop(0)
@@ -104,8 +100,8 @@ def _mesh_of_off(text: str) -> trimesh.Trimesh:
     if len(lines) < vertices + faces:
         raise DamagedMeshError(f"it ends after {len(lines)} of {vertices + faces} lines")
     places = np.array([words[:3] for words in lines[:vertices]], dtype=float)
-    rows = lines[vertices : vertices + faces]
-    return _mesh_of(places, [[int(word) for word in corners[: int(count)]] for count, *corners in rows])
+    polygons = lines[vertices : vertices + faces]
+    return _mesh_of(places, [[int(word) for word in corners[: int(count)]] for count, *corners in polygons])
 
 
 def _mesh_of(vertices: Array, polygons: Sequence[Any]) -> trimesh.Trimesh:
@@ -179,12 +175,12 @@ def _with_triangles(text: str) -> str:
 
 def _whole_stl(data: bytes) -> bytes:
     """Return an STL without what follows its triangles."""
-    if b"facet" in (text := plain_text(data)) and text.lstrip()[:5].lower() == b"solid":
-        data = text
-    if data[:_STL_HEAD].lstrip().lower().startswith(b"solid") and b"facet" in data:
-        if b"endsolid" not in data.lower():
-            raise DamagedMeshError("it ends before its last facet")
-        return data
+    if plain_text(data[:_STL_HEAD]).lstrip()[:5].lower() == b"solid":
+        text = "\n".join(rows_of(data)).lower()
+        if "facet" in text and "\0" not in text:
+            if "endsolid" not in text.rpartition("facet")[2]:
+                raise DamagedMeshError("it ends before its last facet")
+            return text.encode()
     if len(data) < _STL_HEAD:
         return data
     count, held = int.from_bytes(data[80:_STL_HEAD], "little"), (len(data) - _STL_HEAD) // _STL_FACE

@@ -16,10 +16,11 @@ from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.files import cached_arrays, check_archive, content_hash, printable_stem, read_file
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.objects.decompose import convex_parts
-from dexgrasp_env.objects.mesh_file import DamagedMeshError, load_file
+from dexgrasp_env.objects.mesh_file import load_file
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.repair import repair
 from dexgrasp_env.objects.sets import MESH_SUFFIXES, mesh_file
+from dexgrasp_env.ply_file import DamagedMeshError
 
 DENSITY = 400.0
 """kg/m^3 where no mass is given: everyday things, hollow or half full."""

@@ -11,8 +11,9 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, parse_json, readable
 from dexgrasp_env.poses import inverse, quat_to_matrix, rigid
+from dexgrasp_env.texts import plain_text, with_decimal_points
 from dexgrasp_env.valid import Rule, check
-from dexgrasp_env.yaml_file import read_yaml
+from dexgrasp_env.yaml_file import YAML_SUFFIXES, read_yaml
 
 _WORDS = (
     "a pose of the camera's optical frame in the robot base frame, m: 4 x 4 numbers, or x y z qw qx qy qz"
@@ -94,12 +95,12 @@ def read_pose(given: str) -> Array:
     with readable(path):
         check_file(path)
     kind = path.suffix.lower()
-    if kind in (".yaml", ".yml"):
+    if kind in YAML_SUFFIXES:
         return check(str(path), read_yaml(path), POSE)
     try:
         if kind == ".npy":
             return check(str(path), np.load(path, allow_pickle=False), POSE)
-        text = path.read_text()
+        text = plain_text(path.read_bytes()).decode()
         return check(str(path), parse_json(text) if kind == ".json" else _numbers(text), POSE)
     except ValueError as error:
         if isinstance(error, InputError):
@@ -109,7 +110,8 @@ def read_pose(given: str) -> Array:
 
 def _numbers(text: str) -> list[float] | None:
     """Return the numbers of a text, apart by blanks, commas and brackets; None for another text."""
-    words = re.findall(r"[^\s,;\[\]]+", "".join(line.partition("#")[0] + "\n" for line in text.splitlines()))
+    lines = with_decimal_points([line.partition("#")[0] for line in text.splitlines()])
+    words = re.findall(r"[^\s,;\[\]]+", "\n".join(lines))
     order = [word for word in words[-1:] if word in ("wxyz", "xyzw")]
     try:
         found = [float(word) for word in words[: len(words) - len(order)]]

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import check_bytes, check_file, plain_text, read_npz
+from dexgrasp_env.files import check_bytes, check_file, read_npz
 from dexgrasp_env.perception.cloud import check_count
+from dexgrasp_env.ply_file import load_ply
+from dexgrasp_env.texts import plain_text, rows_of
 
 _LINES = 1_000  # of a header
 _NAMES = ("points", "xyz", "pc", "vertices")  # of the cloud among the arrays of an npz file
@@ -68,7 +70,7 @@ def read_pcd(path: Path) -> Array:
     if count < 1:
         raise InputError(f"{path} has {count} points: it is empty, or its header is damaged")
     if kind == "ascii":
-        table = np.loadtxt(file, ndmin=2, max_rows=count)
+        table = np.loadtxt(rows_of(file.read()), ndmin=2, max_rows=count)
         if len(table) < count:
             raise InputError(f"{path} ends after {len(table)} of {count} points: it was cut off")
         return table[:, [sum(repeats[:k]) for k in columns]]
@@ -117,9 +119,7 @@ def _header(file: IO[bytes], path: Path) -> dict[str, list[str]]:
 
 
 def _read_ply(path: Path) -> Array:
-    import trimesh
-
-    loaded = trimesh.load(io.BytesIO(plain_text(path.read_bytes())), file_type="ply", process=False)
+    loaded = load_ply(path.read_bytes())
     vertices = getattr(loaded, "vertices", None)
     if vertices is None or not len(vertices):
         raise InputError(f"{path} holds no vertices")
@@ -140,9 +140,7 @@ def _read_text(path: Path) -> Array:
     Remarks (`#`, `//`), the names of columns and a count may stand above them, as CloudCompare writes them. Columns
     named x, y and z are taken wherever they stand, else the first three.
     """
-    lines = plain_text(path.read_bytes()).decode("utf-8", "replace").splitlines()
-    if _DECIMAL_COMMAS.match(next(filter(_is_row, lines), "")):
-        lines = [line.replace(",", ".") for line in lines]
+    lines = rows_of(path.read_bytes())
     start = next((k for k, line in enumerate(lines[:_LINES]) if _is_row(line)), 0)
     named = (re.findall(r"[^\s,;\"'#/]+", line.lower()) for line in lines[:start])
     names = next((names for names in named if {*"xyz"} <= {*names}), [*"xyz"])
@@ -158,10 +156,6 @@ def _is_row(line: str) -> bool:
         return len([float(word) for word in words]) == 3
     except ValueError:
         return False
-
-
-_DECIMAL_COMMAS = re.compile(r"\s*-?\d+,\d+(\s*;\s*|\s+)-?\d+,\d+(\s*;\s*|\s+)-?\d+,\d+")
-"""A row whose numbers have commas for points; what is apart by commas alone has none between its digits and blanks."""
 
 
 def _read_las(path: Path) -> Array:

@@ -4,6 +4,7 @@ What is read becomes a `Cloud` in the robot base frame, metres, as the simulated
 file is the code that they go through as well.
 """
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,8 @@ def read_views(folder: Path, T_base_camera: Array | None = None) -> Cloud:
     clouds, shapes, first = list[Cloud](), list[tuple[int, ...]](), 0
     for k, image in enumerate(read_cameras(folder / CAMERAS_FILE, T_base_camera)):
         depth = image.read(folder)
+        if any(image.distortion):
+            print(f"note: {image.camera.name}: its distortion is undone", file=sys.stderr)
         seen = gather(remove_flying(depth[None]), (image.camera,))
         clouds.append(replace(seen, camera=seen.camera + np.int32(k), pixel=seen.pixel + np.int32(first)))
         check_count(sum(map(len, clouds)), str(folder))

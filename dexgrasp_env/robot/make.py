@@ -25,6 +25,7 @@ from dexgrasp_env.robot.postures import (
 from dexgrasp_env.robot.rebuilt import about, compiled
 from dexgrasp_env.robot.recipes import Recipe
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
+from dexgrasp_env.yaml_file import YAML_SUFFIXES
 
 
 def _gripper_entry(maker: HandMaker, entry: Fields) -> Fields:
@@ -166,7 +167,7 @@ def make_robot(
     files, notes = dict[str, Fields](), list[str]()
     robot = {"name": out.stem, "arm": "panda.yaml", "hand": "allegro.yaml"}
     for kind, path in (("hand", hand), ("arm", arm)):
-        if path is not None and path.suffix in (".yaml", ".yml"):
+        if path is not None and path.suffix in YAML_SUFFIXES:
             robot[kind] = str(find_beside(Path(), str(path)).resolve())
         elif path is not None:
             if kind == "arm":

@@ -383,7 +383,7 @@ class Robot:
 
     @cached_property
     def hash(self) -> str:
-        """A hash of all that the files say, descriptions and what they include or attach; of meshes the names alone."""
+        """A hash of all that the files say, descriptions and what they include, attach or name as meshes."""
         parts: tuple[Any, ...] = (self.arm, self.hand, *self.hand.fingers)
         late = [
             (each.name, value)

@@ -16,6 +16,7 @@ import numpy as np
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
+from dexgrasp_env.robot.description_text import find_file
 
 BASE = "base"
 """Name of the body that everything hangs on where a description has its first links in the world itself."""
@@ -51,8 +52,7 @@ def read_source(path: Path) -> Source:
     }
     model = _compile(root, path, changed, notes)
     if _begins_in_world(model) and root.tag != "robot":
-        _gather(root)
-        notes.append(f"links that stand in the world are those of one body, {BASE!r}")
+        notes.append(f"links that stand in the world are those of one body, {_gather(root)!r}")
         model = _compile(root, path, True, notes)
     return Source(model, tuple(notes), {name: rate for name, rate in velocity.items() if rate > 0})
 
@@ -107,6 +107,9 @@ def _as_urdf(root: Element, path: Path) -> list[str]:
         root.remove(old)
     settings = {"fusestatic": "false", "strippath": "false", "discardvisual": "true", "meshdir": ""}
     ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", settings)
+    for joint in root.findall("joint[@type='floating']"):
+        joint.set("type", "fixed")
+        notes.append(f"joint {joint.get('name', '')!r} floats: it is fixed")
     if not any(True for _ in root.iter("collision")):
         for visual in root.iter("visual"):
             visual.tag = "collision"
@@ -116,7 +119,7 @@ def _as_urdf(root: Element, path: Path) -> list[str]:
             mesh = shape.find("geometry/mesh")
             if mesh is None:
                 continue
-            found = _find_mesh(str(mesh.get("filename")), path)
+            found = find_file(str(mesh.get("filename")), path)
             if shape.tag == "visual" and (
                 found is None or found.suffix.lower() not in (".obj", ".stl", ".msh")
             ):
@@ -128,19 +131,6 @@ def _as_urdf(root: Element, path: Path) -> list[str]:
             else:
                 mesh.set("filename", str(found))
     return notes
-
-
-def _find_mesh(name: str, path: Path) -> Path | None:
-    """Return the file that a URDF calls a mesh: of a package, or relative to the URDF, sought upwards."""
-    package, _, rest = (
-        name.removeprefix("package://").partition("/") if "package://" in name else ("", "", name)
-    )
-    rest = rest.removeprefix("file://")
-    for folder in path.resolve().parents:
-        for place in (folder / package / rest, folder / rest):
-            if place.is_file():
-                return place
-    return None
 
 
 def _drop_floors(root: Element) -> list[str]:
@@ -179,22 +169,26 @@ def _name_bodies(root: Element) -> list[str]:
     return [f"{len(found)} bodies without a name are called {BASE}_0 and so on"] if found else []
 
 
-def _gather(root: Element) -> None:
-    """Put all that lies in the world below one body."""
+def _gather(root: Element) -> str:
+    """Put all that lies in the world below one body; return its name, which no other has."""
+    taken, name = {body.get("name") for body in root.iter("body")}, BASE
+    while name in taken:
+        name = f"{name}_{BASE}"
     for key in root.findall("keyframe"):
         root.remove(key)
     for world in root.findall("worldbody"):
         own = [child for child in world if child.tag not in ("light", "camera")]
         for child in own:
             world.remove(child)
-        ElementTree.SubElement(world, "body", {"name": BASE}).extend(own)
+        ElementTree.SubElement(world, "body", {"name": name}).extend(own)
     first, *others = root.iterfind("worldbody/body")
     for other in others:  # worldbodies of several files
-        if other.get("name") == BASE:
+        if other.get("name") == name:
             first.extend(list(other))
             for world in root.findall("worldbody"):
                 if other in list(world):
                     world.remove(other)
+    return name
 
 
 def _begins_in_world(model: mujoco.MjModel) -> bool:

@@ -2,7 +2,7 @@
 
 import copy
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -29,7 +29,7 @@ from dexgrasp_env.tasks.member import MemberAccess, one_for_each
 from dexgrasp_env.tasks.place import GoalRewards, PlaceEnv
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
-from dexgrasp_env.valid import COUNT, Rule, check
+from dexgrasp_env.valid import COUNT, NATURAL, Rule, check, instance
 
 
 class ClosedError(InputError, ClosedEnvironmentError):
@@ -143,7 +143,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         """
         self._check_open("reset")
         seeds = _seeds(seed, self.num_envs)
-        options = dict(options or {})
+        options = dict(check("options", options or {}, instance(Mapping, "a mapping, of all environments")))
         mask = options.pop("reset_mask", np.ones(self.num_envs, bool))
         if not (
             isinstance(mask, np.ndarray)
@@ -375,6 +375,7 @@ class PlaceVectorEnv(GoalRewards, LiftVectorEnv):
 
 def _seeds(seed: Any, number: int) -> list[int | None]:
     """Return the seed of each environment."""
-    if seed is None or isinstance(seed, int | np.integer):
-        return [None if seed is None else int(seed) + i for i in range(number)]
-    return one_for_each("seeds", list(seed), number)
+    if seed is None or np.ndim(seed) == 0:
+        return [None if seed is None else check("seed", seed, NATURAL) + i for i in range(number)]
+    seeds = one_for_each("seeds", list(seed), number)
+    return [None if each is None else check("seed", each, NATURAL) for each in seeds]

@@ -62,9 +62,13 @@ class DemoSettings:
         """Check what no field alone can be wrong in.
 
         Raises:
-            InputError: for a cell or a mount that there is not.
+            InputError: for a cell or a mount that there is not, or `observe` where nothing looks.
         """
         make_cell(self.robot, self.mount)
+        if self.obs_mode == "state" and self.observe != "reset":
+            raise InputError(
+                f"observe={self.observe!r} changes nothing here: valid is an obs_mode of cameras, or leave it out"
+            )
 
     @classmethod
     def of(cls, objects: Sequence[str], **rest: Any) -> "DemoSettings":

@@ -19,6 +19,7 @@ from dexgrasp_env.robot.cell import default_cell, make_cell
 from dexgrasp_env.robot.model import set_drives
 from dexgrasp_env.robot.rebuilt import described
 from dexgrasp_env.robot.robot import Hand
+from dexgrasp_env.yaml_file import YAML_SUFFIXES
 
 ALLEGRO = "allegro"
 
@@ -113,7 +114,7 @@ def find_hand(hand: str | Hand) -> HandModel:
             f"unknown hand {hand!r}: valid are {ALLEGRO}, or the path of an MJCF file or of a robot"
         )
     check_file(path)
-    if path.suffix in (".yaml", ".yml"):
+    if path.suffix in YAML_SUFFIXES:
         return find_hand(make_cell(path).robot.hand)
     return HandModel(path.stem, path.resolve())
 

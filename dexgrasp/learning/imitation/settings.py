@@ -77,8 +77,12 @@ class BcSettings:
         """Check what no field alone can be wrong in.
 
         Raises:
-            InputError: if more of a chunk is carried out than is predicted.
+            InputError: if more of a chunk is carried out than is predicted, or what is of the other view is set.
         """
+        if self.view != "state" and (self.execute, self.network) != (4, BcNetSizes()):
+            raise InputError(
+                "hidden, chunk and execute change nothing here: valid is view state, or leave them out"
+            )
         if self.execute > self.network.chunk:
             raise InputError(f"execute is {self.execute}: valid are 1 to {self.network.chunk}, the chunk")
 

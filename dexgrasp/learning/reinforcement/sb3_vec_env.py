@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.tasks.infos import of_one
 
 
@@ -64,6 +65,8 @@ class SB3VecEnv(VecEnv):
         """Advance all by 50 ms."""
         observation, rewards, terminated, truncated, infos = self.envs.step(self._actions)
         done = terminated | truncated
+        for name in set(self._info_columns or ()) - infos.keys():
+            raise unknown_name("name of info_columns", name, infos)
         passed = infos if self._info_columns is None else {key: infos[key] for key in self._info_columns}
         rows = [of_one(passed, i) for i in range(self.num_envs)]
         for i in np.flatnonzero(done).tolist():
@@ -100,5 +103,5 @@ class SB3VecEnv(VecEnv):
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """Return a picture of each environment."""
-        return list(self.envs.render() or [])
+        """Return a picture of each environment; None where there are none without a `render_mode`."""
+        return list(self.envs.render()) if self.envs.render_mode else [None] * self.num_envs

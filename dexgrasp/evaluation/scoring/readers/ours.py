@@ -17,8 +17,11 @@ def read_ours(content: Fields, path: Path, options: ReadOptions) -> list[Candida
     """Return the grasp that a file holds; the object's true pose must be in it.
 
     Raises:
-        InputError: if the file is unusable, of another cell, knows no true pose, or its object is not found.
+        InputError: if the file is unusable, of another cell, read with another hand, knows no true pose, or its object
+            is not found.
     """
+    if options.hand != ReadOptions.hand:
+        raise InputError(f"{path} names its robot: --hand is of files of others, --robot of ours")
     record = record_of(content, str(path), make_cell(options.robot))
     cell = record.check_cell()
     if record.T_world_object is None:
