@@ -41,6 +41,11 @@ class TargetSelector:
                 "the box is empty: valid is X0 Y0 Z0 X1 Y1 Z1 with each of the first below its second"
             )
 
+    @property
+    def points(self) -> bool:
+        """True where something is pointed at."""
+        return not (self.near is None and self.box is None and self.mask is None)
+
     def moved(self, by: Array) -> "TargetSelector":
         """Return it in a frame in which points lie `by` (3,) m elsewhere."""
         near, box = (None if place is None else place + by for place in (self.near, self.box))
