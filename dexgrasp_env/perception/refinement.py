@@ -55,7 +55,7 @@ def refine_instances(
     odd = {k: may_be_two(cloud.points[labels == k], heights[labels == k]) for k in numbers}
     for k in filter(odd.get, odd):
         labels = _by_level(cloud.points, labels, labels == k, heights)
-    labels, joined = (labels, set[int]()) if pointed else _with_parts(cloud.points, labels, everything.points)
+    labels, joined = (labels, set[int]()) if pointed else _with_parts(cloud.points, labels, heights, everything.points)
     numbers = objects_in(cloud.points, labels)
     things = {k: (cloud.points[labels == k], heights[labels == k]) for k in numbers}
     marked = np.where(np.isin(labels, numbers), labels, -1)
@@ -156,7 +156,7 @@ def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index
         if min(upper.sum(), lower.sum()) < LEAST_POINTS or np.ptp(heights[upper]) < LEAST_EXTENT:
             continue
         deep = max(deep_share(points[upper]), deep_share(points[lower]))
-        if deep < least:
+        if deep < least and longest_side(points[upper]) > 0.035:  # m: knobs are smaller
             best, least = np.where(upper, labels.max() + 1, labels), deep
     return best
 
@@ -257,26 +257,39 @@ def _lies_in_walls(hull: Any, points: Array) -> bool:
     return bool((_beyond(hull, points) < 0.003).mean() > 0.9 and (behind > -0.010).mean() > 0.8)
 
 
-def _with_parts(points: Array, labels: Index, everything: Array) -> tuple[Index, set[int]]:
+def _with_parts(points: Array, labels: Index, heights: Array, everything: Array) -> tuple[Index, set[int]]:
     """Return labels (N,) in which what may be a part of what it touches is of it, and the things that have such parts.
 
-    A part is small beside the other, in the air, or shares space with it.
+    A part is small beside the other, in the air, or shares space with it, and does not stand on it.
     """
     from scipy.spatial import cKDTree
 
     joined = set[int]()
     for k in reversed(objects_in(points, labels)):
-        for j in objects_in(points, labels):
+        for j in (j for j in objects_in(points, labels) if j != k):
             one, two = points[labels == k], points[labels == j]
             both = np.concatenate([one, two])
-            if j == k or longest_side(both) > MOST_EXTENT or cKDTree(one).query(two)[0].min() > 0.006:
+            near = 1.7 * np.median(cKDTree(two).query(two, k=[2])[0])  # as close as points of one thing lie
+            if longest_side(both) > MOST_EXTENT or cKDTree(two).query(one)[0].min() > max(0.006, near):
+                continue
+            upper = k if one[:, 2].min() > two[:, 2].min() else j
+            if foot_of(points, labels == upper, heights) and _can_stand(points[labels == upper]):
                 continue
             least, most, whole = (_volume(some) for some in (one, two, both))
             shared = least + most - whole > 0.15 * min(least, most)
+            if whole < 1.05 * most and longest_side(two) > 0.20:  # m: of a bin, which holds it
+                continue
             if shared or least < 0.35 * most or any(_air_below(some, everything) for some in (one, two)):
                 labels, joined = np.where(labels == k, j, labels), joined - {k} | {j}
                 break
     return labels, joined
+
+
+def _can_stand(points: Array) -> bool:
+    """Return true for points (N, 3) m whose middle is over their lowest ones."""
+    some = points[thinned(points, _CELL)]
+    feet = _hull(some[some[:, 2] < np.quantile(some[:, 2], _LOW) + 0.012, :2])
+    return feet is not None and bool(_beyond(feet, some[:, :2].mean(0)[None])[0] < 0.005)
 
 
 def _volume(points: Array) -> float:

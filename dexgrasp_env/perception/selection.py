@@ -96,6 +96,7 @@ class TargetSelector:
         if not found:
             raise NoTargetError(NO_OBJECT, f"{points} points above the table")
         reachable = [k for k, one in enumerate(found) if _is_in_reach(one)]
+        reachable = [k for k in reachable if _may_be_meant(found[k])] or reachable
         if self.near is not None:
             gaps = [np.linalg.norm(one.points - self.near, axis=1).min() for one in found]
             best = int(np.argmin(gaps))
@@ -119,6 +120,12 @@ def _is_in_reach(cloud: Cloud) -> bool:
     """Return True for what stands in the workspace; what begins above it stands on nothing."""
     level = inside(middle(cloud.points[:, :2])[None], WORKSPACE_LOW[:2], WORKSPACE_HIGH[:2]).all()
     return bool(level and cloud.points[:, 2].min() < WORKSPACE_HIGH[2])
+
+
+def _may_be_meant(cloud: Cloud) -> bool:
+    """Return False for what no hand grasps: boards, bins, films of the table's noise, what hangs on furniture."""
+    (low, high), width = np.quantile(cloud.points[:, 2], (0.02, 0.98)), np.ptp(cloud.points[:, :2], axis=0).min()
+    return bool(0.010 < high and low < 0.20 and width < (0.15 if high < 0.04 else 0.22))  # m
 
 
 def _places(found: list[Cloud], T_base_world: Array) -> str:
