@@ -18,7 +18,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "cluster": ("ray",),
     "dm": ("dm_control", "dm_env"),
     "demos": ("h5py", "minari", "pyarrow"),
-    "formats": ("collada", "laspy", "lxml", "rosbags"),
+    "formats": ("collada", "laspy", "lazrs", "lxml", "rosbags"),
     "lerobot": ("lerobot",),
     "engines": ("pybullet", "pydrake"),
     "season": ("py_ecc",),

@@ -27,7 +27,7 @@ from dexgrasp_env.errors import InputError
 _MIB = 1 << 20
 _LARGEST = {
     "": 128, ".yaml": 1, "ascii .ply": 24, ".json": 64, ".obj": 64, ".jsonl": 256, ".npz": 512, ".zip": 512,
-    ".safetensors": 1024, ".las": 512, ".bag": 4096,
+    ".safetensors": 1024, ".las": 512, ".laz": 512, ".bag": 4096,
 }  # fmt: skip
 """Kind, "" for all others -> MiB that are read of a file and of what it unpacks to: what becomes of them takes 2 GB
 of memory at most."""

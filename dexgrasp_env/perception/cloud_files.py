@@ -21,7 +21,7 @@ from dexgrasp_env.ply_file import load_ply
 from dexgrasp_env.texts import plain_text, rows_of
 
 _LINES = 1_000  # of a header
-_NAMES = ("points", "xyz", "pc", "vertices")  # of the cloud among the arrays of an npz file
+_NAMES = ("points", "xyz", "pc", "cloud", "pos", "vertices")  # of the cloud among the arrays of an npz file
 
 
 def check_scan(path: Path) -> None:
@@ -119,10 +119,14 @@ def _header(file: IO[bytes], path: Path) -> dict[str, list[str]]:
 
 
 def _read_ply(path: Path) -> Array:
-    loaded = load_ply(path.read_bytes())
+    content = plain_text(path.read_bytes())
+    loaded = load_ply(content)
     vertices = getattr(loaded, "vertices", None)
     if vertices is None or not len(vertices):
         raise InputError(f"{path} holds no vertices")
+    stated = re.search(rb"element vertex (\d+)", content)
+    if stated and int(stated[1]) != len(vertices):
+        raise InputError(f"{path} ends after {len(vertices)} of {int(stated[1])} points: it was cut off")
     return np.asarray(vertices, dtype=float)
 
 
@@ -142,7 +146,8 @@ def _read_text(path: Path) -> Array:
     """
     lines = rows_of(path.read_bytes())
     start = next((k for k, line in enumerate(lines[:_LINES]) if _is_row(line)), 0)
-    named = (re.findall(r"[^\s,;\"'#/]+", line.lower()) for line in lines[:start])
+    bare = (re.sub(r"\[.*?\]|\(.*?\)", "", line.lower()) for line in lines[:start])  # of units
+    named = (re.findall(r"[^\s,;\"'#/]+", line) for line in bare)
     names = next((names for names in named if {*"xyz"} <= {*names}), [*"xyz"])
     rows = (line.replace(",", " ").replace(";", " ") for line in lines[start:])
     columns = [names.index(axis) for axis in "xyz"]
@@ -161,6 +166,9 @@ def _is_row(line: str) -> bool:
 def _read_las(path: Path) -> Array:
     with from_extra():
         import laspy
+
+        if path.suffix.lower() == ".laz":
+            import lazrs  # noqa: F401
     with path.open("rb") as head:
         points, records = np.frombuffer(
             head.read(104)[96:], "<u4"
@@ -176,6 +184,7 @@ def _read_las(path: Path) -> Array:
 
 READERS: dict[str, Callable[[Path], NDArray[Any]]] = {
     ".ply": _read_ply, ".pcd": read_pcd, ".npy": partial(np.load, allow_pickle=False), ".npz": _read_npz,
-    **dict.fromkeys((".xyz", ".txt", ".csv", ".pts", ".asc"), _read_text), ".las": _read_las,
+    **dict.fromkeys((".xyz", ".txt", ".csv", ".pts", ".asc"), _read_text),
+    **dict.fromkeys((".las", ".laz"), _read_las),
 }  # fmt: skip
 """What reads clouds, by the ending of their files."""

@@ -134,7 +134,7 @@ def find_object(
     try:
         cloud, support, above, obstacles = stand_on(cloud, rng, cell, own, selector)
         selector, cell, plane = selector.placed(cloud, support.T), support.cell, support.plane
-        instances = refine_instances(above, support.cloud, plane)
+        instances = refine_instances(above, support.cloud, plane, pointed=selector.points)
         numbers = instances.objects(above)
         objects = [(above.select(instances.labels == k), instances.doubts[k]) for k in numbers]
         if (marked := selector.marks(above)) is not None:

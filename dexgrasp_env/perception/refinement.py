@@ -16,11 +16,13 @@ from dexgrasp_env.perception.instances import (
     LEAST_EXTENT,
     LEAST_POINTS,
     MAY_BE_TWO,
+    MOST_EXTENT,
     Instances,
     longest_side,
     objects_in,
     segment_instances,
 )
+from dexgrasp_env.perception.levels import cells_at
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.viewpoint import find_viewpoint, hidden_in_part
 
@@ -34,21 +36,27 @@ HIDDEN = "is hidden in part by another"
 TOUCHES = "touches the next, or is one with it"
 
 
-def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances:
+def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: bool = True) -> Instances:
     """Tell the things in what stands on a table apart; join what is not known to be two, and say what is doubtful.
 
     Args:
         cloud: what stands on the table.
         everything: the same with the table.
         plane: the table.
+        pointed: one of them is pointed at; otherwise a small part that touches a larger thing is of it, in doubt.
     """
     found, heights = segment_instances(cloud, plane), plane.heights(cloud.points)
-    labels = _with_splinters(cloud.points, _with_rims(cloud.points, found.labels, heights), heights)
+    labels = _with_splinters(
+        cloud.points, _with_rims(cloud.points, found.labels, heights), heights, everything.points
+    )
     _, labels = np.unique(labels, return_inverse=True)
     numbers = objects_in(cloud.points, labels)
     odd = {k: may_be_two(cloud.points[labels == k], heights[labels == k]) for k in numbers}
     for k in filter(odd.get, odd):
         labels = _by_level(cloud.points, labels, labels == k, heights)
+    labels, joined = (
+        (labels, set[int]()) if pointed else _with_parts(cloud.points, labels, heights, everything.points)
+    )
     numbers = objects_in(cloud.points, labels)
     things = {k: (cloud.points[labels == k], heights[labels == k]) for k in numbers}
     marked = np.where(np.isin(labels, numbers), labels, -1)
@@ -57,7 +65,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane) -> Instances
     for k, (points, high) in things.items():
         others = [other for j, (other, _) in things.items() if j != k]
         said = {
-            MAY_BE_TWO: odd.get(k, True) and may_be_two(points, high),
+            MAY_BE_TWO: k in joined or (odd.get(k, True) and may_be_two(points, high)),
             TOUCHES: any(_touch(points, other) for other in others),
             HIDDEN: k in hidden,
             TOP_ONLY: np.quantile(high, _LOW)
@@ -121,8 +129,9 @@ def _touch(one: Array, other: Array) -> bool:
     from scipy.spatial import cKDTree
 
     one, other = (points[thinned(points, _CELL)] for points in (one, other))
-    near = np.isfinite(cKDTree(one).query(other, distance_upper_bound=0.005)[0])  # m
-    return bool(near.sum() >= 12)
+    spacing = float(np.median(cKDTree(one).query(one, k=[2])[0]))
+    near = np.isfinite(cKDTree(one).query(other, distance_upper_bound=max(0.005, 1.5 * spacing))[0])  # m
+    return bool(near.sum() >= min(12, 0.2 * len(one), 0.2 * len(other)))
 
 
 def deep_share(points: Array) -> float:
@@ -149,7 +158,7 @@ def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index
         if min(upper.sum(), lower.sum()) < LEAST_POINTS or np.ptp(heights[upper]) < LEAST_EXTENT:
             continue
         deep = max(deep_share(points[upper]), deep_share(points[lower]))
-        if deep < least:
+        if deep < least and longest_side(points[upper]) > 0.035:  # m: knobs are smaller
             best, least = np.where(upper, labels.max() + 1, labels), deep
     return best
 
@@ -191,18 +200,101 @@ def is_hollow(points: Array, heights: Array) -> bool:
     return bool(on_it.mean() > 0.85 and length[seen].sum() > 0.65 * length.sum())
 
 
-def _with_splinters(points: Array, labels: Index, heights: Array) -> Index:
-    """Return labels (N,) in which small things that lie along a larger one, or hang in the air by it, are of it."""
+def _with_splinters(points: Array, labels: Index, heights: Array, everything: Array) -> Index:
+    """Return labels (N,) in which what is no thing by itself is of a larger one.
+
+    Such are small things along it, things in the air beside it, and the inner side of its walls.
+    """
     from scipy.spatial import cKDTree
 
     for k in np.argsort(np.bincount(labels)):
         mine = labels == k
+        if not mine.any():
+            continue
+        if (whole := _lined(points, labels, mine, heights)) is not None:
+            labels[mine] = whole
+            continue
         larger = np.bincount(labels)[labels] > mine.sum() / 0.3  # of its points
-        if not mine.any() or not larger.any():
+        if not larger.any():
             continue
         distance, nearest = cKDTree(points[larger]).query(points[mine])
         along = np.quantile(distance, 0.1) < _TOUCH and (distance < 0.010).mean() > 0.5
-        hangs = heights[mine].min() > _HIGH and longest_side(points[mine]) < 0.10
-        if along or (hangs and distance.min() < 0.025):
+        size, far = longest_side(points[mine]), distance.min()
+        hangs = heights[mine].min() > _HIGH and (
+            (size < 0.10 and far < 0.025)
+            or (size < 0.04 and far < 0.05)
+            or (far < 0.05 and _air_below(points[mine], everything))
+        )
+        if along or hangs:
             labels[mine] = np.bincount(labels[larger][nearest]).argmax()
     return labels
+
+
+def _air_below(points: Array, everything: Array) -> bool:
+    """Return true for points (N, 3) m below which others (M, 3) m are seen: what stands hides what is under it."""
+    low, side = points[:, 2].min(), 2.0 * _CELL
+    below = everything[everything[:, 2] < low - 0.010]
+    own, others = (np.unique(cells_at(some, side) @ [1, 1 << 20]) for some in (points, below))
+    return bool(low > _HIGH and np.isin(own, others).mean() > 0.3)
+
+
+def _lined(points: Array, labels: Index, mine: Mask, heights: Array) -> int | None:
+    """Return the larger thing whose walls a thing (N,) lines on the inside, None where there is none."""
+    counts = np.bincount(labels)
+    for k in np.argsort(-counts):
+        if counts[k] <= mine.sum():
+            return None
+        other = labels == k
+        feet = points[other] - heights[other, None] * [0.0, 0.0, 1.0]
+        hulls = (_hull(points[other]), _hull(np.concatenate([points[other], feet])))
+        if any(hull is not None and _lies_in_walls(hull, points[mine]) for hull in hulls):
+            return int(k)
+    return None
+
+
+def _lies_in_walls(hull: Any, points: Array) -> bool:
+    """Return true for points (N, 3) m in a hull of which most lie just behind its sides or its bottom."""
+    sides = hull.equations[hull.equations[:, 2] < 0.5]
+    behind = (points @ sides[:, :-1].T + sides[:, -1]).max(1)
+    return bool((_beyond(hull, points) < 0.003).mean() > 0.9 and (behind > -0.010).mean() > 0.8)
+
+
+def _with_parts(points: Array, labels: Index, heights: Array, everything: Array) -> tuple[Index, set[int]]:
+    """Return labels (N,) in which what may be a part of what it touches is of it, and the things that have such parts.
+
+    A part is small beside the other, in the air, or shares space with it, and does not stand on it.
+    """
+    from scipy.spatial import cKDTree
+
+    joined = set[int]()
+    for k in reversed(objects_in(points, labels)):
+        for j in (j for j in objects_in(points, labels) if j != k):
+            one, two = points[labels == k], points[labels == j]
+            both = np.concatenate([one, two])
+            near = 1.7 * np.median(cKDTree(two).query(two, k=[2])[0])  # as close as points of one thing lie
+            if longest_side(both) > MOST_EXTENT or cKDTree(two).query(one)[0].min() > max(0.006, near):
+                continue
+            upper = k if one[:, 2].min() > two[:, 2].min() else j
+            if foot_of(points, labels == upper, heights) and _can_stand(points[labels == upper]):
+                continue
+            least, most, whole = (_volume(some) for some in (one, two, both))
+            shared = least + most - whole > 0.15 * min(least, most)
+            if whole < 1.05 * most and longest_side(two) > 0.20:  # m: of a bin, which holds it
+                continue
+            if shared or least < 0.35 * most or any(_air_below(some, everything) for some in (one, two)):
+                labels, joined = np.where(labels == k, j, labels), joined - {k} | {j}
+                break
+    return labels, joined
+
+
+def _can_stand(points: Array) -> bool:
+    """Return true for points (N, 3) m whose middle is over their lowest ones."""
+    some = points[thinned(points, _CELL)]
+    feet = _hull(some[some[:, 2] < np.quantile(some[:, 2], _LOW) + 0.012, :2])
+    return feet is not None and bool(_beyond(feet, some[:, :2].mean(0)[None])[0] < 0.005)
+
+
+def _volume(points: Array) -> float:
+    """Return the volume, m3, of the hull of points (N, 3) m; 0 for what is flat."""
+    hull = _hull(points)
+    return 0.0 if hull is None else float(hull.volume)

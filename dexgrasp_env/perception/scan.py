@@ -101,7 +101,9 @@ def cloud_of(points: Any, source: str = "points") -> Cloud:
             rows = np.stack([rows[axis] for axis in "xyz"], axis=-1)
         if rows.ndim > 1 and rows.shape[0] == 3 and rows.shape[-1] >= MIN_POINTS:  # three points are no cloud
             rows = np.moveaxis(rows, 0, -1)
-        if rows.ndim == 3 and rows.shape[-1] >= 3:  # organised clouds
+        if rows.dtype.kind not in "iuf":
+            raise TypeError
+        if rows.ndim == 3 and 3 <= rows.shape[-1] < 10:  # organised clouds
             rows = rows.reshape(-1, rows.shape[-1])
         if rows.ndim != 2 or rows.shape[1] < 3:
             raise InputError(f"{source}: a cloud has shape (N, 3), got {rows.shape}")

@@ -41,6 +41,11 @@ class TargetSelector:
                 "the box is empty: valid is X0 Y0 Z0 X1 Y1 Z1 with each of the first below its second"
             )
 
+    @property
+    def points(self) -> bool:
+        """True where something is pointed at."""
+        return not (self.near is None and self.box is None and self.mask is None)
+
     def moved(self, by: Array) -> "TargetSelector":
         """Return it in a frame in which points lie `by` (3,) m elsewhere."""
         near, box = (None if place is None else place + by for place in (self.near, self.box))
@@ -91,6 +96,7 @@ class TargetSelector:
         if not found:
             raise NoTargetError("no_object_on_the_table", f"{points} points above the table")
         reachable = [k for k, one in enumerate(found) if _is_in_reach(one)]
+        reachable = [k for k in reachable if _may_be_meant(found[k])] or reachable
         if self.near is not None:
             gaps = [np.linalg.norm(one.points - self.near, axis=1).min() for one in found]
             best = int(np.argmin(gaps))
@@ -116,6 +122,15 @@ def _is_in_reach(cloud: Cloud) -> bool:
     """Return True for what stands in the workspace; what begins above it stands on nothing."""
     level = inside(middle(cloud.points[:, :2])[None], WORKSPACE_LOW[:2], WORKSPACE_HIGH[:2]).all()
     return bool(level and cloud.points[:, 2].min() < WORKSPACE_HIGH[2])
+
+
+def _may_be_meant(cloud: Cloud) -> bool:
+    """Return False for what no hand grasps: boards, bins, films of the table's noise, what hangs on furniture."""
+    (low, high), width = (
+        np.quantile(cloud.points[:, 2], (0.02, 0.98)),
+        np.ptp(cloud.points[:, :2], axis=0).min(),
+    )
+    return bool(high > 0.010 and low < 0.20 and width < (0.15 if high < 0.04 else 0.22))  # m
 
 
 def _places(found: list[Cloud], T_base_world: Array) -> str:
