@@ -240,6 +240,18 @@ def read(kind: type[Settings], given: Any, what: str = "", *, more: bool = False
     return kind(**values)
 
 
+def check_fields(made: Any) -> None:
+    """Hold a frozen dataclass to the rules of its fields, also where Python makes it: for its `__post_init__`.
+
+    Raises:
+        InputError: as `read`.
+    """
+    for field in fields(made):
+        value = getattr(made, field.name)
+        kept = _value(field.name, value, hints(type(made))[field.name], field.default, False)
+        object.__setattr__(made, field.name, kept)
+
+
 def _value(name: str, value: Any, hint: Hint, default: Any, more: bool) -> Any:
     if value is None and hint.optional:
         return None

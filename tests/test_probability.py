@@ -9,6 +9,7 @@ from processes import typed
 from robots import CELL, HOME
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
+from dexgrasp.geometry.request import GraspRequest
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.probability import OUTCOMES, probability_of, shipped_model
 from dexgrasp.grasp.probability_features import Draws, _borne, features_of
@@ -16,7 +17,6 @@ from dexgrasp.grasp.record import as_json
 from dexgrasp.planning.diverse import UNSURE, chances_of, with_success_probability
 from dexgrasp.planning.planner import Planner, small_box
 from dexgrasp.planning.result import PlanResult
-from dexgrasp.planning.settings import PlannerSettings
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +82,8 @@ def test_guessed_surfaces_are_less_certain(record):
     assert guessed["borne_low"] <= seen["borne_low"]
 
 
-def asked(min_success_probability):
-    planner = Planner(PlannerSettings(min_success_probability=min_success_probability), cell=CELL)
+def asked(min_probability):
+    planner = Planner(cell=CELL).asking(GraspRequest(min_probability=min_probability))
     return planner, with_success_probability(planner.plan(small_box(), 0, HOME), planner, HOME)
 
 

@@ -124,13 +124,7 @@ class Planner:
         if not (request or self.request):
             return self
         there = copy(self._with_fingers(request.fingers) if request.fingers else self)
-        settings, most = there.settings, request.max_force
-        if most is not None and most <= settings.least_press:
-            raise InputError(
-                f"max_force is {most:g} N, and fingers press with {settings.least_press:g} N at least: valid is more"
-            )
-        there.settings = replace(settings, max_force=most, seconds=request.seconds or settings.seconds)
-        there.request = request
+        there.settings, there.request = there.settings.asked(request), request
         return there
 
     def _with_fingers(self, names: Collection[str]) -> "Planner":
