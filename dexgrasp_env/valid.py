@@ -13,7 +13,18 @@ from dataclasses import MISSING, fields, is_dataclass
 from functools import cache, reduce
 from operator import or_
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from dexgrasp_env.errors import InputError, unknown_name
 
@@ -187,7 +198,9 @@ def hint_of(annotation: Any) -> Hint:
 
 
 def _of_each(annotation: Any) -> Rule | None:
-    """Return the rule of a tuple all of whose values have one rule."""
+    """Return the rule of a few words, or of a tuple all of whose values have one rule."""
+    if get_origin(annotation) is Literal:
+        return one_of(get_args(annotation))
     parts = get_args(annotation) if get_origin(annotation) is tuple else ()
     rules = {hint_of(part).rule for part in parts if part is not Ellipsis}
     each = rules.pop() if len(rules) == 1 else None

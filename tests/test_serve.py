@@ -151,6 +151,8 @@ def test_a_mistake_is_a_line(served, points):
         for request, words in (
             ({"request": "dance"}, "valid are plan, plan_cloud, objects, verify"),
             ({"request": 3}, "valid are plan"),
+            ({"request": np.zeros((9, 9))}, "valid are plan"),
+            ({"request": "objects", "points": points, "unit": "inch"}, "valid is m, cm, mm"),
             ({"points": points}, "no agent is served"),
             ({"request": "plan_cloud"}, "send points, or depth with K"),
             ({"request": "plan_cloud", "points": points, "depth": points[:, :2]}, "send points, or depth"),
