@@ -261,7 +261,7 @@ def check_fields(made: Any) -> None:
     """
     for field in fields(made):
         value = getattr(made, field.name)
-        kept = _value(field.name, value, hints(type(made))[field.name], field.default, False)
+        kept = _value(field.name, value, hints(cast(Any, type(made)))[field.name], field.default, False)
         object.__setattr__(made, field.name, kept)
 
 
