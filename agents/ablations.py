@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from dexgrasp.geometry.request import ANYHOW, GraspRequest
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.mechanics.closure import TOLERANCE
 from dexgrasp.mechanics.wrench import solve_wrench_qp
@@ -21,6 +22,7 @@ from dexgrasp.planning.postures import Posture, oriented_postures, posture_at
 from dexgrasp.planning.proposals import Proposals
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import Solution
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 
 from .bilevel import BilevelAgent
@@ -33,20 +35,31 @@ class LatentAgent(BilevelAgent):
 
     planner: ClassVar[type["LatentPlanner"]]
 
-    def __init__(self, settings: PlannerSettings | None = None, cell: Cell | None = None) -> None:
+    def __init__(
+        self,
+        settings: PlannerSettings | None = None,
+        cell: Cell | None = None,
+        *,
+        request: GraspRequest = ANYHOW,
+    ) -> None:
         """Prepare.
 
         Args:
             settings: of the planner.
             cell: as for `BilevelAgent`.
+            request: mass, friction, least probability and number of the grasps; nothing of the grasp itself.
 
         Raises:
-            InputError: without the shipped weights.
+            InputError: without the shipped weights, or for a request of more.
         """
-        super().__init__("cvae", settings, cell, regrasps=0, turns=False)
+        if asked := request.constrains:
+            raise InputError(
+                f"{', '.join(asked)} are of agent bilevel: this one has no optimiser to meet them"
+            )
+        super().__init__("cvae", settings, cell, regrasps=0, turns=False, request=request)
 
     def _make(self, cell: Cell) -> Planner:
-        return self.planner(self.settings, cell)
+        return self.planner(self.settings, cell).asking(self._request)
 
 
 class LatentPlanner(Planner):

@@ -49,7 +49,8 @@ class BilevelAgent(Agent):
             regrasps: how often to look and plan again in an episode where the object was lost or no grasp found.
             turns: whether to turn an object that is barely held, once it is lifted (see `planning.carry`).
             moves: how many neighbours to set aside at most where the object cannot be grasped among them.
-            request: where and how the object is to be grasped; a `max_force` that an environment tells goes before.
+            request: where and how the object is to be grasped, its mass and friction, how many grasps; a
+                `max_force` that an environment tells goes before.
         """
         self.settings = settings or PlannerSettings()
         self.result: PlanResult | None = None
@@ -70,7 +71,6 @@ class BilevelAgent(Agent):
         self,
         observation: Observation,
         info: Mapping[str, Any],
-        count: int | None = None,
         progress: Progress | None = None,
         relax: bool = False,
     ) -> PlanResult:
@@ -79,20 +79,17 @@ class BilevelAgent(Agent):
         Args:
             observation: of a cloud.
             info: as `reset` takes it.
-            count: grasps asked for, that differ; None plans one.
-            progress: called with steps done and steps in all, where there is a count.
+            progress: called with steps done and steps in all, where a count is asked for.
             relax: where what was asked for cannot be had, say what can.
 
         Raises:
-            InputError: for a count out of range, or an observation that shows no cloud or no robot.
+            InputError: for an observation that shows no cloud or no robot.
         """
         cell, most = cell_of(info, self._planner.cell), info.get("max_force", self._request.max_force)
         if cell != self._planner.cell or most != self._planner.request.max_force:
             self._planner = self._make(cell).asking(replace(self._request, max_force=most))
         scene, start = self._scene(observation, info), start_of(observation, self._planner.cell.robot)
-        return plan_scene(
-            self._planner, scene, self._seed, start, count=count, progress=progress, relax=relax
-        )
+        return plan_scene(self._planner, scene, self._seed, start, progress=progress, relax=relax)
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Plan from the cloud of the first observation."""

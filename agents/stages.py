@@ -146,7 +146,8 @@ class PutAside(Stage):
     def next(self, observation: Observation) -> Stage:
         """Return the way home; the look at its end counts as none."""
         target = self.state.plan.target
-        if not self.motion.done or (target is not None and target.demand is not None):
+        asked = target and target.demand
+        if not self.motion.done or (asked and asked.request.goal):
             return self  # what was asked for stands where it is to stand
         home = way_home(self.state, observation)
         return self if home is None else GoHome(self.state, home, counted=False)

@@ -6,13 +6,16 @@ import os
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dexgrasp.agent import Agent, complete
 from dexgrasp.runs.policy_folder import is_policy, policy_files
 from dexgrasp.runs.reading import files_read
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
+
+if TYPE_CHECKING:
+    from dexgrasp.geometry.request import GraspRequest
 
 AGENTS: dict[str, str] = {
     "random": "dexgrasp.agents.floors:RandomAgent",
@@ -91,30 +94,20 @@ def placing_agent(name: str, env_id: str = "DexGrasp/Place-v2", **kwargs: Any) -
     return _load(f"dexgrasp.agents.placing:{kind}")(agent)
 
 
-def agent_for(
-    name: str, friction: float | None, min_success_probability: float | None = None, request: Any = None
-) -> Agent:
-    """Make an agent for surfaces of some friction: one that plans grasps counts on its usual share of it.
+def agent_for(name: str, request: "GraspRequest") -> Agent:
+    """Make an agent; one that plans grasps plans what is asked for, the others are told nothing.
 
     Args:
         name: see `make_agent`.
-        friction: coefficient; None leaves the agent with what it counts on by default.
-        min_success_probability: probability of being held that one that plans grasps must see in a grasp; None for any.
-        request: a `GraspRequest` of agent `bilevel`; None for nothing.
+        request: what is asked for.
 
     Raises:
         InputError: as `make_agent`.
     """
     from dexgrasp.planning.result import PlansGrasps
-    from dexgrasp.planning.settings import PlannerSettings
 
     agent = make_agent(name)
-    if (friction is None and min_success_probability is None and not request) or not isinstance(
-        agent, PlansGrasps
-    ):
-        return agent
-    asked = {"request": request} if request else {}
-    return make_agent(name, settings=PlannerSettings.of(friction, min_success_probability), **asked)
+    return make_agent(name, request=request) if request and isinstance(agent, PlansGrasps) else agent
 
 
 def check_name(name: str) -> str:

@@ -2,6 +2,8 @@
 
 import difflib
 
+_LONGEST = 200  # characters of a wrong name in a message
+
 
 class InputError(ValueError):
     """Bad input: the message is one line that says what is wrong and what is valid.
@@ -19,9 +21,9 @@ def unknown_name(kind: str, name: object, valid: object) -> InputError:
         valid: an iterable of the valid names.
     """
     names = list(map(str, valid))  # type: ignore[call-overload]
-    near = difflib.get_close_matches(str(name), names, n=1)
+    near, shown = difflib.get_close_matches(str(name), names, n=1), " ".join(repr(name).split())
     hint = f" (the nearest is {near[0]!r})" if near else ""
-    return InputError(f"unknown {kind} {name!r}{hint}: valid are {', '.join(names)}")
+    return InputError(f"unknown {kind} {shown[:_LONGEST]}{hint}: valid are {', '.join(names)}")
 
 
 class UnknownArgumentError(InputError, TypeError):

@@ -362,7 +362,11 @@ def jsonable(value: Any) -> Any:
     if isinstance(value, bool | str | None):
         return value
     if isinstance(value, np.generic | np.ndarray):
-        return jsonable(value.tolist())
+        plain = value.tolist()
+        of_numbers = value.dtype.kind in "biu" or (value.dtype.kind == "f" and bool(np.isfinite(value).all()))
+        return (
+            plain if of_numbers else jsonable(plain)
+        )  # a walk through all of them takes as long as to plan a stage
     if isinstance(value, int | float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):

@@ -13,7 +13,18 @@ from dataclasses import MISSING, fields, is_dataclass
 from functools import cache, reduce
 from operator import or_
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from dexgrasp_env.errors import InputError, unknown_name
 
@@ -186,7 +197,9 @@ def hint_of(annotation: Any) -> Hint:
 
 
 def _of_each(annotation: Any) -> Rule | None:
-    """Return the rule of a tuple all of whose values have one rule."""
+    """Return the rule of a few words, or of a tuple all of whose values have one rule."""
+    if get_origin(annotation) is Literal:
+        return one_of(get_args(annotation))
     parts = get_args(annotation) if get_origin(annotation) is tuple else ()
     rules = {hint_of(part).rule for part in parts if part is not Ellipsis}
     each = rules.pop() if len(rules) == 1 else None
@@ -237,6 +250,18 @@ def read(kind: type[Settings], given: Any, what: str = "", *, more: bool = False
         elif field.default is MISSING and field.default_factory is MISSING:
             raise InputError(f"{name} is missing")
     return kind(**values)
+
+
+def check_fields(made: Any) -> None:
+    """Hold a frozen dataclass to the rules of its fields, also where Python makes it: for its `__post_init__`.
+
+    Raises:
+        InputError: as `read`.
+    """
+    for field in fields(made):
+        value = getattr(made, field.name)
+        kept = _value(field.name, value, hints(cast(Any, type(made)))[field.name], field.default, False)
+        object.__setattr__(made, field.name, kept)
 
 
 def _value(name: str, value: Any, hint: Hint, default: Any, more: bool) -> Any:

@@ -4,6 +4,7 @@ import numpy as np
 import trimesh
 
 from dexgrasp import plan_cloud
+from dexgrasp.geometry.request import GraspRequest
 
 
 def scene(noise: float = 0.001) -> np.ndarray:
@@ -21,7 +22,7 @@ def scene(noise: float = 0.001) -> np.ndarray:
 
 def main() -> None:
     """Plan a grasp of the can and print its certificate."""
-    found = plan_cloud(scene(), near=(0.52, 0.05, 0.05), mass=0.3)
+    found = plan_cloud(scene(), near=(0.52, 0.05, 0.05), request=GraspRequest(mass=0.3))
     if found.grasp is None:
         raise SystemExit(found.reason)
     certificate = found.grasp.certificate

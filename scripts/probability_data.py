@@ -14,6 +14,7 @@ made again.
 import json
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -29,10 +30,10 @@ from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.trial import run_trial
+from dexgrasp.geometry.request import GraspRequest
 from dexgrasp.motion.carrying import PickUp
 from dexgrasp.planning.plan_scene import plan_scene, start_of
 from dexgrasp.planning.result import Planned, PlanResult
-from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.registry import make_agent
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar
@@ -114,7 +115,7 @@ class Carrier(Agent):
 def look(job: Job) -> tuple[Any, Scene, Array, float]:
     """Look at a scene; return who plans, what was seen, where the robot starts, and the object's mass, kg."""
     name = "bilevel" if job.planner == "later" else job.planner
-    agent: Any = make_agent(name, settings=PlannerSettings.of(job.told_friction))
+    agent: Any = make_agent(name, request=GraspRequest(friction=job.told_friction))
     env = gym.make("DexGrasp/Lift-v2", objects=job.target, **agent.env_settings, **_SEEN[job.seen][1])
     observation, info = env.reset(seed=job.seed)
     mass = float(env.unwrapped.simulation.object.mass)  # type: ignore[attr-defined]
@@ -128,7 +129,8 @@ def plan(job: Job) -> tuple[PlanResult, float]:
     """Plan in a scene; return the plan, one grasp at most, and the object's mass, kg."""
     planner, scene, start, mass = look(job)
     count = _LATER if job.planner == "later" else None
-    result = plan_scene(planner, scene, job.seed, start, mass=mass if job.told_mass else None, count=count)
+    told = replace(planner.request, mass=mass if job.told_mass else None, count=count)
+    result = plan_scene(planner.asking(told), scene, job.seed, start)
     if count and result.found:
         of_set = np.random.default_rng([SEED, job.number, 2])
         result.found = [result.found[int(of_set.integers(len(result.found)))]]

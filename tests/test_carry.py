@@ -51,6 +51,13 @@ def test_a_heavy_object_is_turned_about_its_centre_and_no_corner_sinks(heavy):
     assert_array_less(np.abs(np.diff(turn.arm, axis=0, prepend=start[None, :7])), 0.12)
 
 
+def test_what_must_not_be_pressed_hard_is_not_turned(heavy):
+    plan, target, turn = heavy
+    gentle = GraspProblem(target, CELL, PlannerSettings(max_force=8.0))
+    assert turn is not None
+    assert plan_turn(plan.grasp, plan.script, gentle) is None
+
+
 def test_what_is_held_firmly_is_carried_as_it_was_lifted():
     plan, target = planned(0.08)
     assert plan.grasp.certificate.capacity >= ENOUGH

@@ -11,12 +11,12 @@ from robots import HOME
 from test_scene_cloud import scene_points
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, OK
+from dexgrasp.geometry.request import MOST, GraspRequest
 from dexgrasp.grasp.planned_record import Origin, planned_record
 from dexgrasp.grasp.variety import hand_points
 from dexgrasp.planning.diverse import plan_many
 from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.settings import MOST
 
 COUNT = 6
 
@@ -28,11 +28,11 @@ def box(x=0.5):
 @pytest.fixture(scope="module")
 def found():
     steps = []
-    planner, target = Planner(), box()
+    planner, target = Planner().asking(GraspRequest(count=COUNT)), box()
     return (
         planner,
         target,
-        plan_many(planner, target, COUNT, 3, HOME, lambda *step: steps.append(step)),
+        plan_many(planner, target, 3, HOME, lambda *step: steps.append(step)),
         steps,
     )
 
@@ -78,22 +78,21 @@ def _least_gap(planner, grasps):
 
 def test_the_same_seed_gives_the_same_set(found):
     planner, target, grasps, _ = found
-    again = plan_many(planner, target, COUNT, 3, HOME)
+    again = plan_many(planner, target, 3, HOME)
     assert all((a.grasp.q == b.grasp.q).all() for a, b in zip(grasps.found, again.found, strict=True))
 
 
 def test_out_of_reach_ends_with_a_reason():
-    grasps = plan_many(Planner(), box(x=1.4), 3, 0, HOME)
+    grasps = plan_many(Planner().asking(GraspRequest(count=3)), box(x=1.4), 0, HOME)
     assert grasps.found == []
     assert grasps.reason == "no_grasp:no_reachable_posture"
     assert grasps.diversity == []
 
 
 @pytest.mark.parametrize("count", [0, -1, 2.0, True, MOST + 1])
-def test_a_bad_count_is_refused(found, count):
-    planner, target, _, _ = found
+def test_a_bad_count_is_refused(count):
     with refused("a whole number from 1 to 10000"):
-        plan_many(planner, target, count)
+        GraspRequest(count=count)
 
 
 def test_the_command_writes_files_a_table_and_json(tmp_path, capsys):
@@ -116,7 +115,7 @@ def test_the_command_writes_files_a_table_and_json(tmp_path, capsys):
 
 def test_too_few_from_a_cloud_say_so_and_end_in_no(tmp_path, capsys):
     points = scene_points(np.random.default_rng(0), (0.5, 0.0))
-    found = plan_cloud(points, count=2)
+    found = plan_cloud(points, request=GraspRequest(count=2))
     assert len(found.grasps) == len(found.as_json("box")["grasps"]) == 2
     assert found.grasps[0].certificate.load >= found.grasps[1].certificate.load
     np.save(tmp_path / "far.npy", points + np.array([0.9, 0.0, 0.0]))

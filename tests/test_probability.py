@@ -9,6 +9,7 @@ from processes import typed
 from robots import CELL, HOME
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, OK
+from dexgrasp.geometry.request import GraspRequest
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.probability import OUTCOMES, probability_of, shipped_model
 from dexgrasp.grasp.probability_features import features_of
@@ -16,7 +17,6 @@ from dexgrasp.grasp.record import as_json
 from dexgrasp.planning.diverse import UNSURE, chances_of, with_success_probability
 from dexgrasp.planning.planner import Planner, small_box
 from dexgrasp.planning.result import PlanResult
-from dexgrasp.planning.settings import PlannerSettings
 
 
 @pytest.fixture(scope="module")
@@ -62,8 +62,8 @@ def test_nothing_is_said_of_what_no_episode_was_of(record):
     assert [probability_of(one) for one in (other, slippery, among)] == [None, None, None]
 
 
-def asked(min_success_probability):
-    planner = Planner(PlannerSettings(min_success_probability=min_success_probability), cell=CELL)
+def asked(min_probability):
+    planner = Planner(cell=CELL).asking(GraspRequest(min_probability=min_probability))
     return planner, with_success_probability(planner.plan(small_box(), 0, HOME), planner, HOME)
 
 

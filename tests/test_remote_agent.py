@@ -2,9 +2,10 @@
 
 import json
 import subprocess
-import sys
 import threading
 import time
+import venv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -130,7 +131,7 @@ def test_what_the_protocol_decides_is_no_wish_of_a_server(capsys):
 
 
 POLICY = """
-import msgpack, numpy, sys
+import importlib.util, msgpack, numpy
 from websockets.sync.server import serve
 
 def act(socket):
@@ -141,14 +142,21 @@ def act(socket):
         socket.send(msgpack.packb({"actions": array}))
 
 with serve(act, "127.0.0.1", 0) as server:
-    assert "dexgrasp" not in sys.modules and "mujoco" not in sys.modules
+    for name in ("dexgrasp", "dexgrasp_env", "gymnasium", "mujoco"):
+        assert importlib.util.find_spec(name) is None
     print(server.socket.getsockname()[1], flush=True)
     server.serve_forever()
 """
 
 
 def test_a_policy_needs_nothing_of_this_package(tmp_path):
-    process = subprocess.Popen([sys.executable, "-c", POLICY], stdout=subprocess.PIPE, text=True)
+    """It runs in a virtual environment that has numpy, msgpack and websockets alone."""
+    venv.create(tmp_path / "venv", symlinks=True)
+    packages = next((tmp_path / "venv").glob("lib/python*/site-packages"))
+    for name in ("numpy", "numpy.libs", "msgpack", "websockets"):
+        (packages / name).symlink_to(Path(np.__file__).parents[1] / name)
+    command = [tmp_path / "venv/bin/python", "-I", "-c", POLICY]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path)
     try:
         _, (row,) = outcomes(f"ws://127.0.0.1:{int(process.stdout.readline())}", tmp_path)
         assert row["steps"] == 300

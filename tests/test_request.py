@@ -103,20 +103,21 @@ def test_what_cannot_be_had_is_said_with_the_nearest_that_can():
 @pytest.mark.parametrize("most", [3.0, 8.0])
 def test_fingers_press_no_harder_than_is_asked(most):
     free, gentle = (
-        plan_cloud(block(), seed=2, mass=0.15, request=asked)
-        for asked in (GraspRequest(), GraspRequest(max_force=most))
+        plan_cloud(block(), seed=2, request=GraspRequest(mass=0.15, max_force=force))
+        for force in (None, most)
     )
     checks = judged(gentle)
     assert checks["pressing force"].value <= most + 1e-4
     assert gentle.grasp.certificate.holds
     assert all(check.holds for check in checks.values())
     (content,) = free.contents("block")
+    assert checks["mass off the request's"].holds
     refused = verify(record_of(content | {"request": {"max_force": most}}))
     assert [check.name for check in refused if not check.holds] == ["pressing force"]
 
 
 def test_too_gentle_is_said():
-    heavy = plan_cloud(block(), seed=2, mass=2.0, request=GraspRequest(max_force=4.0))
+    heavy = plan_cloud(block(), seed=2, request=GraspRequest(mass=2.0, max_force=4.0))
     assert not heavy.success or not heavy.grasp.certificate.holds
     with pytest.raises(InputError, match=r"max_force is 2 N, and fingers press with 2.5 N"):
         plan_cloud(block(), request=GraspRequest(max_force=2.0))
@@ -189,3 +190,38 @@ def test_the_command_takes_it(tmp_path, capsys):
         assert words in capsys.readouterr().err
     assert typed(f"plan pear --hold mask:{tmp_path / 'mask.npy'}") == 2
     assert "of the faces of a mesh file" in capsys.readouterr().err
+
+
+def test_what_is_known_of_the_object_is_of_the_request_and_judged():
+    plan = plan_cloud(block(), seed=2, request=GraspRequest(friction=0.4, mass=0.2, min_probability=0.5))
+    checks = judged(plan)
+    assert all(check.holds for check in checks.values())
+    assert plan.grasp.certificate.mass == 0.2
+    (content,) = plan.contents("block")
+    for asked, name in (
+        ({"friction": 0.3}, "friction over the request's"),
+        ({"mass": 0.3}, "mass off the request's"),
+        ({"min_probability": 0.9999}, "probability to be lifted and held"),
+    ):
+        refused = verify(record_of(content | {"request": asked}))
+        assert [check.name for check in refused if not check.holds] == [name]
+    sure = plan_cloud(block(), seed=2, request=GraspRequest(min_probability=0.9999))
+    assert sure.reason == "no_grasp:not_sure_enough"
+    assert sure.relaxation.startswith("none held with probability 0.9999; one with 0.")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"mass": -1.0},
+        {"friction": 0},
+        {"min_probability": 1.5},
+        {"count": 2.5},
+        {"seconds": "long"},
+        {"hold": 3},
+    ],
+)
+def test_nonsense_in_python_is_refused_as_elsewhere(wrong):
+    (name,) = wrong
+    with pytest.raises(InputError, match=f"{name} is .*: valid is"):
+        GraspRequest(**wrong)

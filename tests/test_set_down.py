@@ -5,8 +5,10 @@ import json
 import gymnasium as gym
 import numpy as np
 import pytest
+import trimesh
 from processes import typed
 from refusals import rejected
+from scipy.spatial.transform import Rotation
 from test_request import block
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
@@ -14,6 +16,8 @@ from dexgrasp import plan_cloud
 from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.cli.main import main
+from dexgrasp.export.replay import turned_by
+from dexgrasp.geometry.hull import axes_of_symmetry
 from dexgrasp.geometry.request import PLACE_WORDS, GraspRequest
 from dexgrasp.grasp.file import record_of
 from dexgrasp_env.arrays import middle
@@ -77,8 +81,9 @@ def test_the_judge_refuses_another_goal_and_a_changed_way(content):
     ],
 )
 def test_a_goal_that_cannot_be_is_refused_with_its_reason(goal, reason):
-    plan = asked(*goal, seconds=5.0)
+    plan = asked(*goal)
     assert plan.reason == f"no_grasp:{reason}"
+    assert plan.log.tried == 0  # no posture is refined for it
 
 
 def test_what_stands_there_is_not_set_upon():
@@ -112,6 +117,24 @@ def test_the_agent_sets_the_object_down():
     after = env.unwrapped.simulation.object_pose()
     assert np.linalg.norm((after - before)[:2] - shift) < 0.02
     assert abs(after[2] - before[2]) < 0.005  # it stands as it lay
+
+
+def test_turns_that_nobody_sees_do_not_count():
+    can, ball, box = (
+        trimesh.creation.cylinder(0.03, 0.1),
+        trimesh.creation.icosphere(3, 0.04),
+        trimesh.creation.box((0.05, 0.05, 0.1)),
+    )
+    axes = [axes_of_symmetry(np.array(mesh.vertices)) for mesh in (can, ball, box)]
+    assert [len(found) for found in axes] == [1, 3, 0]
+    lying = Rotation.from_euler("y", 90, degrees=True)
+    rolled, turned, tipped = (Rotation.from_euler(axis, 30, degrees=True) * lying for axis in ("x", "z", "y"))
+    for now, seen, leaning in ((rolled, 0.0, 0.0), (turned, 30.0, 0.0), (tipped, 30.0, 30.0)):
+        poses = now.as_matrix(), lying.as_matrix()
+        for any_heading, wanted in ((False, seen), (True, leaning)):
+            assert np.degrees(turned_by(*poses, axes[0], any_heading)) == pytest.approx(wanted, abs=0.6)
+        assert np.degrees(turned_by(*poses, axes[2], False)) == pytest.approx(30.0, abs=0.1)
+        assert turned_by(*poses, axes[1], False) == 0.0
 
 
 def test_the_command_exports_and_replays_it(tmp_path, capsys):

@@ -10,6 +10,7 @@ from planned import MESHES, SETTINGS, failing
 from processes import python
 from robots import LOWER, UPPER
 
+from dexgrasp.geometry.request import GraspRequest
 from dexgrasp.grasp.thresholds import planned_friction
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.objects.catalogue import CATALOGUE
@@ -82,7 +83,7 @@ def test_planned_friction_is_a_share_of_the_true_one_and_never_more_than_frozen(
     assert planned_friction(0.7) == pytest.approx((0.5, 0.6))
     assert planned_friction(2.0) == (0.5, 0.6)
     assert planned_friction(0.35) == pytest.approx((0.25, 0.3))
-    settings = PlannerSettings.of(0.35)
+    settings = PlannerSettings().asked(GraspRequest(friction=0.35))
     assert (settings.friction, settings.friction_hold) == pytest.approx((0.25, 0.3))
 
 

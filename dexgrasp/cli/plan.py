@@ -16,7 +16,7 @@ from dexgrasp.cli.scan import Scan, blocking_lines, chosen_line, draw_scan, list
 from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import Count, Share, check
+from dexgrasp_env.valid import Count, Share
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -93,10 +93,6 @@ class Plan(Command, Request, Scan, Scene):
 
     def _read(self) -> "Cloud | None":
         """Read the cloud; let a mistake show before anything heavy is imported, which takes a second."""
-        if self.count is not None:
-            from dexgrasp.planning.settings import GRASPS
-
-            check("count", self.count, GRASPS)
         if self.cloud is None:
             if self.target is None:
                 raise InputError(
@@ -106,7 +102,7 @@ class Plan(Command, Request, Scan, Scene):
                 raise InputError("--agent and --at-least do not apply to --floating")
             if self.of_request and (self.floating or self.agent != "bilevel"):
                 raise InputError(f"{', '.join(self.of_request)} are of agent bilevel on a table")
-            self.grasp_request(lambda _: np.zeros((1, 3)))
+            self._request(_nothing_marked)
             if self.of_cloud:
                 raise InputError(
                     f"{', '.join(self.of_cloud)} are of --cloud: of a TARGET the planner is told nothing "
@@ -130,33 +126,33 @@ class Plan(Command, Request, Scan, Scene):
             note(line)
         return read_scan(self.cloud, self.unit, self.pose)
 
+    def _request(self, marked: "Callable[[Mask], Array]") -> "GraspRequest":
+        """Return all that is asked for, see `constraints`."""
+        return replace(
+            self.constraints(marked),
+            friction=self.friction,
+            mass=self.mass,
+            min_probability=self.at_least,
+            count=self.count,
+        )
+
     def _plan(self, progress: "Progress") -> "tuple[PlanResult, Fields]":
         """Plan for the named object; return what came of it, and the same as JSON."""
         if self.floating:
             from dexgrasp.planning.floating import plan_floating
             from dexgrasp.planning.plan_scene import default_planner
-            from dexgrasp.planning.settings import PlannerSettings
 
-            planner = default_planner(self.cell, PlannerSettings.of(self.friction), "surface")
+            planner = default_planner(self.cell, None, "surface").asking(self._request(_nothing_marked))
             subject, found = plan_floating(
                 planner,
                 str(self.target),
                 self.seed,
                 scale=self.mesh_scale,
                 mass=self.mesh_mass,
-                count=self.count,
                 progress=progress,
             )
         else:
-            look, found = plan_target(
-                str(self.target),
-                self.agent,
-                self,
-                progress,
-                count=self.count,
-                at_least=self.at_least,
-                request=self.grasp_request if self.of_request else None,
-            )
+            look, found = plan_target(str(self.target), self.agent, self, progress, self._request)
             subject = look.subject
         return found, found.as_json(subject.identity, self.agent, subject.pose)
 
@@ -165,11 +161,9 @@ class Plan(Command, Request, Scan, Scene):
         _import_mujoco()
         from dexgrasp.planning.plan_scene import default_planner, plan_scene
         from dexgrasp.planning.planner import Planner
-        from dexgrasp.planning.settings import PlannerSettings
         from dexgrasp_env.perception.selection import TargetSelector
 
-        settings = PlannerSettings.of(self.friction, self.at_least)
-        request = self.grasp_request(lambda mask: scan.points[TargetSelector(mask=mask).marks(scan)])
+        request = self._request(lambda mask: scan.points[TargetSelector(mask=mask).marks(scan)])
         scene, seen = self._look(scan)
         if scene.reason == "several_objects":
             self._draw(scan, scene, seen)
@@ -181,16 +175,14 @@ class Plan(Command, Request, Scan, Scene):
             note(off)
         if scene.reason is None:
             note(chosen_line(seen))
-            planner = default_planner(self.cell, settings)
+            planner = default_planner(self.cell)
         else:  # nothing to plan on, and nothing to compile for it
-            planner = Planner(settings, cell=self.cell)
+            planner = Planner(cell=self.cell)
         found = plan_scene(
             planner.asking(request),
             scene,
             self.seed,
             self.cell.robot.home,
-            mass=self.mass,
-            count=self.count,
             progress=progress,
             relax=True,
         )
@@ -258,9 +250,6 @@ def plan_target(
     agent_name: str,
     scene: Scene,
     progress: "Progress | None" = None,
-    *,
-    count: int | None = None,
-    at_least: float | None = None,
     request: "Callable[[Callable[[Mask], Array]], GraspRequest] | None" = None,
 ) -> "tuple[Look, PlanResult]":
     """Observe an object with an agent, and plan.
@@ -270,32 +259,37 @@ def plan_target(
         agent_name: which planner.
         scene: the options of the scene.
         progress: called with steps done and steps in all.
-        count: grasps asked for, that differ; None plans one.
-        at_least: probability of being held that is asked for.
-        request: returns what is asked for, given what a mask of the mesh's faces marks.
+        request: returns what is asked for, given what a mask of the mesh's faces marks; None: a grasp at the scene's
+            friction.
 
     Raises:
         InputError: for an unknown agent, or one that plans no grasps.
     """
     _import_mujoco()
+    from dexgrasp.geometry.request import GraspRequest
     from dexgrasp.planning.result import PlansGrasps
     from dexgrasp.planning.scene_setup import look_at
-    from dexgrasp.registry import agent_for
+    from dexgrasp.registry import make_agent
     from dexgrasp_env.objects.load import is_ours, load_target
 
     if not is_ours(target):  # a mesh that cannot be read is refused before anything is compiled
         load_target(target, scene.mesh_scale, scene.mesh_mass)
-    agent = agent_for(agent_name, scene.friction, at_least)
+    agent = make_agent(agent_name)
     if not isinstance(agent, PlansGrasps):
         raise InputError(
             f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics"
         )
     look = look_at(target, agent, scene.seed, **scene.env_settings)
-    if request is not None:
-        agent = agent_for(agent_name, scene.friction, at_least, request(look.marked))
+    if asked := GraspRequest(friction=scene.friction) if request is None else request(look.marked):
+        agent = make_agent(agent_name, request=asked)
         agent.seed(scene.seed)
         assert isinstance(agent, PlansGrasps)  # as before
-    return look, agent.plan(look.observation, look.info, count, progress, relax=True)
+    return look, agent.plan(look.observation, look.info, progress, relax=True)
+
+
+def _nothing_marked(_mask: "Mask") -> "Array":
+    """Return a point in place of what a mask marks, where there is nothing to mark."""
+    return np.zeros((1, 3))
 
 
 def _import_mujoco() -> None:

@@ -41,8 +41,8 @@ class Request(Options):
         """Options of the request that were given."""
         return self.given(*Request.__annotations__)
 
-    def grasp_request(self, marked: "Callable[[Mask], Array]") -> "GraspRequest":
-        """Return what is asked for.
+    def constraints(self, marked: "Callable[[Mask], Array]") -> "GraspRequest":
+        """Return what is asked of the grasp itself.
 
         Args:
             marked: returns the points (N, 3) m, frame of the robot's base, that a mask marks.
@@ -58,7 +58,15 @@ class Request(Options):
             for name in ("hold", "avoid")
         )
         goal = None if self.place is None else check("place", self.place, PLACE_WORDS)
-        return GraspRequest(hold, avoid, approach, tuple(self.fingers), self.max_force, self.budget, goal)
+        return GraspRequest(
+            hold,
+            avoid,
+            approach,
+            tuple(self.fingers),
+            self.max_force,
+            seconds=self.budget,
+            goal=goal,
+        )
 
     def _region(self, name: str, said: Any, marked: "Callable[[Mask], Array]") -> "Region":
         from dexgrasp.geometry.request import REGION, Region

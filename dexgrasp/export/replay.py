@@ -8,12 +8,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.export.read import Recording
+from dexgrasp.geometry.hull import axes_of_symmetry
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file
 from dexgrasp_env.locales import with_decimal_points
-from dexgrasp_env.poses import pose_matrix
+from dexgrasp_env.poses import placed, pose_matrix
 from dexgrasp_env.robot.cell import Cell, default_cell
+from dexgrasp_env.scene.shapes import geom_mesh
 
 HOLD = 3.0
 """s that the object must stay up after the lift."""
@@ -31,7 +33,8 @@ class Replay:
         success: held 10 cm up for 3 s; of an object that is set down, it stands at its goal 3 s later, and nothing
             that stands around it was touched.
         height: m, the least meanwhile above where it lay.
-        off, turned: m and rad from its goal; where any heading will do, by how much it leans.
+        off, turned: m and rad from its goal; where any heading will do, by how much it leans, and of a body of
+            revolution the least over turns about its axis, which nobody can see.
         touched: whether robot or object met what stands around.
     """
 
@@ -80,11 +83,39 @@ def replay(
     if goal is None:
         return Replay(least >= HEIGHT, least, touched=touched)
     off = float(np.linalg.norm(data.xpos[body] - goal[:3, 3]))
-    turn = data.xmat[body].reshape(3, 3) @ goal[:3, :3].T
-    turned = float(Rotation.from_matrix(turn).magnitude())
-    if recording.facts.any_heading:
-        turned = float(np.arccos(np.clip(turn[2, 2], -1.0, 1.0)))
+    axes = axes_of_symmetry(_corners(model, body))
+    turned = turned_by(data.xmat[body].reshape(3, 3), goal[:3, :3], axes, recording.facts.any_heading)
     return Replay(off <= BESIDE and turned <= ASKEW and not touched, least, off, turned, touched)
+
+
+def turned_by(now: Array, goal: Array, axes: Array, any_heading: bool) -> float:
+    """Return by how much, rad, a body is turned from its goal, rotations (3, 3); turns that do not show do not count.
+
+    Args:
+        now: of the body.
+        goal: where it was to be.
+        axes: (K, 3) of symmetry, body frame, see `axes_of_symmetry`.
+        any_heading: turns about the vertical do not count either.
+    """
+    if len(axes) > 1:
+        return 0.0
+    angles = np.radians(np.arange(360.0 if len(axes) else 1.0))[:, None]
+    spins = Rotation.from_rotvec(angles * (axes if len(axes) else np.eye(1, 3)))
+    turns = now @ spins.as_matrix() @ goal.T
+    if any_heading:
+        return float(np.arccos(np.clip(turns[:, 2, 2], -1.0, 1.0)).min())
+    return float(Rotation.from_matrix(turns).magnitude().min())
+
+
+def _corners(model: Any, body: int) -> Array:
+    """Return the corners (N, 3) m of all geoms of a body, its frame."""
+    own = np.flatnonzero(model.geom_bodyid == body).tolist()
+    return np.concatenate(
+        [
+            placed(pose_matrix(model.geom_pos[k], model.geom_quat[k]), geom_mesh(model, k).vertices)
+            for k in own
+        ]
+    )
 
 
 def _goal(recording: Recording, model: Any, cell: Cell) -> Array | None:

@@ -55,6 +55,25 @@ def standing_hull(points: Array) -> ConvexDistance:
     return ConvexDistance.from_points(np.concatenate([points, shadow]), max_faces=80)
 
 
+def axes_of_symmetry(corners: Array) -> Array:
+    """Return the axes (K, 3) about which the hull of corners (N, 3) m is a body of revolution: none, 1, or a ball's 3.
+
+    Turned about one of them its support nowhere changes by a tenth of its radius: a hexagon's would by 0.13.
+    """
+    import trimesh
+
+    hull = trimesh.convex.convex_hull(corners)
+    about, axes = hull.vertices - hull.center_mass, np.array(hull.principal_inertia_vectors)
+    turns = np.arange(0.0, 2.0 * np.pi, np.pi / 12.0)[:, None]
+    found = []
+    for k in range(3):
+        level = np.cos(turns) * axes[k - 1] + np.sin(turns) * axes[k - 2]
+        support = np.array([(about @ (level + slope * axes[k]).T).max(0) for slope in (-1.0, 0.0, 1.0)])
+        if np.ptp(support, axis=1).max() < 0.1 * support[1].mean():
+            found.append(axes[k])
+    return np.reshape(found, (-1, 3))
+
+
 def trim_extremes(points: Array, noise: float) -> Array:
     """Return the points (M, 3) with those that stick out moved inwards.
 

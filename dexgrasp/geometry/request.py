@@ -1,4 +1,4 @@
-"""Requests of a grasp: regions of its contacts, direction of its palm, its fingers.
+"""Requests of a grasp: where its contacts lie, which way its palm faces, what it must bear, where the object goes.
 
 All places are in the frame of the robot's base, whatever the table: a request is stated before anything is seen.
 """
@@ -12,9 +12,14 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Mask, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import placed
-from dexgrasp_env.valid import Rule, list_of, number, several
+from dexgrasp_env.valid import POSITIVE, Friction, Rule, Share, check_fields, list_of, number, several
 
 _MOST_POINTS = 5000
+MOST = 10_000
+"""Grasps that differ, at most, of one request."""
+_GRASPS = number(ge=1, le=MOST, whole=True)._replace(
+    words=f"a whole number from 1 to {MOST} (`dexgrasp dataset generate` makes more)"
+)
 _WAYS = {"top": ((0.0, 0.0, -1.0), 30.0), "front": ((1.0, 0.0, 0.0), 45.0), "side": (None, 30.0)}
 """Name -> the way that the palm faces, None for any level one, and degrees that it may be off."""
 
@@ -42,6 +47,7 @@ class Region:
     radius: Annotated[float, number(ge=-1, le=1)] = 0.0
 
     def __post_init__(self) -> None:
+        check_fields(self)
         boxed = self.low is not None and self.high is not None
         if boxed == (self.points is not None) or (self.low is None) != (self.high is None):
             raise InputError("a region is a box, with low and high, or points with a radius")
@@ -117,6 +123,7 @@ class Approach:
     name: str = ""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.direction is not None:
             size = np.linalg.norm(self.direction)
             if not size > 0:
@@ -180,13 +187,16 @@ class Goal:
     place: Annotated[Array, array(3)]
     yaw: Annotated[float | None, number(ge=-180, le=180)] = None
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
 
 PLACE_WORDS = Rule("X Y Z, m in the frame of the robot's base, and YAW, degrees, if it likes", _place)
 
 
 @dataclass(frozen=True, eq=False)
 class GraspRequest:
-    """Request of a grasp: constraints besides that it holds.
+    """Request of a grasp: what is known of the object, and constraints besides that it is held.
 
     Attributes:
         hold: every contact lies in one of these regions; none asks for nothing.
@@ -194,6 +204,10 @@ class GraspRequest:
         approach: the way that the palm faces.
         fingers: that make the contacts, one of the grasps of the hand's file; empty leaves them to the planner.
         max_force: N that each finger may press with along the normal; None for what its joints can.
+        friction: coefficient of the object's surface; None for what the planner counts on.
+        mass: kg of the object where it is known; None assumes one from its volume.
+        min_probability: of being lifted and held, that a grasp must have; None for any.
+        count: grasps that differ; None plans one.
         seconds: after which the search ends with what it has; None for a search that does not look at the clock.
         goal: where the object is set down after the lift; None: it is held.
     """
@@ -203,11 +217,29 @@ class GraspRequest:
     approach: Approach | None = None
     fingers: Annotated[tuple[str, ...], several(Rule("a finger's name", str))] = ()
     max_force: Annotated[float | None, number(gt=0, le=1000)] = None
+    friction: Friction | None = None
+    mass: Annotated[float | None, POSITIVE] = None
+    min_probability: Share | None = None
+    count: Annotated[int | None, _GRASPS] = None
     seconds: Annotated[float | None, number(gt=0)] = None
     goal: Goal | None = None
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     def __bool__(self) -> bool:
         return any(value not in (None, ()) for value in vars(self).values())
+
+    @property
+    def narrows(self) -> bool:
+        """True where contacts or palm may not be anywhere: proposals that know nothing of that are mostly lost."""
+        return bool(self.hold or self.avoid or self.approach)
+
+    @property
+    def constrains(self) -> list[str]:
+        """Names of what it asks of the grasp itself, beyond that it holds an object of some mass and friction."""
+        names = ("hold", "avoid", "approach", "fingers", "max_force", "goal")
+        return [name for name in names if getattr(self, name)]
 
     def outside(self, points: Array) -> Array:
         """Return how far points (N, 3) m are from where contacts may be (N,) m; 0 or less where they may."""

@@ -132,6 +132,11 @@ class GraspTarget:
         # m from what was seen, beyond which a point of the hull lies on air
         return self._seen_tree.query(_raised(points))[0] < 0.010
 
+    @property
+    def narrowed(self) -> bool:
+        """True where contacts or palm may not be anywhere."""
+        return self.demand is not None and self.demand.request.narrows
+
     def may_touch(self, points: Array, margin: float = 0.0) -> Mask:
         """Return which points (..., 3) m of the parts' surface were seen and are where contacts are asked for (...)."""
         seen = self.was_seen(points)

@@ -38,7 +38,8 @@ class GuardedGrasp(Motion):
             script: whose approach is followed; from the close on feedback replaces its fingers.
             grasp: with the forces to press with.
             overtravel: m that tips close past where the surface is believed to be.
-            pace: share of the usual speed of closing, and of the lag that counts as a touch.
+            pace: share of the usual speed of closing, and of the lag that counts as a touch. Below 1 a lag to any side
+                is one, at once: an edge, or a surface where none was seen, is not pressed until it gives way.
         """
         self._overtravel, self._pace = overtravel, pace
         self.script, self.grasp, self.tree = script, grasp, robot_tree(grasp.cell)
@@ -66,8 +67,11 @@ class GuardedGrasp(Motion):
         self._close_count += 1
         behind = fingertips(self.targets, self.tree) - fingertips(q, self.tree)
         lag = -(behind * self.grasp.normals).sum(1)
+        begun = self._progress > 0.3
+        if self._pace < 1.0:
+            lag, begun = np.linalg.norm(behind, axis=1), np.ones_like(begun)
         # m that a tip stays behind its set-point when it has touched: about 2 N
-        self._touched |= (lag > self._pace * 0.0018) & (self._progress > 0.3)
+        self._touched |= (lag > self._pace * 0.0018) & begun
         limit = 1.0 + self._overtravel / self._travel
         moving = ~self._touched & (self._progress < limit)
         self._progress[moving] += self._pace * 0.03 * CONTROL_PERIOD / self._travel[moving]  # m/s of the tips

@@ -26,7 +26,7 @@ ENOUGH = 4.0
 
 
 def plan_turn(grasp: Grasp, script: ActionScript, problem: GraspProblem) -> Turn | None:
-    """Return the turn after the lift that wins most, None where none wins enough or can be made.
+    """Return the turn after the lift that wins most, None where none wins enough, can be made, or is gentle enough.
 
     Args:
         grasp: with its certificate.
@@ -34,7 +34,8 @@ def plan_turn(grasp: Grasp, script: ActionScript, problem: GraspProblem) -> Turn
         problem: the object where it lies, and the robot; of the settings friction and torque limits.
     """
     target, tree = problem.target, problem.tree
-    if grasp.certificate.capacity >= ENOUGH:
+    # What shifts in the hand on the way weighs on one finger: it would press harder than is asked for.
+    if grasp.certificate.capacity >= ENOUGH or problem.settings.max_force is not None:
         return None
     contacts, distance = contacts_of(grasp.q, problem, problem.settings.friction_squeeze)
     start = script.phases["lift"][-1]

@@ -160,7 +160,7 @@ class LearnedFirst(ProposalSource):
         if target.is_convex:
             found = self._learned.propose(target, settings, rng)
             # It knows no neighbours and no request: where they leave little of what it says, the surface has more.
-            narrow = target.neighbours or target.demand
+            narrow = target.neighbours or target.narrowed
             if len(found.contacts) > (settings.triples // 2 if narrow else 0):
                 return found
         return self._surface.propose(target, settings, rng)

@@ -23,34 +23,29 @@ from dexgrasp.planning.certifier import Candidate
 from dexgrasp.planning.planner import NO_POSTURE, Planner, Search
 from dexgrasp.planning.proposals import ProposalSource, SurfaceProposals
 from dexgrasp.planning.result import Planned, PlanResult, Progress
-from dexgrasp.planning.settings import GRASPS
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import check
 
 _POOL = 2.0  # times as many configurations are chosen among as are asked for
 UNSURE = "not_sure_enough"
 
 
 def plan_many(
-    planner: Planner, target: GraspTarget, count: int, seed: int = 0, start: Array | None = None,
+    planner: Planner, target: GraspTarget, seed: int = 0, start: Array | None = None,
     progress: Progress | None = None,
 ) -> PlanResult:  # fmt: skip
-    """Return up to `count` grasps that differ, each certified, bearing the assumed weight, and within reach.
+    """Return as many grasps that differ as a planner is asked for, each certified, bearing the weight and in reach.
 
     Args:
-        planner: whose proposals, thresholds and certificates; surface triples follow where its source has no more.
+        planner: whose request, proposals, thresholds and certificates; surface triples follow where its source has no
+            more.
         target: the object.
-        count: grasps asked for, 1 to `settings.MOST`.
         seed: of the proposals.
         start: (23,) rad, set-points the robot approaches from; None plans the grasps alone.
         progress: called with steps done and steps in all.
-
-    Raises:
-        InputError: for a count out of range.
     """
-    check("count", count, GRASPS)
     began = time.process_time()
+    count = planner.request.count or 1
     result = _Search(planner, target, seed, start).chosen(count, _rising(progress))
     result.cpu_seconds = time.process_time() - began
     return result
@@ -156,7 +151,7 @@ class _Search(Search):
 def with_success_probability(
     result: PlanResult, planner: Planner, start: Array | None, progress: Progress | None = None
 ) -> PlanResult:
-    """Return a plan without the grasps that are less likely to be lifted and held than the planner's settings ask.
+    """Return a plan without the grasps that are less likely to be lifted and held than the planner's request asks.
 
     Where one grasp was asked for and is not likely enough, the likeliest of others takes its place if that is.
 
@@ -169,19 +164,20 @@ def with_success_probability(
     Raises:
         InputError: where no probability is known: of another robot, among neighbours, on very slippery surfaces.
     """
-    result.found = _likely(result, result.found)
+    least = planner.request.min_probability or 0.0
+    result.found = _likely(result, result.found, least)
     if UNSURE in result.log.blocked:
         if not result.found and result.asked is None and result.target is not None:
-            others = plan_many(planner, result.target, 24, result.seed, start, progress)
-            result.found = _likely(result, others.found)[:1]
+            more = planner.asking(replace(planner.request, count=24))
+            others = plan_many(more, result.target, result.seed, start, progress)
+            result.found = _likely(result, others.found, least)[:1]
         if not result.success:
             result.shortfall = UNSURE
     return result
 
 
-def _likely(result: PlanResult, found: list[Planned]) -> list[Planned]:
+def _likely(result: PlanResult, found: list[Planned], least: float) -> list[Planned]:
     """Return those that are likely enough, the likeliest first where one was asked for; note what the others lack."""
-    least = result.settings.min_success_probability
     chances = np.array([chances_of(one, result).lifted.value for one in found])
     for chance in chances[chances < least]:
         result.log.block(UNSURE, float(least - chance))

@@ -25,22 +25,20 @@ def plan_floating(
     *,
     scale: float,
     mass: float | None,
-    count: int | None,
     progress: Progress | None,
 ) -> tuple[Subject, PlanResult]:
     """Plan grasps of an object that is turned at random, far above the table, without an approach.
 
     Args:
-        planner: whose arm holds the hand; files of grasps say where the palm is.
+        planner: whose arm holds the hand; files of grasps say where the palm is. Its request's count is of grasps.
         source: a name of the catalogue or a mesh file.
         seed: of the turn and of the proposals.
         scale: factor from a mesh file's unit to metres.
         mass: kg; None takes 0.1.
-        count: grasps asked for, that differ; None plans one.
         progress: called with steps done and steps in all, where there is a count.
 
     Raises:
-        InputError: for an unknown object or a count out of range.
+        InputError: for an unknown object.
     """
     began, model = time.perf_counter(), load_target(source, scale, None)
     R = Rotation.random(rng=seed).as_matrix()
@@ -48,10 +46,7 @@ def plan_floating(
     points = triangle_samples(model.mesh.triangles, 3000, seed).points @ R.T + centre  # show hollows
     parts, _ = parts_within(model.solid.corners @ R.T + centre, points, None)
     target = GraspTarget.of_corners(parts, mass or 0.1, centre)  # kg, as DexGraspBench weighs it
-    found = (
-        planner.plan(target, seed)
-        if count is None
-        else plan_many(planner, target, count, seed, None, progress)
-    )
+    one = planner.request.count is None
+    found = planner.plan(target, seed) if one else plan_many(planner, target, seed, None, progress)
     found.planning_seconds = time.perf_counter() - began
     return Subject(ObjectIdentity.of(model, source, scale), ObjectPose(model.solid, rigid(R, centre))), found

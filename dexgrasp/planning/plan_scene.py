@@ -17,7 +17,7 @@ from dexgrasp.planning.diverse import plan_many, with_success_probability
 from dexgrasp.planning.planner import Planner, compile_ahead
 from dexgrasp.planning.relaxation import nearest_relaxation
 from dexgrasp.planning.result import PlanResult, Progress
-from dexgrasp.planning.settings import GRASPS, PlannerSettings
+from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import Cloud
@@ -29,38 +29,32 @@ from dexgrasp_env.perception.selection import TargetSelector, mask_of
 from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.valid import POSITIVE, check
+from dexgrasp_env.valid import check
 
 
 def plan_scene(
     planner: Planner, scene: Scene, seed: int, start: Array, *,
-    mass: float | None = None, count: int | None = None, progress: Progress | None = None,
-    neighbour_margin: float = 0.0, relax: bool = False,
+    progress: Progress | None = None, neighbour_margin: float = 0.0, relax: bool = False,
 ) -> PlanResult:  # fmt: skip
     """Plan a grasp of the object in a scene, or several that differ.
 
     Args:
-        planner: who plans.
+        planner: who plans, as its request says.
         scene: what is seen.
         seed: of everything that is drawn; the same scene and seed give the same grasp.
         start: (n,) rad, set-points the robot approaches from.
-        mass: kg where it is known; None assumes one from the volume.
-        count: grasps asked for; None plans one.
         progress: called with steps done and steps in all, where there is a count.
         neighbour_margin: m that neighbours may be pushed, see `neighbours_of`.
         relax: where what the planner is asked for cannot be had, say in `relaxation` what can.
-
-    Raises:
-        InputError: for a count out of range.
     """
-    if count is not None:
-        check("count", count, GRASPS)
     began, planner = time.perf_counter(), planner.seeing(scene.table)
+    request = planner.request
+    count = request.count
     try:
         target = replace(
-            target_of(scene, mass, planner.settings.most_parts),
+            target_of(scene, request.mass, planner.settings.most_parts),
             neighbours=neighbours_of(scene, neighbour_margin),
-            demand=Demand(planner.request, planner.cell.T_base_world) if planner.request else None,
+            demand=Demand(request, planner.cell.T_base_world) if request else None,
         )
     except NoTarget as none:
         result = PlanResult(
@@ -71,12 +65,12 @@ def plan_scene(
         if count is None:
             result = planner.plan(target, seed, start)
         else:
-            result = plan_many(planner, target, count, seed, start, progress)
-        if planner.settings.min_success_probability:
+            result = plan_many(planner, target, seed, start, progress)
+        if request.min_probability is not None:
             result = with_success_probability(result, planner, start, progress)
         result.log.seconds = {"hull": hull_seconds} | result.log.seconds
-        if relax and planner.request and planner.settings.seconds is None and not result.found:
-            result.relaxation = nearest_relaxation(planner, target, seed, start)
+        if relax and request and planner.settings.seconds is None and not result.found:
+            result.relaxation = nearest_relaxation(planner, target, seed, start, result.log)
     result.planning_seconds = time.perf_counter() - began
     return result
 
@@ -102,12 +96,10 @@ def plan_cloud(
     box: Sequence[float] | None = None,
     mask: Any = None,
     label: int | None = None,
-    mass: float | None = None,
     seed: int = 0,
     start: Array | None = None,
     planner: Planner | None = None,
     robot: Given = None,
-    count: int | None = None,
     request: GraspRequest = ANYHOW,
 ) -> PlanResult:
     """Plan a grasp of an object in a cloud, or several that differ; what else stands there is kept clear of.
@@ -122,23 +114,20 @@ def plan_cloud(
         box: (6,) m, instead: x, y, z of the lowest and of the highest corner of a box that holds it.
         mask: instead: one bool, or one whole number, for each point, or for each pixel that the cloud was made from.
         label: the object's number in such a mask; None where it has but one.
-        mass: kg where it is known; None assumes one from the volume.
         seed: of everything that is drawn; the same cloud and seed give the same grasp.
         start: (n,) rad, where the robot stands; its home posture by default.
         planner: one of your own, with its cell; the default planner otherwise.
         robot: a cell, a robot, or the file of either; None: the simulated cell.
-        count: how many grasps that differ; None plans one.
-        request: where and how it is to be grasped; where that cannot be had, `.relaxation` says what can.
+        request: where and how it is to be grasped, its mass and friction, how many grasps; where that cannot be had,
+            `.relaxation` says what can.
 
     Returns:
         A plan with `.grasp`, or with `.reason` why there is none; with a count, `.found` are all, firmest first.
 
     Raises:
-        InputError: for something that is no cloud, a point, box, mask, mass or count that is none, or fingers that
-            make no grasp of the hand.
+        InputError: for something that is no cloud, a point, box or mask that is none, or fingers that make no grasp of
+            the hand.
     """
-    if mass is not None:
-        check("mass", mass, POSITIVE)
     planner = (planner or default_planner(make_cell(robot))).asking(request)
     home = planner.cell.robot.home
     q = check("start", home if start is None else start, array(len(home)))
@@ -146,7 +135,7 @@ def plan_cloud(
     where = None if near is None else check("near", near, array(3))
     selector = TargetSelector(where, corners, None if mask is None else mask_of(mask, label))
     scene = scene_of(points, selector, seed=seed, start=q, cell=planner.cell)
-    return plan_scene(planner, scene, seed, q, mass=mass, count=count, relax=True)
+    return plan_scene(planner, scene, seed, q, relax=True)
 
 
 def scene_of(

@@ -22,7 +22,7 @@ from dexgrasp.planning.holding import GraspForces, firmest_forces, lightened
 from dexgrasp.planning.postures import Posture, atlas_postures
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
 from dexgrasp.planning.result import Planned, PlanResult, SearchLog
-from dexgrasp.planning.set_down import goal_fault, to_goal
+from dexgrasp.planning.set_down import OUT_OF_REACH, GoalPoses, goal_poses, reaches_goal, to_goal
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.runs.compiling import compiling
@@ -124,13 +124,7 @@ class Planner:
         if not (request or self.request):
             return self
         there = copy(self._with_fingers(request.fingers) if request.fingers else self)
-        settings, most = there.settings, request.max_force
-        if most is not None and most <= settings.least_press:
-            raise InputError(
-                f"max_force is {most:g} N, and fingers press with {settings.least_press:g} N at least: valid is more"
-            )
-        there.settings = replace(settings, max_force=most, seconds=request.seconds or settings.seconds)
-        there.request = request
+        there.settings, there.request = there.settings.asked(request), request
         return there
 
     def _with_fingers(self, names: Collection[str]) -> "Planner":
@@ -236,6 +230,7 @@ class Search:
         self.planner, self._start = planner, start
         self._problem = GraspProblem(target, planner.cell, planner.settings)
         self._goal = None if target.demand is None else target.demand.request.goal
+        self._poses: GoalPoses = []
         self._rng = np.random.default_rng(seed)
         self.result = PlanResult(target, planner.settings, seed)
         self.log, self.pool = self.result.log, list[Candidate]()
@@ -255,6 +250,8 @@ class Search:
                 break
             if self._firm(self.planner.settings.broadened(step.breadth), step.whole):
                 break
+            if OUT_OF_REACH in self.log.blocked and not self.log.tried:  # more postures reach no farther
+                break
         if not result.found:
             self.pool = [one._replace(hold=lightened(one.hold, one.start.problem)) for one in self.pool]
         if result.found or self.take(lambda _: True):
@@ -270,7 +267,12 @@ class Search:
         # What does not get past its neighbours straight up is lifted by no grasp.
         if raised_into(target, RAISED) > 0.0:
             return LIFT_BLOCKED
-        return None if self._goal is None else goal_fault(target, self._goal, self.planner.cell)
+        if self._goal is not None:
+            try:
+                self._poses = goal_poses(target, self._goal, self.planner.cell)
+            except NoPath as fault:
+                return fault.reason
+        return None
 
     def _firm(self, settings: PlannerSettings, patient: bool) -> bool:
         """Return True if a round gave a firm grasp that can be carried out; weaker feasible ones go to the pool.
@@ -293,7 +295,15 @@ class Search:
         self.log.lap("proposals")
         self.result.shortfall = proposals.failure
         starts = self.planner.starts(proposals, replace(self._problem, settings=settings))
-        yield from self.planner.candidates(starts, self.log)
+        yield from self.planner.candidates(self._within_goal(starts), self.log)
+
+    def _within_goal(self, starts: Iterator[Posture]) -> Iterator[Posture]:
+        """Yield the postures from which the arm reaches the goal too, where there is one."""
+        for start in starts:
+            if not self._poses or reaches_goal(start.q, self._poses, self._problem.tree):
+                yield start
+            else:
+                self.log.block(OUT_OF_REACH)
 
     def take(self, enough: Callable[[GraspForces], bool]) -> bool:
         """Return True if a candidate that is good enough can be carried out: found then; failures leave the pool."""
@@ -337,7 +347,7 @@ class Search:
                 )
                 check_way(script, planner.cell, target)
                 if self._goal is not None:
-                    script = to_goal(script, self._problem, self._goal)
+                    script = to_goal(script, self._problem, self._poses)
             self.result.found.append(Planned(completed(grasp, candidate.hold), script))
             return True
         except NoPath as blocked:

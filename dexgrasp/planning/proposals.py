@@ -87,7 +87,7 @@ class SurfaceProposals(ProposalSource):
         """Return up to `settings.triples` triples, varied as well as good."""
         points, normals = self.places(target, settings, rng)
         if len(points) < min(3, settings.fingers):
-            return Proposals.none(_NO_SURFACE if target.demand is None else _NO_PLACE)
+            return Proposals.none(_NO_PLACE if target.narrowed else _NO_SURFACE)
         triples = closing_sets(points, normals, settings)
         if not len(triples):
             return Proposals.none(_NO_CLOSURE)
@@ -124,7 +124,7 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
     """
     if settings.is_low(target.top):
         return _points_beside(target, settings, rng)
-    asked = target.demand is not None
+    asked = target.narrowed
     count = settings.surface_points * (_DENSER if asked else 1)
     samples = triangle_samples(target.distance.triangles, count, rng)
     centres = samples.points + settings.tip_height * samples.normals

@@ -9,12 +9,14 @@ from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.planning.diverse import UNSURE
 from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.result import SearchLog
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import placed
 
 
-def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: Array) -> str:
+def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: Array, log: SearchLog) -> str:
     """Return in words which constraint of the planner's request rules a grasp out, and what can be had without.
 
     Args:
@@ -22,6 +24,7 @@ def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: 
         target: the object.
         seed: of everything that is drawn.
         start: (n,) rad, set-points the robot approaches from.
+        log: of the search that found none.
     """
 
     def planned(asked: GraspRequest) -> Grasp | None:
@@ -29,10 +32,12 @@ def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: 
         demand = Demand(asked, planner.cell.T_base_world) if asked else None
         return planner.asking(asked).plan(replace(target, demand=demand), seed, start).grasp
 
-    request = planner.request
+    request, words = planner.request, list[str]()
+    if UNSURE in log.blocked:
+        sure = float(request.min_probability or 0.0)
+        return f"none held with probability {sure:g}; one with {sure - log.blocked[UNSURE][1]:.2f}"
     if planned(ANYHOW) is None:
         return "there is no grasp without the request either"
-    words = []
     for name, steps in relaxations(request):
         for step in steps:
             found = planned(step)

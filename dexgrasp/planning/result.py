@@ -260,8 +260,7 @@ class PlansGrasps(Protocol):
         self,
         observation: Observation,
         info: Mapping[str, Any],
-        count: int | None = None,
         progress: Progress | None = None,
         relax: bool = False,
     ) -> PlanResult:
-        """Plan one grasp, or `count` that differ, from the first observation of an episode; carry nothing out."""
+        """Plan from the first observation of an episode what was asked for; carry nothing out."""

@@ -10,7 +10,8 @@ from dexgrasp.geometry.request import Goal
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.trajectory import ActionScript
-from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, reach_palm
+from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp.motion.carried import carried, let_go
 from dexgrasp.motion.collision import CollisionChecker, carried_into
 from dexgrasp.motion.motion import NoPath, arm_and_hand
@@ -20,6 +21,9 @@ from dexgrasp_env.poses import about_z, placed, rigid
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 
+OUT_OF_REACH = "goal_out_of_reach"
+GoalPoses = list[tuple[Array, float]]
+"""Motions (4, 4) of an object that bring it to a goal, and their turns, rad."""
 RISES = (0.0, 0.12)
 """m beyond the lift that an object is carried higher."""
 
@@ -72,17 +76,16 @@ def set_down(
     return ActionScript(phases, script.start)
 
 
-def to_goal(script: ActionScript, problem: GraspProblem, goal: Goal) -> ActionScript:
-    """Return a script that sets the object down at a goal, and leaves it there untouched.
+def to_goal(script: ActionScript, problem: GraspProblem, poses: GoalPoses) -> ActionScript:
+    """Return a script that sets the object down at one of its poses at a goal, and leaves it there untouched.
 
     Raises:
         NoPath: `goal_out_of_reach`, where arm or object cannot go there, or `goal_release_blocked`.
     """
-    reason = NoPath("goal_out_of_reach", "arm or object cannot go there from this grasp")
+    reason = NoPath(OUT_OF_REACH, "arm or object cannot go there from this grasp")
     target, cell = problem.target, problem.cell
     about = _foot(target)
-    free = [(T, turn) for T, turn in _poses(target, goal, cell) if fault_at(target, T) is None]
-    for (T, turn), rise in product(free, RISES):
+    for (T, turn), rise in product(poses, RISES):
         leg = placed(T, about)[:2] - about[:2]
         if (way := set_down(script, problem, leg, rise, about=about, turn=turn, exact=True)) is None:
             continue
@@ -94,14 +97,27 @@ def to_goal(script: ActionScript, problem: GraspProblem, goal: Goal) -> ActionSc
     raise reason
 
 
-def goal_fault(target: GraspTarget, goal: Goal, cell: Cell) -> str | None:
-    """Return in a word why nothing can set an object down at a goal; None where something may."""
+def reaches_goal(q: Array, poses: GoalPoses, tree: RobotTree) -> bool:
+    """Return True if the arm reaches one of the poses at a goal with the palm at the object as at `q` (n,) rad."""
+    R, p = palm_frame(q, tree)
+    return any(reach_palm(q.copy(), T[:3, :3] @ R, placed(T, p), tree) for T, _ in poses)
+
+
+def goal_poses(target: GraspTarget, goal: Goal, cell: Cell) -> GoalPoses:
+    """Return the poses at which an object may stand at a goal.
+
+    Raises:
+        NoPath: where there is none, and so nothing can set it down there.
+    """
     if abs(placed(cell.T_world_base, goal.place)[2]) > 0.01:  # m that a goal may be off the table's top
-        return "goal_not_on_table"
+        raise NoPath("goal_not_on_table", "its height is not the table's")
     if _leans(target):
-        return "goal_not_stable"
-    faults = [fault_at(target, T) for T, _ in _poses(target, goal, cell)]
-    return None if None in faults else faults[0]
+        raise NoPath("goal_not_stable", "the object does not stand by itself")
+    found = _poses(target, goal, cell)
+    faults = [fault_at(target, T) for T, _ in found]
+    if None not in faults:
+        raise NoPath(str(faults[0]), "in every heading that is asked for")
+    return [pose for pose, fault in zip(found, faults, strict=True) if fault is None]
 
 
 def fault_at(target: GraspTarget, T: Array) -> str | None:
@@ -125,8 +141,7 @@ def _moved(target: GraspTarget, T: Array) -> GraspTarget:
     return replace(moved, neighbours=target.neighbours)
 
 
-def _poses(target: GraspTarget, goal: Goal, cell: Cell) -> list[tuple[Array, float]]:
-    """Return the motions (4, 4) of the object that bring it to a goal, and their turns, rad."""
+def _poses(target: GraspTarget, goal: Goal, cell: Cell) -> GoalPoses:
     foot, place = _foot(target), placed(cell.T_world_base, goal.place)
     found = []
     headings = [0.0, 45.0, -45.0, 90.0, -90.0, 180.0] if goal.yaw is None else [goal.yaw]

@@ -1,24 +1,18 @@
 """Settings of the planner, and the problem that every step of planning takes: object, robot and settings."""
 
 from dataclasses import dataclass, field, replace
-from math import inf
 
 from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle
 from dexgrasp.geometry.convex_parts import MOST_PARTS
+from dexgrasp.geometry.request import GraspRequest
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.thresholds import FROZEN, Thresholds, frozen_for, planned_friction
 from dexgrasp.mechanics.contact_models import ContactModel, contact_model
 from dexgrasp.mechanics.contacts import Shape, shape_of
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Hand
-from dexgrasp_env.valid import number
-
-MOST = 10_000
-GRASPS = number(ge=1, le=MOST, whole=True)._replace(
-    words=f"a whole number from 1 to {MOST} (`dexgrasp dataset generate` makes more)"
-)
-"""How many grasps that differ may be asked for."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +42,6 @@ class PlannerSettings(Thresholds):
         fingers: of a grasp, as the hand has them.
         torsion: radius of their soft tips, m; 0: points.
         widest: m between contacts that two fingers open beyond.
-        min_success_probability: of being lifted and held; 0 asks for none.
         firm_load: load under `friction_squeeze` and `place_error` with which the search ends.
     """
 
@@ -70,19 +63,27 @@ class PlannerSettings(Thresholds):
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
     friction_squeeze: float = 0.42
     place_error: float = 0.003
-    min_success_probability: float = 0.0
     firm_load: float = 1.2
     fingers: int = 3
     torsion: float = 0.0
     widest: float = 1.0
 
-    @classmethod
-    def of(cls, mu: float | None = None, min_success_probability: float | None = None) -> "PlannerSettings":
-        """Return settings for surfaces of friction `mu`, with the usual reserve, and a probability, where given."""
-        friction, hold = planned_friction(inf if mu is None else mu)
-        return cls(
-            friction=friction, friction_hold=hold, min_success_probability=min_success_probability or 0.0
-        )
+    def asked(self, request: GraspRequest) -> "PlannerSettings":
+        """Return settings for what a request says: friction with the usual reserve, force, seconds.
+
+        Raises:
+            InputError: for less force than fingers press with at least.
+        """
+        most = request.max_force
+        if most is not None and most <= self.least_press:
+            raise InputError(
+                f"max_force is {most:g} N, and fingers press with {self.least_press:g} N at least: valid is more"
+            )
+        friction, hold = self.friction, self.friction_hold
+        if request.friction is not None:
+            friction, hold = planned_friction(request.friction)
+        seconds = request.seconds or self.seconds
+        return replace(self, friction=friction, friction_hold=hold, max_force=most, seconds=seconds)
 
     def for_hand(self, hand: Hand) -> "PlannerSettings":
         """Return settings for the tips of a hand."""

@@ -5,6 +5,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import renew_report, report_of
@@ -13,7 +14,7 @@ from dexgrasp.registry import make_agent
 from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
-from dexgrasp_env.valid import NATURAL, check
+from dexgrasp_env.valid import NATURAL, Rule, check
 
 
 class Episodes:
@@ -95,11 +96,9 @@ class Episodes:
 
     def _observation(self, message: Fields) -> Arrays:
         besides = ("reset", "seed", "info", "prompt")
-        given = {key: np.asarray(value) for key, value in message.items() if key not in besides}
         parts = self._space.spaces if isinstance(self._space, gym.spaces.Dict) else {}
-        for key, value in given.items():
-            if value.dtype.kind not in "biuf":
-                raise InputError(f"{key} holds no numbers: valid are {', '.join(parts)}, as arrays")
+        numbers = Rule(f"an array of numbers: {', '.join(parts)} are", _numbers)
+        given = {key: check(key, value, numbers) for key, value in message.items() if key not in besides}
         for key, space in parts.items():
             if key not in given:
                 raise InputError(f"the observation lacks {key}: valid are {', '.join(parts)}")
@@ -107,6 +106,13 @@ class Episodes:
                 raise InputError(f"{key} has shape {given[key].shape}: valid is {space.shape}")
             given[key] = given[key].astype(space.dtype, copy=False)
         return given
+
+
+def _numbers(value: Any) -> NDArray[Any]:
+    array = np.asarray(value)
+    if array.dtype.kind not in "biuf":
+        raise ValueError
+    return array
 
 
 def _space(info: Mapping[str, Any]) -> Fields:

@@ -3,6 +3,8 @@
 import mujoco
 import numpy as np
 
+from dexgrasp.geometry.request import GraspRequest
+from dexgrasp.grasp.thresholds import planned_friction
 from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, claim, flag, same
 from dexgrasp_env.poses import placed
@@ -32,7 +34,7 @@ def contact_checks(case: Case) -> list[Check]:
 
 
 def request_checks(case: Case) -> list[Check]:
-    """Check that contacts, fingers, palm and forces are as the file says that was asked; nothing where nothing was."""
+    """Check that the grasp is as the file says that was asked; nothing where nothing was."""
     asked = case.record.request
     if asked is None:
         return []
@@ -49,6 +51,21 @@ def request_checks(case: Case) -> list[Check]:
         found.append(at_most("pressing force", case.hold.press.max(), asked.max_force, "N", 1e-4))
     if asked.fingers:
         found.append(flag("fingers as requested", set(asked.fingers) == set(case.record.fingers)))
+    return found + _known_checks(case, asked)
+
+
+def _known_checks(case: Case, asked: GraspRequest) -> list[Check]:
+    """Check that a grasp counts on no other mass and no more friction than was said, and is as likely to hold."""
+    found, limits, known = [], case.limits, case.record.holds_probability
+    if asked.friction is not None:
+        more = np.subtract((limits.friction, limits.friction_hold), planned_friction(asked.friction))
+        found.append(at_most("friction over the request's", more.max(), 0.0, "", ROUNDING))
+    if asked.mass is not None:
+        off = abs(case.record.certificate.mass - asked.mass)
+        found.append(at_most("mass off the request's", off, 0.0, "kg", 1e-6))
+    if asked.min_probability is not None:
+        sure = 0.0 if known is None else known.lifted.value
+        found.append(at_least("probability to be lifted and held", sure, asked.min_probability))
     return found
 
 
