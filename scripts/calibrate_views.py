@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import minimize
 
 from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
@@ -57,10 +58,9 @@ class CalibrateViews(Script):
                 k, n = int(held[sure].sum()), int(sure.sum())
                 print(f"said >= {least}: {k} of {n} held, {wilson_interval(k, n) if n else '-'}")
             return 0
-        from sklearn.linear_model import LogisticRegression  # the extra `fit`
-
-        line = LogisticRegression(C=1e3).fit(odds[:, None], held)
-        model["guessed"] = [round(float(line.intercept_[0]), 4), round(float(line.coef_[0, 0]), 4)]
+        sign = np.where(held, -1.0, 1.0)
+        line = minimize(lambda x: np.logaddexp(0.0, sign * (x[0] + x[1] * odds)).sum(), [0.0, 1.0]).x
+        model["guessed"] = [round(float(number), 4) for number in line]
         model["card"]["guessed"] = {"trials": len(held), "failed": int((~held).sum())}
         write_atomically(self.model, json.dumps(model, separators=(",", ":")).encode())
         print(

@@ -2,8 +2,9 @@
 
 The model is an ensemble of boosted trees on the figures of `probability_features`, each member fitted on shapes drawn
 anew, so that how far they disagree says how much hangs on which shapes were met. Their mean is calibrated on shapes
-that a member had not met. It knows one robot; of grasps of another, among neighbours, or on surfaces more slippery than
-any it was fitted on it says nothing.
+that a member had not met, and once more on single views for grasps whose contacts no camera saw
+(`scripts/calibrate_views.py`). It knows one robot; of grasps of another, among neighbours, or on surfaces more slippery
+than any it was fitted on it says nothing.
 """
 
 import json
@@ -53,6 +54,7 @@ class Model(NamedTuple):
         features: names, in the order of the trees.
         least_friction: that it was fitted on.
         outcomes: trees of each, and the line that calibrates the log odds: offset and slope.
+        guessed: the line that calibrates these once more where contacts are on a side that no camera saw.
     """
 
     hash: str
@@ -60,6 +62,7 @@ class Model(NamedTuple):
     features: tuple[str, ...]
     least_friction: float
     outcomes: dict[str, tuple[Trees, tuple[float, float]]]
+    guessed: tuple[float, float]
 
     def chances(self, features: dict[str, float]) -> dict[str, Chance]:
         """Return how likely each outcome is."""
@@ -67,6 +70,8 @@ class Model(NamedTuple):
         found = {}
         for name, (trees, (offset, slope)) in self.outcomes.items():
             odds = offset + slope * trees.log_odds(x)
+            if features["guessed"] > 0.0:
+                odds = self.guessed[0] + self.guessed[1] * odds
             # standard deviations of the members' log odds, to either side
             middle, around = odds.mean(), 1.96 * odds.std()
             found[name] = Chance(*(_share(each) for each in (middle, middle - around, middle + around)))
@@ -108,7 +113,9 @@ def read_model(path: Path) -> Model:
     stated = json.loads(content)
     outcomes = {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES}
     features = tuple(stated["features"])
-    return Model(content_hash(content), stated["robot"], features, stated["least_friction"], outcomes)
+    return Model(
+        content_hash(content), stated["robot"], features, stated["least_friction"], outcomes, tuple(stated["guessed"])
+    )
 
 
 def _outcome(stated: Fields) -> tuple[Trees, tuple[float, float]]:
