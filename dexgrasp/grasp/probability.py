@@ -54,7 +54,7 @@ class Model(NamedTuple):
         features: names, in the order of the trees.
         least_friction: that it was fitted on.
         outcomes: trees of each, and the line that calibrates the log odds: offset and slope.
-        guessed: the line that calibrates these once more where contacts are on a side that no camera saw.
+        guessed: the line that calibrates those of lifting once more where contacts are on a side that no camera saw.
     """
 
     hash: str
@@ -70,7 +70,7 @@ class Model(NamedTuple):
         found = {}
         for name, (trees, (offset, slope)) in self.outcomes.items():
             odds = offset + slope * trees.log_odds(x)
-            if features["guessed"] > 0.0:
+            if name == "lifted" and features["guessed"] > 0.0:
                 odds = self.guessed[0] + self.guessed[1] * odds
             # standard deviations of the members' log odds, to either side
             middle, around = odds.mean(), 1.96 * odds.std()
@@ -114,7 +114,12 @@ def read_model(path: Path) -> Model:
     outcomes = {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES}
     features = tuple(stated["features"])
     return Model(
-        content_hash(content), stated["robot"], features, stated["least_friction"], outcomes, tuple(stated["guessed"])
+        content_hash(content),
+        stated["robot"],
+        features,
+        stated["least_friction"],
+        outcomes,
+        tuple(stated["guessed"]),
     )
 
 
