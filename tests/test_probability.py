@@ -62,6 +62,12 @@ def test_nothing_is_said_of_what_no_episode_was_of(record):
     assert [probability_of(one) for one in (other, slippery, among)] == [None, None, None]
 
 
+def test_a_side_that_no_camera_saw_is_less_sure(record):
+    seen, hidden = probability_of(record), probability_of(record, 0.003)
+    assert hidden.lifted.value < 0.95 < seen.lifted.value
+    assert hidden.lifted.low < hidden.lifted.value < hidden.lifted.high
+
+
 def asked(min_probability):
     planner = Planner(cell=CELL).asking(GraspRequest(min_probability=min_probability))
     return planner, with_success_probability(planner.plan(small_box(), 0, HOME), planner, HOME)
