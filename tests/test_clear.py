@@ -44,7 +44,7 @@ def test_what_is_in_the_tray_and_what_has_fallen_is_counted_and_paid_for():
 
 
 def test_mistakes_and_protocols():
-    for wrong in ({"neighbours": 3}, {"mask": "true"}, {"bin": True}, {"count": 1}):
+    for wrong in ({"neighbours": 3}, {"mask": "true"}, {"bin": True}, {"count": 1}, {"reward_scale": 2.0}):
         with pytest.raises(InputError):
             made(**{"count": 3} | wrong)
     clear = get_protocol("clear@5")

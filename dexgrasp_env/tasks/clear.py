@@ -38,9 +38,9 @@ class ClearSettings(ClutterSettings):
         """Check the arguments of the environment.
 
         Raises:
-            InputError: as `ClutterSettings.of`, or for what `count` and the tray say already.
+            InputError: as `ClutterSettings.of`, or for what `count`, the tray and the reward say already.
         """
-        derived = ("neighbours", "mask", "bin")
+        derived = ("neighbours", "mask", "bin", "reward_mode", "reward_weights", "reward_scale")
         for name in set(derived) & set(given):
             raise unknown_argument(name, [key for key in cls.__dataclass_fields__ if key not in derived])
         return super().of(**given)
@@ -138,7 +138,7 @@ class ClearEnv(ClutterEnv):
 
     ## Arguments
 
-    Those of `ClutterEnv` without `neighbours`, `mask` and `bin`, and:
+    Those of `ClutterEnv` without `neighbours`, `mask`, `bin` and those of rewards, and:
 
     | Argument | Default | Valid |
     | --- | --- | --- |

@@ -64,6 +64,7 @@ class ClutterSettings(LiftSettings):
         return super().needs() | {
             "mask": (self.obs_mode.endswith("pointcloud"), "an obs_mode of clouds"),
             **dict.fromkeys(("neighbour_objects", "bin"), (self.neighbours[1] > 0, "neighbours")),
+            "presentation": (self.gaps is not None, "gaps: a heap is dropped"),
         }
 
     @property
