@@ -132,7 +132,7 @@ def every_action(parser):
     [
         ("evaluate --agents a --objects pear --video failures", "video", "failures"),
         ("evaluate --agents a --objects ycb6 --protocol lift heavy", "settings.protocols", ("lift", "heavy")),
-        ("evaluate --agents a --objects pear --size 320x240", "film.size", (240, 320)),
+        ("evaluate --agents a --objects pear --video 1 --size 320x240", "film.size", (240, 320)),
         ("plan --cloud x.ply --object-near 1 2 3", "object_near", (1.0, 2.0, 3.0)),
         ("train ppo --objects pear --out o --hold 4", "settings.hold", 4),
         ("train bc --data d e --out o --seed 1 2", "seeds", (1, 2)),
