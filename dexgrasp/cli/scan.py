@@ -28,8 +28,8 @@ class Scan(Options):
     """Your own scene, instead of TARGET. Everything in it but the object that is meant is an obstacle.
 
     Attributes:
-        cloud: ply, pcd, txt, csv, xyz, pts, asc, npy, npz, las, laz or a ROS bag (BAG#TOPIC), in the robot base frame or
-            with --camera-pose; or a folder with cameras.yaml and depth images.
+        cloud: ply, pcd, txt, csv, xyz, pts, asc, npy, npz, las, laz or a ROS bag (BAG#TOPIC), in the robot base frame
+            or with --camera-pose; or a folder with cameras.yaml and depth images.
         camera_pose: the camera's optical frame in the robot base frame, where the cloud is in the camera's: a file
             (4 x 4 as txt, npy, yaml or json, or a pose of ROS), or in quotes "x y z qw qx qy qz", m; as ROS
             orders it "x y z qx qy qz qw xyzw".

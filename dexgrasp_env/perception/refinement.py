@@ -37,9 +37,7 @@ HIDDEN = "is hidden in part by another"
 TOUCHES = "touches the next, or is one with it"
 
 
-def refine_instances(
-    cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: bool = True
-) -> Instances:
+def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: bool = True) -> Instances:
     """Tell the things in what stands on a table apart; join what is not known to be two, and say what is doubtful.
 
     Args:
@@ -49,13 +47,17 @@ def refine_instances(
         pointed: one of them is pointed at; otherwise a small part that touches a larger thing is of it, in doubt.
     """
     found, heights = segment_instances(cloud, plane), plane.heights(cloud.points)
-    labels = _with_splinters(cloud.points, _with_rims(cloud.points, found.labels, heights), heights, everything.points)
+    labels = _with_splinters(
+        cloud.points, _with_rims(cloud.points, found.labels, heights), heights, everything.points
+    )
     _, labels = np.unique(labels, return_inverse=True)
     numbers = objects_in(cloud.points, labels)
     odd = {k: may_be_two(cloud.points[labels == k], heights[labels == k]) for k in numbers}
     for k in filter(odd.get, odd):
         labels = _by_level(cloud.points, labels, labels == k, heights)
-    labels, joined = (labels, set[int]()) if pointed else _with_parts(cloud.points, labels, heights, everything.points)
+    labels, joined = (
+        (labels, set[int]()) if pointed else _with_parts(cloud.points, labels, heights, everything.points)
+    )
     numbers = objects_in(cloud.points, labels)
     things = {k: (cloud.points[labels == k], heights[labels == k]) for k in numbers}
     marked = np.where(np.isin(labels, numbers), labels, -1)
@@ -64,7 +66,7 @@ def refine_instances(
     for k, (points, high) in things.items():
         others = [other for j, (other, _) in things.items() if j != k]
         said = {
-            MAY_BE_TWO: k in joined or (odd.get(k, True) and may_be_two(points, high)),
+            MAY_BE_TWO: k in joined or may_be_two(points, high, 0.03),
             TOUCHES: any(_touch(points, other) for other in others),
             HIDDEN: k in hidden,
             TOP_ONLY: np.quantile(high, _LOW)
@@ -140,9 +142,12 @@ def deep_share(points: Array) -> float:
     return 0.0 if hull is None else float((_beyond(hull, points) < -0.010).mean())
 
 
-def may_be_two(points: Array, heights: Array) -> bool:
-    """Return true for points (N, 3) m, as high over the table, of a shape that is neither convex nor hollow."""
-    return deep_share(points) > 0.07 and not is_hollow(points, heights)
+def may_be_two(points: Array, heights: Array, deep: float = 0.07) -> bool:
+    """Return true for points (N, 3) m, as high over the table, of a shape that is neither convex nor hollow.
+
+    A share of more than `deep` of them lies deep inside the hull: of convex things alone none does.
+    """
+    return deep_share(points) > deep and not is_hollow(points, heights)
 
 
 def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index:
