@@ -277,8 +277,9 @@ def _with_parts(points: Array, labels: Index, heights: Array, everything: Array)
             near = 1.7 * np.median(cKDTree(two).query(two, k=[2])[0])  # as close as points of one thing lie
             if longest_side(both) > MOST_EXTENT or cKDTree(two).query(one)[0].min() > max(0.006, near):
                 continue
-            upper = k if one[:, 2].min() > two[:, 2].min() else j
-            if foot_of(points, labels == upper, heights) and _can_stand(points[labels == upper]):
+            upper, lower = (k, j) if one[:, 2].min() > two[:, 2].min() else (j, k)
+            stands = foot_of(points, labels == upper, heights) > 0.0
+            if stands and _can_stand(points[labels == upper], points[labels == lower]):
                 continue
             least, most, whole = (_volume(some) for some in (one, two, both))
             shared = least + most - whole > 0.15 * min(least, most)
@@ -290,11 +291,14 @@ def _with_parts(points: Array, labels: Index, heights: Array, everything: Array)
     return labels, joined
 
 
-def _can_stand(points: Array) -> bool:
-    """Return true for points (N, 3) m whose middle is over their lowest ones."""
+def _can_stand(points: Array, lower: Array) -> bool:
+    """Return true for points (N, 3) m whose middle is over those at their foot that touch a lower thing (M, 3)."""
+    from scipy.spatial import cKDTree
+
     some = points[thinned(points, _CELL)]
-    feet = _hull(some[some[:, 2] < np.quantile(some[:, 2], _LOW) + 0.012, :2])
-    return feet is not None and bool(_beyond(feet, some[:, :2].mean(0)[None])[0] < 0.005)
+    foot = some[some[:, 2] < np.quantile(some[:, 2], _LOW) + 0.012]
+    held = _hull(foot[cKDTree(lower).query(foot)[0] < 0.015, :2])
+    return held is not None and bool(_beyond(held, some[:, :2].mean(0)[None])[0] < 0.010)
 
 
 def _volume(points: Array) -> float:
