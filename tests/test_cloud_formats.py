@@ -1,5 +1,8 @@
 """What users have: clouds and cameras in the files of other programs, each made here."""
 
+import importlib
+from contextlib import suppress
+
 import imageio.v3 as iio
 import numpy as np
 import pytest
@@ -35,12 +38,12 @@ TEXTS = {
     "d.pts": "60\n" + rows("{0} {1} {2} -1200 10 20 30"),
     "e.xyz": "//X Y Z R G B\n60\n" + rows("{0} {1} {2} 1 2 3"),
     "f.asc": "\ufeff# written by hand\n" + rows("{0};{1};{2}"),
-    "g.csv": "X;Y;Z\n" + rows("{0};{1};{2}").replace(".", ","),
     "i.csv": ("0;0;0\n" + rows("{0:.6e};{1:+.6f};{2}", POINTS[1:])).replace(".", ","),
     "j.pcd": "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 60\nHEIGHT 1\nPOINTS 60\nDATA ascii\n"
     + rows("{0} {1} {2}").replace(".", ","),
     "k.ply": "ply\nformat ascii 1.0\nelement vertex 60\nproperty float x\nproperty float y\nproperty float z\n"
     "end_header\n" + rows("{0} {1} {2}").replace(".", ","),
+    "g.csv": "X [m];Y [m];Z (m)\n" + rows("{0};{1};{2}").replace(".", ","),
     "h.txt": "# made in Jena\n\n" + rows("{0} {1} {2}").replace(".", ",") + " # the last\n",
 }
 
@@ -62,6 +65,17 @@ def test_arrays(tmp_path):
     np.savez(tmp_path / "a.npz", rgb=np.zeros((60, 3), np.uint8), xyz=POINTS)
     np.testing.assert_allclose(read_scan(tmp_path / "a.npz").points, POINTS)
     assert len(cloud_of(np.eye(3))) == 3  # three points stay three points
+    for wrong in (POINTS > 0.0, POINTS + 0j, np.zeros((3, 6, 10))):
+        with refused("a cloud"):
+            cloud_of(wrong)
+
+
+def test_a_ply_that_was_cut_off_is_refused(tmp_path):
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat ascii 1.0\nelement vertex 3\n{axes}end_header\n"
+    (tmp_path / "a.ply").write_text(f"{head}0 0 0\n")
+    with refused("ends after 1 of 3 points"):
+        read_scan(tmp_path / "a.ply")
 
 
 def test_las(tmp_path):
@@ -69,6 +83,10 @@ def test_las(tmp_path):
     scan = laspy.create()
     scan.header.scales = np.full(3, 1e-6)
     scan.x, scan.y, scan.z = POINTS.T.astype(float)
+    with suppress(ImportError):
+        importlib.import_module("lazrs")
+        scan.write(tmp_path / "a.laz")
+        np.testing.assert_allclose(read_scan(tmp_path / "a.laz").points, POINTS, atol=1e-6)
     scan.write(tmp_path / "a.las")
     np.testing.assert_allclose(read_scan(tmp_path / "a.las").points, POINTS, atol=1e-6)
 

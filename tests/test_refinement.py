@@ -22,11 +22,13 @@ LENS = CameraIntrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
 EYE = Camera.look_at("eye", (1.0, 0.1, 0.5), (0.5, 0.0, 0.05), LENS)
 
 
-def things(points: np.ndarray | Cloud, seed: int = 0) -> tuple[list[np.ndarray], list[str]]:
+def things(
+    points: np.ndarray | Cloud, seed: int = 0, *, pointed: bool = True
+) -> tuple[list[np.ndarray], list[str]]:
     """Return the points of the objects in a cloud, the largest first, and their doubts."""
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
     _, support, above, _ = stand_on(cloud, np.random.default_rng(seed), CELL)
-    found = refine_instances(above, support.cloud, support.plane)
+    found = refine_instances(above, support.cloud, support.plane, pointed=pointed)
     numbers = found.objects(above)
     return [above.points[found.labels == k] for k in numbers], [found.doubts[k] for k in numbers]
 
@@ -97,6 +99,41 @@ def test_what_stands_on_another_is_another_and_its_hull_ends_there():
     mask[scene.pixel[scene.points[:, 2] > 0.065]] = True
     masked = find_object(scene, np.random.default_rng(0), CELL, selector=TargetSelector(mask=mask))
     assert masked.target.foot == pytest.approx(0.06, abs=0.004)
+
+
+def test_what_is_seen_through_a_hole_lines_the_walls():
+    w, d, h, t = 0.12, 0.2, 0.09, 0.003
+    sides = (
+        ((t, d, h), (0.5 + w / 2, 0.0, h / 2)), ((t, d, h), (0.5 - w / 2, 0.0, h / 2)),
+        ((w, t, h), (0.5, d / 2, h / 2)), ((w, t, h), (0.5, -d / 2, h / 2)), ((w, d, 0.012), (0.5, 0.0, 0.006)),
+        ((w, 0.04, t), (0.5, 0.08, h)), ((w, 0.04, t), (0.5, -0.08, h)),
+    )  # fmt: skip
+    steep = Camera.look_at("steep", (0.85, 0.1, 0.65), (0.5, 0.0, 0.05), LENS)
+    found, _ = things(cloud_of(views(*sides, eye=steep).points))
+    assert len(found) == 1
+
+
+def test_a_handle_is_of_what_it_hangs_on_and_a_small_thing_of_what_it_touches_where_none_is_pointed_at():
+    body = ((0.10, 0.12, 0.08), (0.5, 0.0, 0.04))
+    handle = ((0.02, 0.16, 0.012), (0.5, 0.14, 0.07))
+    found, doubts = things(cloud_of(views(body, handle).points))
+    assert len(found) == 1
+    beside = ((0.04, 0.05, 0.04), (0.574, 0.02, 0.02))  # 4 mm away
+    touching = cloud_of(views(body, beside).points)
+    assert len(things(touching)[0]) == 2
+    found, doubts = things(touching, pointed=False)
+    assert len(found) == 1
+    assert refinement.MAY_BE_TWO in doubts[0]
+    stacked = cloud_of(views(body, ((0.04, 0.04, 0.05), (0.5, 0.0, 0.105))).points)
+    assert len(things(stacked, pointed=False)[0]) == 2
+
+
+def test_boards_and_bins_are_not_meant_where_something_smaller_stands():
+    small, board = ((0.05, 0.06, 0.10), (0.5, 0.0, 0.05)), ((0.25, 0.22, 0.02), (0.5, 0.28, 0.01))
+    scene = find_object(cloud_of(views(small, board).points), np.random.default_rng(0), CELL)
+    assert scene.reason is None
+    assert np.ptp(scene.target.points[:, 2]) > 0.06
+    assert len(scene.neighbours) == 1
 
 
 @pytest.mark.parametrize("known", [True, False])

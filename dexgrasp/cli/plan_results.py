@@ -59,7 +59,8 @@ def describe(result: Fields, unseen: str = "") -> str:
     if (goal := result["grasp"].get("request", {}).get("goal")) is not None:
         figures["set down at, m"] = " ".join(f"{x:.3f}" for x in goal["place"])
     if (known := result["grasp"]["holds_probability"]) is not None:
-        figures["probability to be lifted and held"] = _chance(known["lifted"])
+        given = ", if its unseen side is as guessed" * ("hidden_side" in result)
+        figures[f"probability to be lifted and held{given}"] = _chance(known["lifted"])
         if not known["guessed"]:  # with a side that no camera saw it is not calibrated
             figures["probability to be pushed by its weight as well"] = _chance(known["pushed"])
     hidden = [result["hidden_side"]] if "hidden_side" in result else []

@@ -65,7 +65,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     for k, (points, high) in things.items():
         others = [other for j, (other, _) in things.items() if j != k]
         said = {
-            MAY_BE_TWO: k in joined or (odd.get(k, True) and may_be_two(points, high)),
+            MAY_BE_TWO: k in joined or may_be_two(points, high, 0.03),
             TOUCHES: any(_touch(points, other) for other in others),
             HIDDEN: k in hidden,
             TOP_ONLY: np.quantile(high, _LOW)
@@ -141,9 +141,12 @@ def deep_share(points: Array) -> float:
     return 0.0 if hull is None else float((_beyond(hull, points) < -0.010).mean())
 
 
-def may_be_two(points: Array, heights: Array) -> bool:
-    """Return true for points (N, 3) m, as high over the table, of a shape that is neither convex nor hollow."""
-    return deep_share(points) > 0.07 and not is_hollow(points, heights)
+def may_be_two(points: Array, heights: Array, deep: float = 0.07) -> bool:
+    """Return true for points (N, 3) m, as high over the table, of a shape that is neither convex nor hollow.
+
+    A share of more than `deep` of them lies deep inside the hull: of convex things alone none does.
+    """
+    return deep_share(points) > deep and not is_hollow(points, heights)
 
 
 def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index:
@@ -274,8 +277,9 @@ def _with_parts(points: Array, labels: Index, heights: Array, everything: Array)
             near = 1.7 * np.median(cKDTree(two).query(two, k=[2])[0])  # as close as points of one thing lie
             if longest_side(both) > MOST_EXTENT or cKDTree(two).query(one)[0].min() > max(0.006, near):
                 continue
-            upper = k if one[:, 2].min() > two[:, 2].min() else j
-            if foot_of(points, labels == upper, heights) and _can_stand(points[labels == upper]):
+            upper, lower = (k, j) if one[:, 2].min() > two[:, 2].min() else (j, k)
+            stands = foot_of(points, labels == upper, heights) > 0.0
+            if stands and _can_stand(points[labels == upper], points[labels == lower]):
                 continue
             least, most, whole = (_volume(some) for some in (one, two, both))
             shared = least + most - whole > 0.15 * min(least, most)
@@ -287,11 +291,14 @@ def _with_parts(points: Array, labels: Index, heights: Array, everything: Array)
     return labels, joined
 
 
-def _can_stand(points: Array) -> bool:
-    """Return true for points (N, 3) m whose middle is over their lowest ones."""
+def _can_stand(points: Array, lower: Array) -> bool:
+    """Return true for points (N, 3) m whose middle is over those at their foot that touch a lower thing (M, 3)."""
+    from scipy.spatial import cKDTree
+
     some = points[thinned(points, _CELL)]
-    feet = _hull(some[some[:, 2] < np.quantile(some[:, 2], _LOW) + 0.012, :2])
-    return feet is not None and bool(_beyond(feet, some[:, :2].mean(0)[None])[0] < 0.005)
+    foot = some[some[:, 2] < np.quantile(some[:, 2], _LOW) + 0.012]
+    held = _hull(foot[cKDTree(lower).query(foot)[0] < 0.015, :2])
+    return held is not None and bool(_beyond(held, some[:, :2].mean(0)[None])[0] < 0.010)
 
 
 def _volume(points: Array) -> float:
