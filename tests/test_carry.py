@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal, assert_array_less
 from planned import lying
 from robots import CELL, HOME, ROBOT, denormalise
 
-from dexgrasp.mechanics.kinematics.forward import body_frames, tip_jacobian, tip_positions
+from dexgrasp.mechanics.kinematics.forward import body_frames, fingertips, tip_jacobian, tip_positions
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.mechanics.strength import capacity_of, hold_residual, torque_fraction
@@ -53,6 +53,22 @@ def test_a_heavy_object_is_turned_about_its_centre_and_no_corner_sinks(heavy):
     corners = target.hull.vertices - target.centre
     assert (after + corners @ R.T)[:, 2].min() >= (centre + corners)[:, 2].min() - 0.005
     assert_array_less(np.abs(np.diff(turn.arm, axis=0, prepend=start[None, :7])), 0.12)
+
+
+@pytest.mark.parametrize(("pace", "touches"), [(1.0, False), (0.4, True)])
+def test_a_gentle_hand_has_touched_where_a_finger_lags_to_any_side(heavy, pace, touches):
+    plan, _, _ = heavy
+    hold = GuardedGrasp(plan.script, plan.grasp, pace=pace)
+    q = hold.targets.copy()
+    first, end = TREE.fingers[0]
+    turns = 1e-6 * np.eye(len(q))[first:end]
+    J = 1e6 * np.array([fingertips(q + turn, TREE)[0] - fingertips(q, TREE)[0] for turn in turns]).T
+    aside = np.linalg.svd(np.vstack([plan.grasp.normals[0] @ J]))[2][
+        1
+    ]  # it leaves the tip where it is along the normal
+    q[first:end] += 2e-3 * aside / np.linalg.norm(J @ aside)
+    hold._close(q)
+    assert hold._touched.tolist() == [touches, False, False]
 
 
 def test_what_must_not_be_pressed_hard_is_not_turned(heavy):
