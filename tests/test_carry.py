@@ -51,6 +51,22 @@ def test_a_heavy_object_is_turned_about_its_centre_and_no_corner_sinks(heavy):
     assert_array_less(np.abs(np.diff(turn.arm, axis=0, prepend=start[None, :7])), 0.12)
 
 
+@pytest.mark.parametrize(("pace", "touches"), [(1.0, False), (0.4, True)])
+def test_a_gentle_hand_has_touched_where_a_finger_lags_to_any_side(heavy, pace, touches):
+    plan, _, _ = heavy
+    hold = GuardedGrasp(plan.script, plan.grasp, pace=pace)
+    q = hold.targets.copy()
+    first, end = TREE.fingers[0]
+    turns = 1e-6 * np.eye(len(q))[first:end]
+    J = 1e6 * np.array([fingertips(q + turn, TREE)[0] - fingertips(q, TREE)[0] for turn in turns]).T
+    aside = np.linalg.svd(np.vstack([plan.grasp.normals[0] @ J]))[2][
+        1
+    ]  # it leaves the tip where it is along the normal
+    q[first:end] += 2e-3 * aside / np.linalg.norm(J @ aside)
+    hold._close(q)
+    assert hold._touched.tolist() == [touches, False, False]
+
+
 def test_what_must_not_be_pressed_hard_is_not_turned(heavy):
     plan, target, turn = heavy
     gentle = GraspProblem(target, CELL, PlannerSettings(max_force=8.0))

@@ -112,7 +112,7 @@ def _corners(model: Any, body: int) -> Array:
     own = np.flatnonzero(model.geom_bodyid == body).tolist()
     return np.concatenate(
         [
-            placed(pose_matrix(model.geom_pos[k], model.geom_quat[k]), geom_mesh(model, k).vertices)
+            placed(pose_matrix(model.geom_pos[k], model.geom_quat[k]), geom_mesh(model, int(k)).vertices)
             for k in own
         ]
     )
