@@ -69,9 +69,8 @@ class Part(Description):
         children = np.flatnonzero(self.model.body_parentid == body).tolist()
         return [b for b in children if b and (self.model.body_jntnum[b] or self.below(b))]
 
-    def branching(self) -> int:
-        """Return the first body from the world on from which several chains go out, or the last one."""
-        body = 0
+    def branching(self, body: int = 0) -> int:
+        """Return the first body from one on, by default the world, that bears several chains, or the last one."""
         while len(below := self.below(body)) == 1:
             (body,) = below
         return body
@@ -271,7 +270,7 @@ class Part(Description):
                     m.actuator_ctrlrange[actuator]
                 )
                 found.append(lever * most)
-        return min(found) if found and min(found) > 0 else None
+        return min(found) if found and 0.0 < min(found) < np.inf else None
 
 
 def _both_ways(limits: Array) -> float:

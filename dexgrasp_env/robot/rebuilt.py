@@ -88,11 +88,11 @@ class _Rebuilt(Description):
 
     @cached_property
     def _beyond(self) -> set[str]:
-        """Return the joints of an arm that bears this hand, or of a hand that hangs on this arm, in the same file."""
+        """Return the joints of the same file that are no part of this hand, or hang on this arm."""
         m = self.model
         if self.hand:
-            above = bearers(m, m.body(self.part.palm).id)[1:]  # type: ignore[union-attr]
-            joints = [j for j in range(m.njnt) if m.jnt_bodyid[j] in above]
+            palm = m.body(self.hand.palm).id
+            joints = [j for j in range(m.njnt) if palm not in bearers(m, m.jnt_bodyid[j])]
         else:
             last = m.body(self.part.bodies[-1]).id
             joints = [j for j in range(m.njnt) if last in bearers(m, m.jnt_bodyid[j])[1:]]
