@@ -54,6 +54,10 @@ class HandMaker(Part):
         super().__init__(path)
         self.couplings, still, notes = couplings(self.model, path)
         self.notes += notes
+        if sprung := self.joint_names(np.flatnonzero(self.model.jnt_stiffness).tolist()):
+            self.notes.append(
+                f"hand: springs of {', '.join(sprung)} are left out: couplings are rigid, servos hold the others"
+            )
         self.held: list[str] = []
         self.told = told or Told()
         self._check_told()

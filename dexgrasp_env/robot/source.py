@@ -317,7 +317,10 @@ def _fetch(root: Element, message: str, path: Path, meshes: dict[str, bytes]) ->
     if "decoder" not in message:
         return None
     own = f"{len(meshes)}_{Path(file).stem}.obj"
-    mesh = read_mesh(Path(file))
+    try:
+        mesh = read_mesh(Path(file))
+    except InputError as error:
+        raise InputError(f"MuJoCo cannot read {path}: {error}") from None
     if len(mesh.faces) > 100_000:  # MuJoCo takes minutes over more; what collides is a hull anyway
         mesh = mesh.convex_hull
     meshes[own] = str(mesh.export(file_type="obj")).encode()
