@@ -13,7 +13,7 @@ from dexgrasp_env.robot.description import bearers
 from dexgrasp_env.robot.gripper import Jaws, find_jaws, like_reach
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.part import Part
-from dexgrasp_env.robot.rebuilt import FLANGE, about, placed
+from dexgrasp_env.robot.rebuilt import FLANGE, about, frame_entry
 
 _CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
 WRIST = 3
@@ -34,12 +34,6 @@ class Told(NamedTuple):
 def stated(entry: Fields) -> Fields:
     """Leave out what is empty: files do not state it."""
     return {key: value for key, value in entry.items() if value not in ((), [])}
-
-
-def frame_entry(T_body: Array, T: Array) -> dict[str, list[float]]:
-    """Return a frame (4, 4) in that of a body as files state it."""
-    found = placed(np.linalg.inv(T_body) @ T)
-    return {"position": found["pos"].round(6).tolist(), "quat_wxyz": found["quat"].round(9).tolist()}
 
 
 class HandMaker(Part):
@@ -247,13 +241,10 @@ class HandMaker(Part):
         name, pad = self.model.body(self.model.jnt_bodyid[j]).name, np.cross(axis, way / np.linalg.norm(way))
         self.notes.append(f"hand pads: which side of {name!r} is the pad is a guess: --flip {name} turns it")
         last = self.model.body_jntadr[[chain[-1] for chain in self.chains[self.linkages :]]]
-        for towards in (self.data.xanchor[last].mean(0) - anchor, anchor - self._palm_middle()):
+        for towards in (self.data.xanchor[last].mean(0) - anchor, anchor - middle(self.outline(self.palm))):
             if abs(towards @ pad) > 0.3 * np.linalg.norm(towards):
                 return axis * np.sign(towards @ pad)
         return axis if high > -low else -axis
-
-    def _palm_middle(self) -> Array:
-        return middle(self.points(self.palm)) if self.has_shape(self.palm) else self.data.xpos[self.palm]
 
     def _tip(self, chain: list[int]) -> tuple[Array, float]:
         """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
@@ -307,7 +298,7 @@ class HandMaker(Part):
         across = bases[:-1].mean(0) - bases[-1]
         across -= across @ turn * turn
         x = np.cross(turn, across / np.linalg.norm(across))
-        x *= np.sign(x @ (0.5 * (tips + thumb)[:3, 3] - self._palm_middle()))
+        x *= np.sign(x @ (0.5 * (tips + thumb)[:3, 3] - middle(self.outline(self.palm))))
         if turn @ turns[1] > -0.8 or x @ T[:3, 0] > 0.8:
             return T
         return about(bases.mean(0), across / np.linalg.norm(across), x)

@@ -119,6 +119,10 @@ class Part(Description):
         """
         return np.concatenate(self.shapes(body))
 
+    def outline(self, body: int) -> Array:
+        """Return what `points` does, or where a body is (1, 3) m that nothing of collides."""
+        return self.points(body) if self.has_shape(body) else self.data.xpos[[body]]
+
     def shapes(self, body: int) -> list[Array]:
         """Return the points (n, 3) m of each shape that `points` returns together."""
         found = [

@@ -318,6 +318,12 @@ def placed(T: Array) -> dict[str, Array]:
     return {"pos": T[:3, 3].copy(), "quat": quat}
 
 
+def frame_entry(T_body: Array, T: Array) -> dict[str, list[float]]:
+    """Return a frame (4, 4) in that of a body as files state it."""
+    found = placed(np.linalg.inv(T_body) @ T)
+    return {"position": found["pos"].round(6).tolist(), "quat_wxyz": found["quat"].round(9).tolist()}
+
+
 def about(origin: Array, z: Array, x: Array) -> Array:
     """Return the frame (4, 4) at `origin` with axis `z`, and x as near to `x` as can be."""
     across = x - z * (x @ z)
