@@ -270,10 +270,12 @@ class _Rebuilt(Description):
         add_mesh_geom(self.spec, body, *hull_of(np.concatenate(pad)), {"name": tip, **look})
 
     def _add_excludes(self) -> None:
-        for k, signature in enumerate(self.model.exclude_signature):
-            a, b = map(self.owner.get, divmod(signature, 1 << 16))
-            if a and b and a != b:
-                self.spec.add_exclude(name=f"{self.part.name}_exclude{k}", bodyname1=a, bodyname2=b)
+        pairs = [[*map(self.owner.get, divmod(pair, 1 << 16))] for pair in self.model.exclude_signature]
+        if not self.hand:  # MuJoCo lets neighbours overlap, but not where one stands in the world
+            pairs.append([*self.part.bodies[:2]])
+        apart = {tuple(sorted((a, b))) for a, b in pairs if a and b and a != b}
+        for k, (a, b) in enumerate(sorted(apart)):
+            self.spec.add_exclude(name=f"{self.part.name}_exclude{k}", bodyname1=a, bodyname2=b)
         for a, b in self.hand.excluded if self.hand else ():
             self.spec.add_exclude(name=f"{a}_{b}", bodyname1=a, bodyname2=b)
 
