@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose, assert_array_less
 from planned import lying
 from robots import CELL, HOME, ROBOT, denormalise
 
+from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.carrying import GuardedCarry

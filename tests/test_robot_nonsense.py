@@ -30,6 +30,9 @@ CHAIR = (
 BOMB = '<!DOCTYPE a [<!ENTITY b "x"><!ENTITY c "&b;&b;">]><mujoco>&c;</mujoco>'
 MANY = "<mujoco><worldbody>" + '<geom size="1"/>' * 100_001 + "</worldbody></mujoco>"
 DEEP = "<mujoco><worldbody>" + "<body>" * 400 + "</body>" * 400 + "</worldbody></mujoco>"
+COPY = '<replicate count="300" offset="1 0 0">'
+COPIES = f'<mujoco><worldbody>{COPY * 3}<geom size="1"/>{"</replicate>" * 3}</worldbody></mujoco>'
+FIELD = '<mujoco><asset><hfield name="a" nrow="{side}" ncol="{side}" size="1 1 1 1"/></asset></mujoco>'
 
 
 @pytest.mark.parametrize(
@@ -41,6 +44,14 @@ DEEP = "<mujoco><worldbody>" + "<body>" * 400 + "</body>" * 400 + "</worldbody><
         (BOMB.encode("utf-16"), "defines entities"),
         (MANY, "over 100000 elements"),
         (DEEP, "150 in each other"),
+        (COPIES, "over 100000 elements"),
+        (FIELD.format(side=60_000), "over 100000 elements"),
+        (limbs(3).replace("-0.35", "nan"), "no finite number|cannot read"),
+        (
+            '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:hand/></robot>',
+            "is a xacro: expand it",
+        ),
+        ('<robot name="a"><link name="b" size="${width}"/></robot>', "is a xacro: expand it"),
         ("", "empty"),
         ("<chair/>", "neither URDF nor MJCF"),
         ("<mujoco>", "cannot read"),

@@ -15,7 +15,9 @@ from tables import table
 from dexgrasp.cli.commands import run_command
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.make import arm_entry, make_robot
-from dexgrasp_env.robot.rebuilt import Description
+from dexgrasp_env.robot.model import excluded_pairs
+from dexgrasp_env.robot.rebuilt import Description, compiled
+from dexgrasp_env.robot.robot_file import make_arm
 
 
 def driven(folder, servos, change=lambda text: text):
@@ -43,6 +45,12 @@ def test_joints_without_a_range_turn_once(tmp_path):
     arm = yaml.safe_load((tmp_path / "six_arm.yaml").read_text())
     assert np.allclose(arm["upper"], [np.pi, np.pi, 3.1, 3.1, 3.1, 3.1], atol=1e-5)
     assert run_command(["robot", "check", str(tmp_path / "six.yaml"), "--json"]) in (0, 1)
+
+
+def test_an_arms_base_may_overlap_the_link_on_it_as_neighbours_do(tmp_path):
+    entry, _ = arm_entry(six_joint_arm(tmp_path))
+    model = compiled(make_arm(entry))
+    assert excluded_pairs(model) == {frozenset((model.body("stand").id, model.body("link0").id))}
 
 
 @pytest.mark.parametrize(

@@ -3,12 +3,25 @@
 import re
 
 import mujoco
+import numpy as np
 import pytest
+import trimesh
 import yaml
+from numpy.testing import assert_allclose
+from planned import lying
+from refusals import refused
 
-from dexgrasp_env.errors import InputError
+from dexgrasp.mechanics.kinematics.forward import fingertips
+from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.planning.postures import atlas_postures
+from dexgrasp.planning.proposals import SurfaceProposals
+from dexgrasp.planning.settings import GraspProblem, PlannerSettings
+from dexgrasp.planning.sqp import solve
 from dexgrasp_env.robot.cell import make_cell
+from dexgrasp_env.robot.hand_maker import HandMaker, NamedParts
 from dexgrasp_env.robot.make import make_robot
+from dexgrasp_env.robot.rebuilt import compiled
+from dexgrasp_env.robot.robot_file import make_hand
 from dexgrasp_env.robot.source import read_source
 
 FINGERS = {  # name: origin, roll pitch yaw, range of the flexing joint, and how far the first one spreads
@@ -105,20 +118,71 @@ def test_a_fixed_tendon_without_slack_couples_its_two_joints(tmp_path):
     assert own["ratio"] == pytest.approx(7 / 8)
 
 
-def test_meshes_are_found_by_package_and_relative_to_the_file(tmp_path):
-    import trimesh
+def test_a_chain_of_mimics_is_led_by_its_first_joint(tmp_path):
+    path = tmp_path / "claw.urdf"
+    text = urdf(mimic=True)
+    start = text.index("</joint>", text.index('<joint name="mid_flex"'))
+    path.write_text(text[:start] + '<mimic joint="fore_flex" multiplier="0.5"/>' + text[start:])
+    found = {own.joint: own for own in HandMaker(path).couplings}
+    own = found["mid_curl"]
+    assert (own.follows, own.ratio, own.offset) == ("fore_flex", pytest.approx(0.4), pytest.approx(0.1))
 
+
+@pytest.fixture
+def meshed(tmp_path):
+    """Return what writes the claw with rods of a mesh, kept in `claw_description/meshes` of `tmp_path`."""
     folder = tmp_path / "claw_description"
-    (folder / "meshes").mkdir(parents=True)
-    (folder / "urdf").mkdir()
+    for name in ("meshes", "urdf"):
+        (folder / name).mkdir(parents=True)
     trimesh.creation.box((0.02, 0.02, 0.05)).export(folder / "meshes" / "rod.stl")
-    for name in ("package://claw_description/meshes/rod.stl", "../meshes/rod.stl", "meshes/rod.stl"):
+
+    def write(name):
         path = folder / "urdf" / "claw.urdf"
         path.write_text(urdf(shape=f'<mesh filename="{name}"/>'))
-        assert read_source(path).model.nmesh > 0
-    path.write_text(urdf(shape='<mesh filename="package://other/none.stl"/>'))
-    with pytest.raises(InputError, match=r"mesh 'package://other/none.stl' of link 'fore_base' is not found"):
-        read_source(path)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "package://claw_description/meshes/rod.stl", "../meshes/rod.stl", "meshes/rod.stl",
+        "package://other_name/meshes/rod.stl", "package://meshes/rod.stl", "model://claw_description/meshes/rod.stl",
+        "file:///home/somebody/ws/claw_description/meshes/rod.stl", "C:\\ws\\claw_description\\meshes\\rod.stl",
+        "package://claw_description/Meshes/ROD.STL",
+    ],
+)  # fmt: skip
+def test_meshes_are_found_whatever_comes_first_in_their_names(name, meshed):
+    assert read_source(meshed(name)).model.nmesh > 0
+
+
+def test_a_mesh_that_is_not_there_is_named(meshed):
+    with refused(r"mesh 'package://other/none.stl' of link 'fore_base' is not found"):
+        read_source(meshed("package://other/none.stl"))
+
+
+@pytest.mark.parametrize("kind", ["ply", "glb", "dae", "stl_ascii"])
+def test_meshes_of_other_kinds_are_converted_and_noted(kind, meshed, tmp_path):
+    folder, box = tmp_path / "claw_description" / "meshes", trimesh.creation.box((0.02, 0.02, 0.05))
+    if kind == "dae":
+        pytest.importorskip("collada")
+        from trimesh.exchange.dae import export_collada
+
+        text = export_collada(box.apply_scale(1000.0)).decode()  # mm
+        data = (
+            re.sub("<unit[^>]*/>", "", text)
+            .replace("<asset>", '<asset><unit name="mm" meter="0.001"/>')
+            .encode()
+        )
+    else:
+        data = box.export(file_type=kind)
+    suffix = kind.removesuffix("_ascii")
+    (folder / f"other.{suffix}").write_bytes(data.encode() if isinstance(data, str) else data)
+    source = read_source(meshed(f"package://claw_description/meshes/other.{suffix}"))
+    assert any(f"converted: .{suffix}" in note for note in source.notes)
+    rod = source.model.body("fore_near").geomadr[0]
+    assert_allclose(np.sort(source.model.geom_aabb[rod, 3:]), [0.01, 0.01, 0.025], atol=1e-5)
 
 
 def test_a_description_without_collision_shapes_collides_with_what_is_seen(tmp_path):
@@ -128,11 +192,107 @@ def test_a_description_without_collision_shapes_collides_with_what_is_seen(tmp_p
     assert any("visual shapes" in note for note in notes)
 
 
-@pytest.mark.parametrize("ixx", ["1", "-1e-5"])
-def test_inertias_that_no_body_has_are_mended_or_taken_from_the_shapes(tmp_path, ixx):
+@pytest.mark.parametrize(("ixx", "said"), [("1", "no body's"), ("-1e-5", "that of its shapes is taken")])
+def test_inertias_that_no_body_has_are_mended_or_taken_from_the_shapes(tmp_path, ixx, said):
     path = tmp_path / "claw.urdf"
     path.write_text(urdf(ixx=ixx))
-    assert read_source(path).model.njnt == 9
+    source = read_source(path)
+    assert source.model.njnt == 9
+    assert any(said in note for note in source.notes)
+    path.write_text(urdf())
+    assert not any("inertia" in note for note in read_source(path).notes)
+
+
+def test_springs_that_are_left_out_are_noted(tmp_path):
+    def edit(text):
+        return text.replace('<joint name="fore_curl"', '<joint name="fore_curl" stiffness="0.2"')
+
+    assert any("springs of fore_curl" in note for note in HandMaker(mjcf(tmp_path, edit)).notes)
+
+
+AROUND = {  # three fingers around a base, bent towards its axis
+    "one": ("0.05 0 0", "0 0 3.1415927", (-0.2, 1.4), 0.4),
+    "two": ("-0.025 0.0433 0", "0 0 -1.0471976", (-0.2, 1.4), 0.4),
+    "three": ("-0.025 -0.0433 0", "0 0 1.0471976", (-0.2, 1.4), 0.4),
+}
+
+
+@pytest.mark.parametrize("either", [False, True])
+def test_a_claw_approaches_along_its_fingers_whichever_way_they_could_bend(either, tmp_path):
+    text = urdf(fingers=AROUND)
+    if either:  # a joint that bends to both sides does not say which is the pad's
+        text = re.sub(r'(name="\w+_curl".*?)0 1 0(.*?)lower="0"', r'\g<1>0 -1 0\g<2>lower="-1.6"', text)
+    path = tmp_path / "claw.urdf"
+    path.write_text(text)
+    maker = HandMaker(path)
+    assert_allclose(maker.frame[:3, 0], [0.0, 0.0, 1.0], atol=1e-6)
+    for k in range(3):
+        tip = maker.tip(k)
+        assert tip[:3, 0] @ -tip[:3, 3] > 0.0  # pads face the axis
+
+
+LEFT = {
+    name: (f"{xyz.split()[0]} {-float(xyz.split()[1])} {xyz.split()[2]}", rpy.replace("-", ""), *rest)
+    for name, (xyz, rpy, *rest) in FINGERS.items()
+}
+
+
+@pytest.mark.slow
+def test_left_and_right_hands_grasp_mirrored_objects_in_mirrored_ways(tmp_path):
+    """From mirrored starts: what is drawn before them is not mirrored."""
+    cells = []
+    for side, fingers in (("right", FINGERS), ("left", LEFT)):
+        (tmp_path / f"{side}.urdf").write_text(urdf(fingers=fingers))
+        make_robot(tmp_path / f"{side}.urdf", None, tmp_path / f"{side}.yaml")
+        cells.append(make_cell(str(tmp_path / f"{side}.yaml")))
+    robot, settings = cells[0].robot, PlannerSettings()
+    turned = [
+        name[-1] in "1357" if name.startswith("panda") else name.endswith("spread") for name in robot.joints
+    ]
+    sign, mirror = np.where(turned, -1.0, 1.0), np.diag([1.0, -1.0, 1.0])
+    for q in robot.drawn(20):
+        tips = [fingertips(at, robot_tree(cell)) for at, cell in zip((q, sign * q), cells, strict=True)]
+        assert_allclose(tips[0] @ mirror, tips[1], atol=1e-12)
+    problems = [
+        GraspProblem(lying((0.05, 0.08, 0.12), at=(0.5, y)), cell, settings)
+        for y, cell in zip((0.1, -0.1), cells, strict=True)
+    ]
+    drawn = SurfaceProposals().propose(problems[0].target, settings, np.random.default_rng(0))
+    starts = list(atlas_postures(drawn, problems[0]))[:12]
+    assert len(starts) == 12
+    for start in starts:
+        ours, theirs = (
+            solve(at, problem).q for at, problem in zip((start.q, sign * start.q), problems, strict=True)
+        )
+        assert_allclose(sign * ours, theirs, atol=1e-6)
+
+
+def two_hands():
+    """Return two claws on one stand, as URDF text."""
+    stand = LINK.format(
+        name="stand", mass=5, ixx="0.1", tag="collision", z=0, shape='<box size="0.1 0.1 0.1"/>'
+    )
+    parts = [stand.replace("1e-5", "0.1")]
+    for side, y in (("l", 0.15), ("r", -0.15)):
+        inner = re.sub(r'(name|link|joint)="(\w+)"', rf'\1="{side}_\2"', urdf().partition(">")[2])
+        parts.append(inner.partition(">")[2].removesuffix("</robot>"))
+        parts.append(
+            f'<joint name="{side}" type="fixed"><parent link="stand"/><child link="{side}_plate"/>'
+            f'<origin xyz="0 {y} 0.2"/></joint>'
+        )
+    return f'<robot name="two">{"".join(parts)}</robot>'
+
+
+def test_of_two_hands_in_one_file_the_palm_says_which_is_meant(tmp_path):
+    path = tmp_path / "two.urdf"
+    path.write_text(two_hands())
+    with refused("several hands, on 'l_plate', 'r_plate': --palm BODY takes one"):
+        HandMaker(path)
+    entry = HandMaker(path, NamedParts(palm="r_plate")).entry()
+    hand = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
+    assert compiled(hand).njnt == 9
+    assert {name[:2] for name in hand.joints.names} == {"r_"}
+    assert len(hand.joints.names) == 9
 
 
 def test_attributes_of_another_version_floors_and_floating_roots_are_left_out(tmp_path):

@@ -1,7 +1,9 @@
 """Text of a robot's description with all that it names, for hashes: a robot is another one where any of it changes."""
 
 import re
-from pathlib import Path
+from contextlib import suppress
+from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
 
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.files import file_hash
@@ -34,18 +36,30 @@ def description_text(path: Path) -> str:
 
 
 def find_file(name: str, path: Path) -> Path | None:
-    """Return the file that a URDF calls a mesh: of a package, or relative to the URDF, sought upwards.
+    """Return the file that a description calls a mesh, in whatever case of letters.
+
+    A package, another machine's folders, or nothing comes first in its name: of what is left without the first parts,
+    the longest that is found from the description's folder upwards is taken.
 
     Args:
-        name: that the URDF states.
-        path: of the URDF.
+        name: that the description states.
+        path: of the description.
     """
-    package, _, rest = (
-        name.removeprefix("package://").partition("/") if "package://" in name else ("", "", name)
-    )
-    rest = rest.removeprefix("file://")
-    for folder in path.resolve().parents:
-        for place in (folder / package / rest, folder / rest):
-            if place.is_file():
-                return place
+    parts = PurePosixPath(unquote(name).rpartition("://")[2].replace("\\", "/")).parts
+    with suppress(OSError):  # a name that no file can have
+        for k in range(len(parts)):
+            for folder in path.resolve().parents:
+                if found := _below(folder, parts[k:]):
+                    return found
     return None
+
+
+def _below(folder: Path, parts: tuple[str, ...]) -> Path | None:
+    """Return the file at a path below a folder, in whatever case of letters."""
+    if not parts or not folder.is_dir():
+        return folder if not parts and folder.is_file() else None
+    place = folder / parts[0]
+    if not place.exists():
+        alike = (own for own in folder.iterdir() if own.name.lower() == parts[0].lower())
+        place = next(alike, place)
+    return _below(place, parts[1:])

@@ -52,15 +52,13 @@ def find_jaws(part: Part, palm: int, ends: list[int], opened: Array, closed: Arr
     y = _snapped(y, axes)
     if (middle(own[0]) - middle(own[1])) @ y < 0:
         ends, own = ends[::-1], own[::-1]
-    x = middle(np.concatenate(own)) - middle(
-        part.points(palm) if part.has_shape(palm) else part.data.xpos[[palm]]
-    )
+    x = middle(np.concatenate(own)) - middle(part.outline(palm))
     x = _snapped(x - x @ y * y, axes)
     pads = [_pad(part, body, way, x) for body, way in zip(ends, (-y, y), strict=True)]
     radius = round(float(np.clip(min(size for _, size in pads), *_PAD)), 4)
     tips = [_tip_frame(centre, way, x, radius) for (centre, _), way in zip(pads, (-y, y), strict=True)]
     origin = middle(np.array([T[:3, 3] for T in tips]))
-    front = part.points(palm) @ x if part.has_shape(palm) else part.data.xpos[[palm]] @ x
+    front = part.outline(palm) @ x
     origin += (min(front.max(), origin @ x - 0.025) - origin @ x) * x  # pads are 25 mm before it at least
     stroke = abs((at_open[0] - at_open[1]) @ y) - abs((own[0].mean(0) - own[1].mean(0)) @ y)
     stroke += float((pads[0][0] - pads[1][0]) @ y)

@@ -13,7 +13,7 @@ from dexgrasp_env.robot.description import bearers
 from dexgrasp_env.robot.gripper import Jaws, find_jaws, like_reach
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.part import Part
-from dexgrasp_env.robot.rebuilt import FLANGE, about, placed
+from dexgrasp_env.robot.rebuilt import FLANGE, about, frame_entry
 
 WRIST = 3
 """Joints before the palm: more are an arm's."""
@@ -35,12 +35,6 @@ def stated(entry: Fields) -> Fields:
     return {key: value for key, value in entry.items() if value not in ((), [])}
 
 
-def frame_entry(T_body: Array, T: Array) -> dict[str, list[float]]:
-    """Return a frame (4, 4) in that of a body as files state it."""
-    found = placed(np.linalg.inv(T_body) @ T)
-    return {"position": found["pos"].round(6).tolist(), "quat_wxyz": found["quat"].round(9).tolist()}
-
-
 class HandMaker(Part):
     """Finds palm, fingers, tips of a hand's description."""
 
@@ -53,6 +47,10 @@ class HandMaker(Part):
         super().__init__(path)
         self.couplings, still, notes = couplings(self.model, path)
         self.notes += notes
+        if sprung := self.joint_names(np.flatnonzero(self.model.jnt_stiffness).tolist()):
+            self.notes.append(
+                f"hand: springs of {', '.join(sprung)} are left out: couplings are rigid, servos hold the others"
+            )
         self.held: list[str] = []
         self.named = named or NamedParts()
         self._check_told()
@@ -149,8 +147,8 @@ class HandMaker(Part):
         self.chains.append(self.chains.pop(thumb))  # the thumb comes last
         self._tips.append(self._tips.pop(thumb))
         self.bases = self.data.xanchor[[self.model.body_jntadr[chain[0]] for chain in self.chains]]
-        self.frame = self._palm_frame()
         self.radius = float(np.round(min(radius for _, radius in self._tips), 4))
+        self.frame = self._claw_frame(self._palm_frame())
 
     def _check_told(self) -> None:
         """Refuse names of no body."""
@@ -171,7 +169,7 @@ class HandMaker(Part):
 
     def _find_palm(self) -> int:
         """Return the body that bears the fingers: the one that the user names, or the first that branches."""
-        body = self.model.body(self.named.palm).id if self.named.palm else self.branching()
+        body = self.model.body(self.named.palm).id if self.named.palm else self._only_palm()
         above = [b for b in bearers(self.model, body)[::-1] if self.model.body_jntnum[b]]
         self.held = self.names(above)[1]
         if len(self.held) > WRIST:
@@ -181,6 +179,17 @@ class HandMaker(Part):
             self.notes.append(
                 f"hand held: {', '.join(self.held)}, before the palm, stand still at 0; --palm BODY if another is it"
             )
+        return body
+
+    def _only_palm(self) -> int:
+        """Return the first body that branches, unless what goes out from it are hands themselves."""
+        body = self.branching()
+        further = [self.branching(b) for b in self.below(body)]
+        palms = [b for b in further if len(self.below(b)) > 1]
+        many = [b for b in palms if len(self.below(b)) > 2]
+        if len(many) > 1 or 1 < len(palms) == len(further):
+            names = ", ".join(map(self._name, palms))
+            raise InputError(f"{self.path} has several hands, on {names}: --palm BODY takes one")
         return body
 
     def _find_fingers(self, still: set[int]) -> list[list[int]]:
@@ -222,22 +231,30 @@ class HandMaker(Part):
         along = np.abs(self.data.xaxis[joints] @ self.data.xaxis[joints[-1]])
         return int(joints[np.argmax(along > 0.8)])
 
+    def _flexing(self, j: int, way: Array) -> Array:
+        """Return the axis (3,) about which a finger bends by its last joint, the finger pointing along `way`."""
+        axis, anchor, (low, high) = self.data.xaxis[j], self.data.xanchor[j], self.ranges([j])[0]
+        if abs(high + low) >= 0.2 * (high - low):
+            return axis if high > -low else -axis
+        # It bends as far to either side: towards what is between the fingers, or away from the palm.
+        name, pad = self.model.body(self.model.jnt_bodyid[j]).name, np.cross(axis, way / np.linalg.norm(way))
+        self.notes.append(f"hand pads: which side of {name!r} is the pad is a guess: --flip {name} turns it")
+        last = self.model.body_jntadr[[chain[-1] for chain in self.chains[self.linkages :]]]
+        for towards in (self.data.xanchor[last].mean(0) - anchor, anchor - middle(self.outline(self.palm))):
+            if abs(towards @ pad) > 0.3 * np.linalg.norm(towards):
+                return axis * np.sign(towards @ pad)
+        return axis if high > -low else -axis
+
     def _tip(self, chain: list[int]) -> tuple[Array, float]:
         """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
         j = self.model.body_jntadr[chain[-1]]
         axis, anchor = self.data.xaxis[j], self.data.xanchor[j]
-        low, high = self.ranges([j])[0]
-        flexing = axis if high > -low else -axis
-        name = self.model.body(chain[-1]).name
-        if name in self.named.flip:
-            flexing = -flexing
-        elif abs(high + low) < 0.2 * (high - low):  # it bends as far to either side
-            self.notes.append(
-                f"hand pads: which side of {name!r} is the pad is a guess: --flip {name} turns it"
-            )
         points, radius = self.points(chain[-1]) - anchor, 0.01
         along = points - np.outer(points @ axis, axis)
         way = along[np.argmax(np.linalg.norm(along, axis=1))]
+        flexing = self._flexing(j, way)
+        if self.model.body(chain[-1]).name in self.named.flip:
+            flexing = -flexing
         for _ in range(10):  # the section at the sphere's middle says where the tip is, and how wide
             T = about(anchor, way / np.linalg.norm(way), np.cross(flexing, way))
             local = points @ T[:3, :3]
@@ -259,13 +276,31 @@ class HandMaker(Part):
         return T
 
     def _palm_frame(self) -> Array:
-        others = [T for T, _ in self._tips[:-1]]
+        others = [T for T, _ in self._tips[self.linkages : -1]]
         z = np.mean([T[:3, 2] for T in others], axis=0)
         T = about(np.zeros(3), z / np.linalg.norm(z), np.mean([T[:3, 0] for T in others], axis=0))
-        pads = [(t[:3, 3] - radius * t[:3, 0]) @ T[:3, 0] for t, radius in self._tips[:-1]]
-        depth, base = np.mean(pads), self.bases[:-1].mean(0)
+        pads = [(t[:3, 3] - radius * t[:3, 0]) @ T[:3, 0] for t, radius in self._tips[self.linkages : -1]]
+        depth, base = np.mean(pads), self.bases[self.linkages : -1].mean(0)
         T[:3, 3] = base + (depth - base @ T[:3, 0]) * T[:3, 0]
         return T
+
+    def _claw_frame(self, T: Array) -> Array:
+        """Return the palm frame (4, 4) of a claw, whose thumb swings against the others in one plane; or a hand's, T.
+
+        In that plane a claw approaches square to the way from the thumb to the others, away from the palm.
+        """
+        near = self._beside_thumb()
+        tips, thumb = np.mean([self._tips[k][0] for k in near], axis=0), self._tips[-1][0]
+        turns = [np.cross(own[:3, 0], own[:3, 2]) for own in (tips, thumb)]
+        turn = turns[0] / np.linalg.norm(turns[0])
+        bases = self.data.xanchor[[self._first_flexing(self.chains[k]) for k in (*near, -1)]]
+        across = bases[:-1].mean(0) - bases[-1]
+        across -= across @ turn * turn
+        x = np.cross(turn, across / np.linalg.norm(across))
+        x *= np.sign(x @ (0.5 * (tips + thumb)[:3, 3] - middle(self.outline(self.palm))))
+        if turn @ turns[1] > -0.8 or x @ T[:3, 0] > 0.8:
+            return T
+        return about(bases.mean(0), across / np.linalg.norm(across), x)
 
     def entry(self) -> Fields:
         """Return what the hand's file says."""
@@ -336,8 +371,13 @@ class HandMaker(Part):
     def _beside_thumb(self) -> list[int]:
         """Return the finger whose base is nearest to the thumb's tip, and the neighbour of it whose base is nearer."""
         bases = self.data.xanchor[[self._first_flexing(chain) for chain in self.chains[:-1]]]
-        away = np.linalg.norm(bases - self._tips[-1][0][:3, 3], axis=1)
+        thumb = self._tips[-1][0]
+        away = np.linalg.norm(bases - thumb[:3, 3], axis=1)
         near = [k for k in np.argsort(away, kind="stable").tolist() if k >= self.linkages]
+        beside = [
+            k for k in near if (self._tips[k][0] * thumb)[:3, ::2].sum() > 1.5
+        ]  # these do not oppose it
+        near = [k for k in near if k not in beside] if len(near) > len(beside) + 1 else near
         tips = [self.tip(k)[:3, 3] for k in near]
         beside = [round(float(np.linalg.norm(tip - tips[0])), 2) for tip in tips]
         return [near[k] for k in np.argsort(beside, kind="stable")[:2]]

@@ -12,7 +12,7 @@ from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.robot.description import bearers, pose_of
-from dexgrasp_env.robot.hand_maker import WRIST, HandMaker, NamedParts, frame_entry, stated
+from dexgrasp_env.robot.hand_maker import WRIST, HandMaker, NamedParts, stated
 from dexgrasp_env.robot.model import swept
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.postures import (
@@ -22,7 +22,7 @@ from dexgrasp_env.robot.postures import (
     open_posture,
     overlapping_links,
 )
-from dexgrasp_env.robot.rebuilt import about, compiled
+from dexgrasp_env.robot.rebuilt import about, compiled, frame_entry
 from dexgrasp_env.robot.recipes import Recipe
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 from dexgrasp_env.yaml_file import YAML_SUFFIXES

@@ -69,9 +69,8 @@ class Part(Description):
         children = np.flatnonzero(self.model.body_parentid == body).tolist()
         return [b for b in children if b and (self.model.body_jntnum[b] or self.below(b))]
 
-    def branching(self) -> int:
-        """Return the first body from the world on from which several chains go out, or the last one."""
-        body = 0
+    def branching(self, body: int = 0) -> int:
+        """Return the first body from one on, by default the world, that bears several chains, or the last one."""
         while len(below := self.below(body)) == 1:
             (body,) = below
         return body
@@ -119,6 +118,10 @@ class Part(Description):
             InputError: where nothing does.
         """
         return np.concatenate(self.shapes(body))
+
+    def outline(self, body: int) -> Array:
+        """Return what `points` does, or where a body is (1, 3) m that nothing of collides."""
+        return self.points(body) if self.has_shape(body) else self.data.xpos[[body]]
 
     def shapes(self, body: int) -> list[Array]:
         """Return the points (n, 3) m of each shape that `points` returns together."""
@@ -271,7 +274,7 @@ class Part(Description):
                     m.actuator_ctrlrange[actuator]
                 )
                 found.append(lever * most)
-        return min(found) if found and min(found) > 0 else None
+        return min(found) if found and 0.0 < min(found) < np.inf else None
 
 
 def _both_ways(limits: Array) -> float:

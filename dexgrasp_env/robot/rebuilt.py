@@ -88,11 +88,11 @@ class _Rebuilt(Description):
 
     @cached_property
     def _beyond(self) -> set[str]:
-        """Return the joints of an arm that bears this hand, or of a hand that hangs on this arm, in the same file."""
+        """Return the joints of the same file that are no part of this hand, or hang on this arm."""
         m = self.model
         if self.hand:
-            above = bearers(m, m.body(self.part.palm).id)[1:]  # type: ignore[union-attr]
-            joints = [j for j in range(m.njnt) if m.jnt_bodyid[j] in above]
+            palm = m.body(self.hand.palm).id
+            joints = [j for j in range(m.njnt) if palm not in bearers(m, m.jnt_bodyid[j])]
         else:
             last = m.body(self.part.bodies[-1]).id
             joints = [j for j in range(m.njnt) if last in bearers(m, m.jnt_bodyid[j])[1:]]
@@ -270,10 +270,12 @@ class _Rebuilt(Description):
         add_mesh_geom(self.spec, body, *hull_of(np.concatenate(pad)), {"name": tip, **look})
 
     def _add_excludes(self) -> None:
-        for k, signature in enumerate(self.model.exclude_signature):
-            a, b = map(self.owner.get, divmod(signature, 1 << 16))
-            if a and b and a != b:
-                self.spec.add_exclude(name=f"{self.part.name}_exclude{k}", bodyname1=a, bodyname2=b)
+        pairs = [[*map(self.owner.get, divmod(pair, 1 << 16))] for pair in self.model.exclude_signature]
+        if not self.hand:  # MuJoCo lets neighbours overlap, but not where one stands in the world
+            pairs.append([*self.part.bodies[:2]])
+        apart = {tuple(sorted((a, b))) for a, b in pairs if a and b and a != b}
+        for k, (a, b) in enumerate(sorted(apart)):
+            self.spec.add_exclude(name=f"{self.part.name}_exclude{k}", bodyname1=a, bodyname2=b)
         for a, b in self.hand.excluded if self.hand else ():
             self.spec.add_exclude(name=f"{a}_{b}", bodyname1=a, bodyname2=b)
 
@@ -316,6 +318,12 @@ def placed(T: Array) -> dict[str, Array]:
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, T[:3, :3].ravel())
     return {"pos": T[:3, 3].copy(), "quat": quat}
+
+
+def frame_entry(T_body: Array, T: Array) -> dict[str, list[float]]:
+    """Return a frame (4, 4) in that of a body as files state it."""
+    found = placed(np.linalg.inv(T_body) @ T)
+    return {"position": found["pos"].round(6).tolist(), "quat_wxyz": found["quat"].round(9).tolist()}
 
 
 def about(origin: Array, z: Array, x: Array) -> Array:

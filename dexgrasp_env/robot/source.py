@@ -6,6 +6,8 @@ changes is read by MuJoCo from its file.
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
+from math import inf, prod
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -16,11 +18,14 @@ import numpy as np
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
+from dexgrasp_env.objects.user_mesh import read_mesh
 from dexgrasp_env.robot.description_text import find_file
 
 BASE = "base"
 """Name of the body that everything hangs on where a description has its first links in the world itself."""
 _MOST, _DEEPEST = 100_000, 150  # elements of a description, and how deep they nest
+
+_CELLS = re.compile("nrow|ncol|width|height|nuser_")  # attributes that ask for memory
 
 
 class Source(NamedTuple):
@@ -45,16 +50,31 @@ def read_source(path: Path) -> Source:
     else:
         notes = [*_drop_floors(root), *_drop_free_joints(root), *_name_bodies(root)]
     changed = bool(notes) or root.tag == "robot"
-    velocity = {
-        str(joint.get("name")): float(rate)
-        for joint in root.iter("joint")
-        if (limit := joint.find("limit")) is not None and (rate := limit.get("velocity"))
-    }
     model = _compile(root, path, changed, notes)
     if _begins_in_world(model) and root.tag != "robot":
         notes.append(f"links that stand in the world are those of one body, {_gather(root)!r}")
         model = _compile(root, path, True, notes)
-    return Source(model, tuple(notes), {name: rate for name, rate in velocity.items() if rate > 0})
+    numbers = (
+        model.body_pos,
+        model.body_quat,
+        model.body_mass,
+        model.geom_pos,
+        model.geom_size,
+        model.jnt_range,
+    )
+    if not all(np.isfinite(own).all() for own in numbers):
+        raise InputError(f"MuJoCo cannot read {path}: a place, size, mass or range in it is no finite number")
+    return Source(model, tuple(notes), _velocities(root))
+
+
+def _velocities(root: Element) -> dict[str, float]:
+    """Return the rates of joints that state one, a number that is one."""
+    found = dict[str, float]()
+    for joint in root.iter("joint"):
+        for limit in joint.findall("limit"):
+            with suppress(ValueError):
+                found[str(joint.get("name"))] = float(limit.get("velocity", 0.0))
+    return {name: rate for name, rate in found.items() if 0.0 < rate < inf}
 
 
 def _tree(path: Path, seen: tuple[Path, ...] = (), read: list[int] | None = None) -> Element:
@@ -80,6 +100,10 @@ def _tree(path: Path, seen: tuple[Path, ...] = (), read: list[int] | None = None
         raise InputError(f"MuJoCo cannot read {path}: it is no file") from None
     except ElementTree.ParseError as error:
         raise InputError(f"MuJoCo cannot read {path}: {error}") from None
+    for element in root.iter():
+        if "xacro" in element.tag or any("${" in text or "$(" in text for text in element.attrib.values()):
+            raise InputError(f"{path} is a xacro: expand it first, with `xacro {path.name} > robot.urdf`")
+        element.tag = element.tag.rpartition("}")[2]  # a namespace says nothing here
     if root.tag not in ("robot", "mujoco", "mujocoinclude"):
         raise InputError(f"MuJoCo cannot read {path}: <{root.tag}> is neither URDF nor MJCF")
     for parent in list(root.iter()):
@@ -92,12 +116,19 @@ def _tree(path: Path, seen: tuple[Path, ...] = (), read: list[int] | None = None
 
 def _check_size(root: Element, path: Path) -> None:
     """Refuse what is too large or nests too deep to be one robot."""
-    level, count, depth = [root], 0, 0
+    level, count, depth = [(root, 1)], 0, 0
     while level:
-        count, depth = count + len(level), depth + 1
+        count, depth = count + sum(times for _, times in level), depth + 1
         if count > _MOST or depth > _DEEPEST:
             raise InputError(f"{path} has over {_MOST} elements, or {_DEEPEST} in each other: no robot has")
-        level = [child for element in level for child in element]
+        level = [(child, times * _copies(child)) for element, times in level for child in element]
+
+
+def _copies(element: Element) -> int:
+    """Return how many elements one stands for; a thousand cells of a picture or a field of heights are one."""
+    sides = re.findall(r"\d+", element.get("count", ""))
+    cells = [text for key, text in element.items() if _CELLS.match(key) and text.isdigit()]
+    return max(1, prod(map(int, sides))) * max(1, prod(map(int, cells)) // 1000)
 
 
 def _as_urdf(root: Element, path: Path) -> list[str]:
@@ -200,13 +231,18 @@ def _begins_in_world(model: mujoco.MjModel) -> bool:
 
 def _compile(root: Element, path: Path, changed: bool, notes: list[str]) -> mujoco.MjModel:
     """Compile a tree, mending what MuJoCo asks for."""
-    message = ""
-    for _ in range(20):  # one change after the other
+    message, meshes = "", dict[str, bytes]()
+    for _ in range(100):  # one change after the other
         try:
-            return with_decimal_points(_compiled, root, path, changed)
+            spec = with_decimal_points(_spec, root, path, changed, meshes)
+            model = with_decimal_points(spec.compile)
         except (ValueError, OSError, MemoryError) as error:
             message = " ".join(str(error).split())
-        mend = next((said for step in _AFTER for said in step(root, message)), None)
+        else:
+            notes += _balanced(spec, model)
+            return model
+        mends = (said for step in _AFTER for said in step(root, message))
+        mend = next(mends, None) or _fetch(root, message, path, meshes)
         if mend is None:
             break
         notes.append(mend)
@@ -214,16 +250,64 @@ def _compile(root: Element, path: Path, changed: bool, notes: list[str]) -> mujo
     raise InputError(f"MuJoCo cannot read {path}: {message[:200]}")
 
 
-def _compiled(root: Element, path: Path, changed: bool) -> mujoco.MjModel:
+def _spec(root: Element, path: Path, changed: bool, meshes: dict[str, bytes]) -> mujoco.MjSpec:
     if changed:
-        spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+        text = ElementTree.tostring(root, encoding="unicode")
+        spec = mujoco.MjSpec.from_string(text, assets=meshes)
     else:
         spec = mujoco.MjSpec.from_file(str(path))
     if changed and root.tag == "mujoco":
         spec.modelfiledir = str(path.resolve().parent)
         spec.meshdir, spec.texturedir = _folder(path, spec.meshdir), _folder(path, spec.texturedir)
     spec.compiler.balanceinertia = True
-    return spec.compile()
+    return spec
+
+
+def _balanced(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
+    """Return a line on the bodies whose inertia MuJoCo made alike about all axes: what was stated is no body's."""
+    found = []
+    for body in spec.bodies:
+        xx, yy, zz, xy, xz, yz = body.fullinertia
+        full = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        stated = body.inertia if np.isnan(xx) else np.linalg.eigvalsh(full)
+        alike = np.ptp(model.body_inertia[body.id]) == 0.0 and model.body_mass[body.id] > 0.0
+        if body.explicitinertial and alike and np.ptp(stated) > 1e-6 * np.max(stated):
+            found.append(body.name)
+    names = ", ".join(map(repr, found))
+    return [f"inertias of {names} are no body's (A + B < C): their means are taken about all axes"] * bool(
+        found
+    )
+
+
+def _fetch(root: Element, message: str, path: Path, meshes: dict[str, bytes]) -> str | None:
+    """Find or convert the file that MuJoCo could not open or decode; None where it is no such matter."""
+    named = re.search(r"file '([^']+)'", message)
+    file = named[1] if named else ""
+    owners = [(e, key) for e in root.iter() for key in ("file", "filename") if file and e.get(key)]
+    owner = next(((e, key) for e, key in owners if file.endswith(str(e.get(key)))), None)
+    if owner is None:
+        return None
+    element, key = owner
+    if not Path(file).is_file():
+        found = find_file(file, path)
+        if found is None:
+            return None
+        element.set(key, str(found))
+        return f"{file} is not there: {found} is taken"
+    if "decoder" not in message:
+        return None
+    own = f"{len(meshes)}_{Path(file).stem}.obj"
+    try:
+        mesh = read_mesh(Path(file))
+    except InputError as error:
+        raise InputError(f"MuJoCo cannot read {path}: {error}") from None
+    if len(mesh.faces) > 100_000:  # MuJoCo takes minutes over more; what collides is a hull anyway
+        mesh = mesh.convex_hull
+    meshes[own] = str(mesh.export(file_type="obj")).encode()
+    if root.tag == "mujoco" and not element.get("name"):
+        element.set("name", Path(file).stem)
+    element.set(key, own)
+    return f"meshes that MuJoCo cannot read are converted: {Path(file).suffix}"
 
 
 def _folder(path: Path, name: str) -> str:

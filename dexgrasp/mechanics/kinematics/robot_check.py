@@ -278,7 +278,9 @@ def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
 def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Palms that look down on the middle of the table."""
     found, total = len(_palms_down(cell)), len(_PALMS)
-    mend = "change the arm's `home` or `starts`, or the mount: palms look along its flange"
+    mend = (
+        f"a longer arm (this one reaches {cell.robot.arm.reach:.2f} m), its `home` or `starts`, or the mount"
+    )
     what = f"{found} of {total} palm poses over the table are reached"
     yield _finding(found >= 0.5 * total, what, mend)
 
