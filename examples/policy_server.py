@@ -37,7 +37,7 @@ network = torch.nn.Sequential(  # yours: torch.load, torch.jit.load, or a functi
 
 
 def answer(socket: ServerConnection) -> None:
-    """Say what is served, then answer each observation with the next actions."""
+    """Send what is served, then answer each observation with the next actions."""
     socket.send(msgpack.packb(ABOUT))
     for message in socket:
         observation = msgpack.unpackb(message, object_hook=unpack_array)
