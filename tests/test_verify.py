@@ -49,8 +49,8 @@ def test_a_grasp_without_a_way_to_it_is_not_verified(contents, check):
 
 
 SHARED = {
-    "geometry.mesh_distance", "grasp.identity", "grasp.trajectory", "grasp.probability", "grasp.record",
-    "grasp.thresholds",
+    "geometry.mesh_distance", "geometry.request", "grasp.identity", "grasp.trajectory", "grasp.probability",
+    "grasp.record", "grasp.thresholds",
 }  # fmt: skip
 """All of the library that the judge imports, also within functions."""
 
