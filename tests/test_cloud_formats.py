@@ -146,13 +146,7 @@ def test_poses_in_numbers(tmp_path):
     np.testing.assert_allclose(read_pose(f"[{place}] {x}, {y}, {z}, {w} xyzw"), POSE, atol=1e-9)
     np.save(tmp_path / "a.npy", POSE)
     np.testing.assert_array_equal(read_pose(str(tmp_path / "a.npy")), POSE)
-    for wrong, words in {
-        "1 2 3": "4 x 4 numbers",
-        "1 2 3 1 1 1 1": "length 2",
-        "nowhere.txt": "cannot read nowhere.txt",
-        "900 0 0 0 0 0 1": "900 m away",
-        "1 0 0 0 1 0 0 0 -1 0 0 0": "right-handed",
-    }.items():
+    for wrong, words in mistakes("poses_in_numbers").items():
         with refused(words):
             read_pose(wrong)
 

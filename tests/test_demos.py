@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from processes import typed
 from refusals import refused
 from robots import CELL, HOME
-from tables import mistakes
+from tables import mistakes, table
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.agents.hardcoded import HardcodedAgent
@@ -38,15 +38,7 @@ def test_varied_objects_are_the_same_by_number_and_differ_between_numbers():
         resolve_targets(["varied-6..3"])
 
 
-@pytest.mark.parametrize(
-    ("mode", "scale"),
-    [
-        ("joint_position", 1.0),
-        ("joint_delta", 0.7),
-        ("ee_delta", 1.0),
-        ("ee_delta", 0.7),
-    ],
-)
+@pytest.mark.parametrize(("mode", "scale"), table("paces"))
 def test_actions_of_every_mode_follow_the_same_set_points(mode, scale):
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode=mode, action_scale=scale)
     env.reset(seed=0)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from robots import ARM_JOINTS, CELL, HAND_JOINTS, HOME, LOWER, ROBOT, UPPER
+from tables import table
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
@@ -62,19 +63,13 @@ def folder(trajectory, tmp_path):
     return tmp_path
 
 
-PANDA = {
-    "lower": (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973),
-    "upper": (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973),
-    "velocity": (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61),
-    "acceleration": (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
-    "jerk": (7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0),
-}
+PANDA = table("panda")
 
 
 @pytest.mark.parametrize("quantity", PANDA)
 def test_the_arm_has_its_makers_limits(quantity):
     """Typed again: trajectories are held to the robot's file alone."""
-    assert getattr(ROBOT.arm.joints, quantity) == PANDA[quantity]
+    assert list(getattr(ROBOT.arm.joints, quantity)) == PANDA[quantity]
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from refusals import refused
+from tables import table
 
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.user_mesh import read_mesh
@@ -11,8 +12,8 @@ from dexgrasp_env.objects.user_mesh import read_mesh
 pytestmark = pytest.mark.usefixtures("own_cache")
 
 BALL = trimesh.creation.icosphere(2, 0.03)
-U = np.array([(0, 0), (9, 0), (9, 6), (7, 6), (7, 2), (2, 2), (2, 6), (0, 6)]) / 100
-ARROW = np.array([(0, 0), (8, -4), (2, 0), (8, 4)]) / 100
+U = np.array(table("outline_u")) / 100
+ARROW = np.array(table("outline_arrow")) / 100
 """Concave outlines: a fan over the first is wrong from most corners, over the second from two of four."""
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from lift_envs import finished
 from refusals import refused
+from tables import table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
@@ -79,9 +80,7 @@ def test_cameras_look_ten_times_a_second():
     assert new == [False, True, False, True, False]
 
 
-@pytest.mark.parametrize(
-    ("name", "more"), [("Lift-v2", {"backend": "warp"}), ("ClutterSparse-v1", {}), ("Place-v2", {})]
-)
+@pytest.mark.parametrize(("name", "more"), table("moved"))
 def test_where_nothing_moves_that_is_said(name, more):
     with refused("valid"):
         gym.make(f"DexGrasp/{name}", disturbance=MOVED, objects="soda", **more)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from oracles import closed, pyramid_violation, random_grasps, sample_box, sample_can
+from tables import table
 
 from dexgrasp.mechanics.closure import closure_sweep
 from dexgrasp.mechanics.cones import C, tangent_basis
@@ -75,11 +76,7 @@ def test_basis_is_right_handed_for_every_normal():
 
 def test_ratios():
     p = np.array([[0.05, 0, 0], [-0.05, 0, 0]])
-    for forces, ratios in (
-        ([[-1, 0, 0], [1, 0, 0]], (0, 0)),  # balanced
-        ([[0, 1, 0], [0, 1, 0]], (100, 0)),
-        ([[0, 1, 0], [0, -1, 0]], (0, 100)),  # turning
-    ):
+    for forces, ratios in table("wrench_ratios"):
         assert wrench_ratios(p, np.array(forces, float), np.zeros(3)) == pytest.approx(ratios)
 
 

@@ -14,6 +14,7 @@ from gymnasium.wrappers import RecordVideo
 from gymnasium.wrappers.vector import RecordVideo as VectorRecordVideo
 from processes import python
 from refusals import refused
+from tables import table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
@@ -40,16 +41,7 @@ def scene(group=2):
     return model, data
 
 
-@pytest.mark.parametrize(
-    ("present", "expected"),
-    [
-        ((), None),
-        (("libOSMesa.so.8",), "osmesa"),
-        (("libEGL.so.1", "libGL.so.1"), "egl"),
-        (("libEGL.so.1", "libOSMesa.so.8"), "osmesa"),  # libEGL alone cannot make a context
-        (("libEGL.so.1",), None),
-    ],
-)
+@pytest.mark.parametrize(("present", "expected"), table("libraries_of_gl"))
 def test_the_first_library_that_is_there(present, expected, monkeypatch):
     def load(library):
         if library not in present:

@@ -75,11 +75,7 @@ def test_the_judge_refuses_a_grasp_that_is_not_as_asked():
     for name, asked in wrong.items():
         checks = verify(record_of(content | {"request": asked}))
         assert [check.name for check in checks if not check.holds] == [name]
-    for asked in (
-        {"hold": [{"low": [0, 0, 0]}]},
-        {"hold": [{"radius": 1.0}]},
-        {"approach": {"direction": [0, 0, 0]}},
-    ):
+    for asked in mistakes("requests_in_files"):
         with pytest.raises(InputError, match=r"request|region|approach"):
             record_of(content | {"request": asked})
 
@@ -179,13 +175,7 @@ def test_the_command_takes_it(tmp_path, capsys):
     grasp = json.loads(capsys.readouterr().out)["grasp"]
     assert all(contact["point"][1] > 0.02 for contact in grasp["contacts"])
     assert grasp["request"]["approach"]["degrees"] == 60.0
-    for options, words in (
-        (["--hold", "cube:1"], "valid is box:X0,Y0,Z0"),
-        (["--avoid", "sphere:0,0,0,-1"], "radius above 0"),
-        (["--approach", "below"], "valid is top, side, front"),
-        (["--fingers", "thumb", "nose"], "valid are thumb index middle"),
-        (["--hold", "mask:none.npy"], "none.npy"),
-    ):
+    for options, words in mistakes("request_words"):
         assert main([*base, *options]) == 2, options
         assert words in capsys.readouterr().err
     assert typed(f"plan pear --hold mask:{tmp_path / 'mask.npy'}") == 2
@@ -198,11 +188,7 @@ def test_what_is_known_of_the_object_is_of_the_request_and_judged():
     assert all(check.holds for check in checks.values())
     assert plan.grasp.certificate.mass == 0.2
     (content,) = plan.contents("block")
-    for asked, name in (
-        ({"friction": 0.3}, "friction over the request's"),
-        ({"mass": 0.3}, "mass off the request's"),
-        ({"min_probability": 0.9999}, "probability to be lifted and held"),
-    ):
+    for asked, name in mistakes("known_otherwise"):
         refused = verify(record_of(content | {"request": asked}))
         assert [check.name for check in refused if not check.holds] == [name]
     sure = plan_cloud(block(), seed=2, request=GraspRequest(min_probability=0.9999))
@@ -210,17 +196,7 @@ def test_what_is_known_of_the_object_is_of_the_request_and_judged():
     assert sure.relaxation.startswith("none held with probability 0.9999; one with 0.")
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"mass": -1.0},
-        {"friction": 0},
-        {"min_probability": 1.5},
-        {"count": 2.5},
-        {"seconds": "long"},
-        {"hold": 3},
-    ],
-)
+@pytest.mark.parametrize("wrong", mistakes("request_settings"))
 def test_nonsense_in_python_is_refused_as_elsewhere(wrong):
     (name,) = wrong
     with pytest.raises(InputError, match=f"{name} is .*: valid is"):

@@ -10,6 +10,7 @@ import yaml
 from numpy.testing import assert_allclose
 from planned import lying
 from refusals import refused
+from tables import table
 
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
@@ -24,11 +25,7 @@ from dexgrasp_env.robot.rebuilt import compiled
 from dexgrasp_env.robot.robot_file import make_hand
 from dexgrasp_env.robot.source import read_source
 
-FINGERS = {  # name: origin, roll pitch yaw, range of the flexing joint, and how far the first one spreads
-    "fore": ("0 0.03 0", "0 0 0", (0, 1.6), 0.5),
-    "mid": ("0 -0.03 0", "0 0 0", (0, 1.6), 0.5),
-    "thumb": ("0.01 0 -0.08", "-1.5707963 0 -1.5707963", (-0.8, 1.2), 0.5),
-}
+FINGERS = table("fingers")
 LINK = (
     '<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{ixx}" iyy="1e-5" izz="1e-5" ixy="0" ixz="0"'
     ' iyz="0"/></inertial><{tag}><origin xyz="0 0 {z}"/><geometry>{shape}</geometry></{tag}></link>'
@@ -210,11 +207,7 @@ def test_springs_that_are_left_out_are_noted(tmp_path):
     assert any("springs of fore_curl" in note for note in HandMaker(mjcf(tmp_path, edit)).notes)
 
 
-AROUND = {  # three fingers around a base, bent towards its axis
-    "one": ("0.05 0 0", "0 0 3.1415927", (-0.2, 1.4), 0.4),
-    "two": ("-0.025 0.0433 0", "0 0 -1.0471976", (-0.2, 1.4), 0.4),
-    "three": ("-0.025 -0.0433 0", "0 0 1.0471976", (-0.2, 1.4), 0.4),
-}
+AROUND = table("fingers_around")
 
 
 @pytest.mark.parametrize("either", [False, True])

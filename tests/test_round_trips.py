@@ -258,13 +258,7 @@ def test_statistics_that_are_not_there_are_missed(tmp_path):
     assert "what VecNormalize counted" in make_agent(str(tmp_path / "p.zip")).assumed
 
 
-@pytest.mark.parametrize(
-    ("name", "told"),
-    [
-        ("LiftOnce-v0", {"control_mode": "grasp_once"}),
-        ("LiftStaged-v0", {"control_mode": "grasp", "hold": 28}),
-    ],
-)
+@pytest.mark.parametrize(("name", "told"), table("once_and_staged"))
 def test_a_checkpoint_of_features_acts_where_it_was_trained(name, told, tmp_path):
     library = pytest.importorskip("stable_baselines3")
     env = gym.make(f"DexGrasp/{name}", objects="lego")

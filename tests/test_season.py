@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 
 import pytest
 from project_scripts import load_script
+from tables import table
 
 from dexgrasp_env.errors import InputError
 
@@ -14,14 +15,7 @@ beacon, commitment, pages, season = map(
     load_script, ("beacon", "season_commitment", "season_pages", "season")
 )
 
-ENTRY = {
-    "agents": ["random"],
-    "objects": ["mask"],
-    "protocols": ["lift"],
-    "trials": 1,
-    "seeds": 2,
-    "title": "Two.",
-}
+ENTRY = table("season_entry")
 ROUND = 657413
 SIGNATURE = "b713718a38ae728dfd477991af2822e08d2f305e47718cef9f7848ce4050e7be41076862b98fad56e91a6b85b89cd97b"
 """Of that round, as published."""

@@ -8,6 +8,7 @@ import pytest
 from refusals import rejected
 from robots import CELL
 from seen_tables import AMID, GIVEN, block, flat, height_over, leaning, seen_at, standing, without
+from tables import table
 
 from dexgrasp.export.check import check_trajectory
 from dexgrasp.export.grasp_export import export_grasp
@@ -249,16 +250,7 @@ def test_what_is_level_beside_or_above_is_an_obstacle():
 
 
 @pytest.mark.skipif(not GIVEN.is_dir(), reason="clouds of others are not here")
-@pytest.mark.parametrize(
-    ("name", "height", "lean"),
-    [
-        ("table_as_said", 0.0, 0.0),
-        ("table_12mm_high", 0.012, 0.0),
-        ("plate_20mm_beside", 0.0, 0.0),
-        ("leans_2.5deg_about_the_object", 0.0, 2.4),
-        ("shelf_over_the_table", 0.0, 0.3),
-    ],
-)
+@pytest.mark.parametrize(("name", "height", "lean"), table("tables_seen"))
 def test_given_clouds_are_planned_clear_of_their_table(name, height, lean):
     points = read_scan(GIVEN / f"{name}.ply")
     table = find_object(points, np.random.default_rng(0), CELL).table

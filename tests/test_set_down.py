@@ -9,6 +9,7 @@ import trimesh
 from processes import typed
 from refusals import rejected
 from scipy.spatial.transform import Rotation
+from tables import mistakes
 from test_request import block
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
@@ -72,14 +73,7 @@ def test_the_judge_refuses_another_goal_and_a_changed_way(content):
         record_of(content | {"request": None})
 
 
-@pytest.mark.parametrize(
-    ("goal", "reason"),
-    [
-        ((0.9, 0.0, 0.0), "goal_off_table"),
-        ((0.45, -0.2, 0.1), "goal_not_on_table"),
-        ((0.84, 0.53, 0.0), "goal_out_of_reach"),
-    ],
-)
+@pytest.mark.parametrize(("goal", "reason"), mistakes("goals"))
 def test_a_goal_that_cannot_be_is_refused_with_its_reason(goal, reason):
     plan = asked(*goal)
     assert plan.reason == f"no_grasp:{reason}"
