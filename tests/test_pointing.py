@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 from processes import typed
+from refusals import refused
 from tables import mistakes, table
 from test_scene_cloud import scene_points
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.selection import point_of_pixel
 
 PLACES = ((0.5, 0.12), (0.5, -0.02), (0.5, -0.2))
@@ -99,5 +99,5 @@ def test_a_pixel_is_the_point_behind_it(tmp_path):
     (tmp_path / "cameras.yaml").write_text(json.dumps(content))
     np.testing.assert_allclose(point_of_pixel(tmp_path, "front", 4, 3), [0.15, 0.15, 0.5])
     for wrong in mistakes("pixels"):
-        with pytest.raises(InputError):
+        with refused():
             point_of_pixel(tmp_path, *wrong)

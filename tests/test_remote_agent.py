@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import typed
+from refusals import refused
 from websockets.sync.server import serve
 
-from dexgrasp.cli.main import main
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.runs.messages import pack, unpack
-from dexgrasp_env.errors import InputError
 
 STATE = {"obs_mode": "state", "control_mode": "joint_delta"}
 
@@ -101,7 +101,7 @@ def test_what_a_server_says_of_itself_is_part_of_the_run(tmp_path):
     with PolicyServer(still, {"env_settings": STATE, "weights": "a"}) as server:
         outcomes(server.name, tmp_path)
         server.metadata = {"env_settings": STATE, "weights": "b"}
-        with pytest.raises(InputError, match="weights: a there, b now"):
+        with refused("weights: a there, b now"):
             outcomes(server.name, tmp_path)
 
 
@@ -120,13 +120,13 @@ def test_trials_that_met_no_server_are_made_again(tmp_path):
     assert len(rows) == 5
     assert resumed["failures"] == whole["failures"]
     assert resumed["trials"] == 3
-    with pytest.raises(InputError, match="no policy server"):
+    with refused("no policy server"):
         outcomes(server.name, tmp_path / "run", trials=3)
 
 
 def test_what_the_protocol_decides_is_no_wish_of_a_server(capsys):
     with PolicyServer(still, {"env_settings": {"friction": 3}}) as server:
-        assert main(["evaluate", "--agents", server.name, "--objects", "pear", "--trials", "1"]) == 2
+        assert typed(f"evaluate --agents {server.name} --objects pear --trials 1") == 2
         assert "which the protocol decides" in capsys.readouterr().err
 
 

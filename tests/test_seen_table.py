@@ -5,6 +5,7 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from refusals import rejected
 from robots import CELL
 from seen_tables import AMID, GIVEN, block, flat, height_over, leaning, seen_at, standing, without
@@ -144,10 +145,10 @@ def test_the_robot_at_a_seen_table_is_the_one_that_would_be_compiled_there():
     there = CELL.seeing(SeenTable.of(flat(rng, (0.4, -0.1), (0.6, 0.1)) @ T[:3, :3].T + T[:3, 3]))
     fresh, moved = robot_spec(there).compile(), compiled_robot(there)
     for name in ("body_pos", "body_quat", "geom_pos", "geom_quat", "site_pos", "jnt_axis"):
-        np.testing.assert_array_equal(getattr(moved, name), getattr(fresh, name))
+        assert_array_equal(getattr(moved, name), getattr(fresh, name))
     tree, before = robot_tree(there), robot_tree(CELL)
     assert not np.array_equal(tree.rotation[0], before.rotation[0])
-    np.testing.assert_array_equal(tree.rotation[1:], before.rotation[1:])
+    assert_array_equal(tree.rotation[1:], before.rotation[1:])
 
 
 def test_a_table_elsewhere_is_said_with_both_figures():

@@ -2,6 +2,7 @@
 
 import gymnasium as gym
 import numpy as np
+from tables import table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 
@@ -17,17 +18,7 @@ RANDOM = {
 }
 
 
-TOLD_ONCE = {
-    "action_space",
-    "observation_space",
-    "control_period",
-    "mount",
-    "cell",
-    "obs_mode",
-    "control_mode",
-    "observe",
-    "tray",
-}
+TOLD_ONCE = {*table("told_once")}
 """Keys of a single reset's info that are of the environment, not of the episode: `SingleEnv.agent_info`."""
 
 
