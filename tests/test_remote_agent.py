@@ -5,12 +5,14 @@ import subprocess
 import threading
 import time
 import venv
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from processes import typed
 from refusals import refused
+from tables import table
 from websockets.sync.server import serve
 
 from dexgrasp.evaluation.evaluate import evaluate
@@ -63,6 +65,10 @@ def slow(_message, _number):
     return {"actions": np.zeros((1, 23))}
 
 
+def answer(name, shape, number, *_):
+    return {name: np.full(shape, number)}
+
+
 @pytest.mark.parametrize(
     ("policy", "reason", "words"),
     [
@@ -70,11 +76,7 @@ def slow(_message, _number):
         (lambda message, number: None if number == 2 else still(message, number), "server_gone", "broke"),
         (lambda *_: "out of memory\nof the accelerator", "server_error", "out of memory"),
         (lambda *_: b"\xc1", "bad_answer", "msgpack"),
-        (lambda *_: {"action": np.zeros(23)}, "bad_answer", "no actions, but action"),
-        (lambda *_: {"actions": np.zeros((4, 22))}, "bad_answer", "(4, 22)"),
-        (lambda *_: {"actions": np.zeros((0, 23))}, "bad_answer", "(0, 23)"),
-        (lambda *_: {"actions": ["left"]}, "bad_answer", "no numbers"),
-        (lambda *_: {"actions": np.full((1, 23), np.nan)}, "bad_answer", "not finite"),
+        *((partial(answer, *given), "bad_answer", words) for *given, words in table("bad_answers")),
     ],
 )
 def test_a_fault_of_the_server_is_a_failure_with_its_reason(policy, reason, words, tmp_path):

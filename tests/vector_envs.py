@@ -8,14 +8,7 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 
 ID = "DexGrasp/Lift-v2"
 OBJECTS = ["sugar_box", "massage_ball", "soda"]
-RANDOM = {
-    "mass": (0.5, 2.0),
-    "friction": (0.3, 1.2),
-    "size": (0.9, 1.1),
-    "gain": (0.8, 1.2),
-    "latency": (0.0, 0.04),
-    "joint_noise": (0.0, 0.01),
-}
+RANDOM = table("random_scenes")
 
 
 TOLD_ONCE = {*table("told_once")}
