@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from refusals import refused
-from tables import mistakes
+from tables import mistakes, table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.evaluation.evaluate import evaluate
@@ -16,11 +16,7 @@ from dexgrasp_env.poses import quat_multiply, rotate
 from dexgrasp_env.tasks.arrangement import gap_between, outline
 from dexgrasp_env.tasks.constants import TOPPLED
 
-FEW = {
-    "objects": ["sugar_box", "pear"],
-    "neighbour_objects": ["soda", "lego", "webcam"],
-    "neighbours": (2, 3),
-}
+FEW = table("few_neighbours")
 KINDS = {"Sparse": (0.02, 0.05), "Dense": (0.005, 0.02), "Heap": None}
 HOME = np.zeros(23, np.float32)
 

@@ -118,10 +118,7 @@ def test_every_format_holds_the_same_rows(trajectory, folder, tmp_path):
         assert np.array_equal(found.hand.positions, trajectory.hand)
 
 
-@pytest.mark.parametrize(
-    ("column", "change", "found"),
-    [(3, 0.004, "velocity"), (1, 2e-5, "acceleration"), (4, 1e-5, "jerk"), (5, 3.9, "joint limits")],
-)
+@pytest.mark.parametrize(("column", "change", "found"), table("changed_numbers"))
 def test_one_changed_number_is_found(folder, column, change, found):
     lines = (folder / "arm.csv").read_text().splitlines()
     row = lines[900].split(",")

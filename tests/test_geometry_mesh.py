@@ -33,7 +33,7 @@ def points():
 
 
 def test_exact_box_inside_outside_and_beside_sharp_edges(box, points):
-    corners = SIDES / 2 * np.array([[1, 1, 1], [1, 1, 0.3], [-1, 0.2, 1]])
+    corners = SIDES / 2 * np.array(table("places_on_a_box"))
     near = (corners[:, None] + 1e-4 * np.random.default_rng(1).normal(size=(3, 200, 3))).reshape(-1, 3)
     for queries in (points, near):
         assert_allclose(closest_on_mesh(box, queries).distances, box_distance(queries, SIDES), atol=1e-15)

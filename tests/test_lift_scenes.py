@@ -39,13 +39,7 @@ def test_cameras_look_again_once_the_arm_is_home():
 
 
 def test_randomised_values_are_told():
-    ranges = {
-        "mass": (1.5, 2),
-        "friction": (0.3, 0.5),
-        "gain": (0.8, 0.9),
-        "latency": (0.01, 0.04),
-        "joint_noise": (0.01, 0.02),
-    }
+    ranges = table("ranges")
     env = make(randomisation=ranges, mass=2.0)
     observation, info = env.reset(seed=0)
     told = info["variation"]

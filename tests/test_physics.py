@@ -97,14 +97,14 @@ def test_axis_aligned_and_degenerate_grasps_give_finite_answers():
     triples = np.random.default_rng(6).integers(0, 30, (500, 3))
     for p, n in zip(np.round(points, 2)[triples], normals[triples], strict=True):
         assert all(np.isfinite(part).all() for part in cone_margin(p, n, 0.5, shape_of(3)))
-    line = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]])
+    line = np.array(table("in_line"))
     value, dp, _, _ = cone_margin(line, np.eye(3), 0.5, shape_of(3))
     assert value == UNDEFINED
     assert not dp.any()
 
 
-POINTS = np.array([[0.03, 0, 0.05], [-0.03, 0.02, 0.05], [-0.03, -0.02, 0.05]])
-NORMALS = np.array([[1.0, 0, 0], [-1, 0, 0], [-1, 0, 0]])
+POINTS = np.array(table("squeezed"))
+NORMALS = np.array(table("squeezed_normals"))
 COM = np.array([0.0, 0, 0.05])
 MU, MASS = 0.5, 0.3
 

@@ -64,14 +64,19 @@ def test_soft_tips_turn_against_friction():
     assert base.eq_type[coupling.id] == mujoco.mjtEq.mjEQ_JOINT
 
 
+def lifted(settings, folder, cell):
+    """Evaluate on one scene, in which the object is lifted; return the grasp."""
+    evaluate(settings, folder)
+    (row,) = read_rows(folder)
+    assert row["success"], row["reason"]
+    return read_grasp(folder / row["grasp"], cell)
+
+
 def test_it_lifts_what_is_pushed_and_the_judge_agrees(tmp_path):
     settings = EvaluationSettings.of(
         ["bilevel"], ["glasses_case"], trials=1, seed=1000, robot="panda_gripper", protocols=["pushed@1"]
     )
-    evaluate(settings, tmp_path)
-    (row,) = read_rows(tmp_path)
-    assert row["success"], row["reason"]
-    record = read_grasp(tmp_path / row["grasp"], CELL)
+    record = lifted(settings, tmp_path, CELL)
     assert rejected(record) == []
     assert record.forces.shape == (2, 4)
     squeeze = grasp_facts(record, CELL, 6000.0)["squeeze"]
@@ -199,10 +204,7 @@ def test_on_an_object_the_stop_bears_what_the_tendon_cannot(made):
 
 def test_it_lifts_and_the_judge_agrees(made, tmp_path):
     settings = EvaluationSettings.of(["bilevel"], ["pear"], trials=1, seed=1000, robot=str(made))
-    evaluate(settings, tmp_path)
-    (row,) = read_rows(tmp_path)
-    assert row["success"], row["reason"]
-    record = read_grasp(tmp_path / row["grasp"], make_cell(made))
+    record = lifted(settings, tmp_path, make_cell(made))
     checks = verify(record)
     assert [check for check in checks if not check.holds] == []
     assert "torque on the stops of tendons" in [check.name for check in checks]

@@ -66,7 +66,7 @@ def bad_file(folder: Path, defect: str) -> Path:
         "centimetres": CAPSULE.copy().apply_scale(100),
         "tiny": CAPSULE.copy().apply_scale(0.01),
         "nan": bare(nan, CAPSULE.faces),
-        "flat": bare([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]], [[0, 1, 2], [0, 2, 3]]),
+        "flat": bare(table("square"), [[0, 1, 2], [0, 2, 3]]),
         "points": trimesh.PointCloud(CAPSULE.vertices),
     }
     if defect in meshes:
