@@ -19,7 +19,7 @@ from dexgrasp_env.scene.build import build_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 from compare_engines import CompareEngines, rank_violation
-from engines.worlds import PACKAGES, make_world
+from engines.scene import PACKAGES, make_world
 from replay_engine import ReplayEngine, replay
 
 REST = [0.5, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]

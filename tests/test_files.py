@@ -134,8 +134,7 @@ def test_yaml_is_that_of_1_2(tmp_path):
         "a: 010\nb: 0o10\nc: 1:30\nd: on\ne: true\nf: 0x1F\ng: 2026-01-01\nh: &h {x: 1}\ni: {<<: *h, y: ~}\n"
     )
     (tmp_path / "x.yaml").write_text(text, encoding="utf-16")
-    known = {"a": 10, "b": 8, "c": "1:30", "d": "on", "e": True, "f": 31, "g": "2026-01-01", "h": {"x": 1}}
-    assert read_yaml(tmp_path / "x.yaml") == known | {"i": {"x": 1, "y": None}}
+    assert read_yaml(tmp_path / "x.yaml") == table("yaml_of_1_2")
 
 
 @pytest.mark.parametrize(

@@ -98,12 +98,7 @@ def test_cameras_for_people_and_their_size():
 @NEEDS_GL
 def test_gymnasiums_videos_are_written(tmp_path):
     pytest.importorskip("moviepy")
-    settings = {
-        "objects": "sugar_box",
-        "render_mode": "rgb_array",
-        "render_size": (64, 64),
-        "max_episode_steps": 4,
-    }
+    settings = table("videos")
     for folder, env in (
         ("one", RecordVideo(gym.make("DexGrasp/Lift-v2", **settings), str(tmp_path / "one"))),
         (
