@@ -76,6 +76,7 @@ def answer(name, shape, number, *_):
         (lambda message, number: None if number == 2 else still(message, number), "server_gone", "broke"),
         (lambda *_: "out of memory\nof the accelerator", "server_error", "out of memory"),
         (lambda *_: b"\xc1", "bad_answer", "msgpack"),
+        (lambda *_: {"actions": ["left"]}, "bad_answer", "no numbers"),
         *((partial(answer, *given), "bad_answer", words) for *given, words in table("bad_answers")),
     ],
 )
