@@ -18,8 +18,7 @@ from typing import Annotated, Any
 import gymnasium as gym
 import mujoco
 import numpy as np
-from engines.scene import HEIGHT, SetPoints, play
-from engines.worlds import PACKAGES, make_world
+from engines.scene import PACKAGES, SetPoints, make_world, play
 from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, Folder, Script
@@ -29,8 +28,10 @@ from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.evaluation.trial_runner import TrialRunner
+from dexgrasp.export.replay import HEIGHT
 from dexgrasp_env.arrays import Array, Fields, Index
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import one_of
 
 _HOLD = 2.8  # s at the end in which the object has to be up: a trial ends when it has been so for 3
 
@@ -83,12 +84,9 @@ class CompareEngines(Script):
     trials: int = 1
     seed: int = 0
     protocols: Annotated[tuple[str, ...], "--protocol", "PROTOCOL"] = ("lift",)
-    engines: Annotated[tuple[str, ...], "ENGINE"] = tuple(PACKAGES)
+    engines: tuple[Annotated[str, one_of(PACKAGES)], ...] = tuple(PACKAGES)
 
     def run(self) -> int:
-        for engine in self.engines:
-            if engine not in PACKAGES:
-                raise InputError(f"{engine!r} is no engine: take {', '.join(PACKAGES)}")
         settings = EvaluationSettings.of(
             self.agents, self.objects, trials=self.trials, seed=self.seed, protocols=self.protocols
         )
@@ -101,10 +99,8 @@ class CompareEngines(Script):
         path = self.out / "rows.jsonl"
         rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
         known = {(row["protocol"], row["agent"], row["object"], row["trial"]) for row in rows}
-        runner, left = (
-            TrialRunner(settings),
-            [spec for spec in plan_trials(settings) if spec.key not in known],
-        )
+        runner = TrialRunner(settings)
+        left = [spec for spec in plan_trials(settings) if spec.key not in known]
         with path.open("a") as file:
             for spec in tqdm(left, unit="trial"):
                 row = dict(zip(("protocol", "agent", "object", "trial"), spec.key, strict=True))

@@ -15,14 +15,13 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from engines.scene import HEIGHT, SetPoints, play
-from engines.worlds import make_world
+from engines.scene import SetPoints, make_world, play
 from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, Folder, InCell, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.export.read import Recording, read_trajectory
-from dexgrasp.export.replay import HOLD, displace, load_scene, set_points
+from dexgrasp.export.replay import HEIGHT, HOLD, displace, load_scene, set_points
 from dexgrasp_env.valid import Count, Natural
 
 

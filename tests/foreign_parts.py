@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import mujoco
+from tables import table
 
 from dexgrasp_env.assets import asset_path
 
@@ -25,8 +26,7 @@ def foreign_hand(folder: Path) -> Path:
     return path
 
 
-_SIX = (("0 0 0.16", "0 0 1"), ("0 0.13 0", "0 1 0"), ("0 -0.12 0.42", "0 1 0"), ("0 0 0.39", "0 1 0"),
-        ("0 0.12 0", "0 0 1"), ("0 0 0.1", "0 1 0"))  # fmt: skip
+_SIX = table("six_joints")
 """Where each joint of an arm like a UR5 sits in the body before, and its axis."""
 
 

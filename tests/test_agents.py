@@ -15,6 +15,7 @@ import pytest
 import trimesh
 from lift_envs import finished
 from numpy.testing import assert_array_equal
+from processes import python
 from refusals import refused
 from robots import HOME, ROBOT
 from tables import mistakes
@@ -170,10 +171,7 @@ def test_an_agent_rests_on_what_it_reads_under_whatever_name(tmp_path):
     surroundings = os.environ | {"ELSEWHERE": str(tmp_path / "elsewhere/part.txt")}
 
     def identity():
-        done = subprocess.run(
-            [sys.executable, "-c", ask], cwd=tmp_path, env=surroundings, capture_output=True, text=True, check=True
-        )  # fmt: skip
-        return json.loads(done.stdout)
+        return json.loads(python(ask, cwd=tmp_path, env=surroundings))
 
     before = identity()
     assert identity() == before  # whether modules are compiled by now or not
@@ -187,6 +185,7 @@ def test_an_agent_rests_on_what_it_reads_under_whatever_name(tmp_path):
         before = after
 
 
+EVALUATE = "-m dexgrasp.cli.main evaluate --agents late:Late --objects pear --trials 1 --out run"
 READS_LATE = """
 import runpy, numpy as np
 from dexgrasp.agent import Agent
@@ -202,19 +201,9 @@ def test_what_an_agent_reads_while_it_acts_counts(tmp_path, monkeypatch, changed
     monkeypatch.chdir(tmp_path)
     for name, text in {"late.py": READS_LATE, "gain.py": "GAIN = 0.1", "weights.txt": "0.5"}.items():
         (tmp_path / name).write_text(text)
-    words = [
-        sys.executable,
-        "-m",
-        "dexgrasp.cli.main",
-        "evaluate",
-        "--agents",
-        "late:Late",
-        "--objects",
-        "pear",
-    ]
 
     def evaluated():
-        return subprocess.run([*words, "--trials", "1", "--out", "run"], capture_output=True, text=True)
+        return subprocess.run([sys.executable, *EVALUATE.split()], capture_output=True, text=True)
 
     assert evaluated().returncode == evaluated().returncode == 0
     (tmp_path / changed).write_text((tmp_path / changed).read_text() + " ")

@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_less
 from planned import lying
 from robots import CELL, HOME, ROBOT, denormalise
+from tables import table
 
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
@@ -86,9 +87,7 @@ def carried(motion, turn):
     return GuardedCarry(motion, turn) if isinstance(motion, GuardedGrasp) and motion.done else motion
 
 
-@pytest.mark.parametrize(
-    ("free", "turned", "lost"), [(1, 0, False), (1, 1, False), (3, 0, True), (3, 1, True)]
-)
+@pytest.mark.parametrize(("free", "turned", "lost"), table("let_go"))
 def test_one_free_finger_of_what_hangs_is_no_loss(heavy, free, turned, lost):
     plan, _, turn = heavy
     grasp, script = plan.grasp, plan.script

@@ -6,30 +6,20 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+import tables
 import yaml
 from processes import typed
 from refusals import refused
-from tables import mistakes
 from test_scene_cloud import box, table
 
-from dexgrasp.cli.commands import run_command
 from dexgrasp.data.dataset.generate import _identity
 from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp_env.robot.cell import read_cell
 
-TABLE = 0.08
-LAB = {
-    "schema": 1, "name": "our lab", "table_height": TABLE,
-    "mounts": {"palm_normal": {"position": [0.0475, 0.0, 0.162]}},
-    "arm": {"velocity": [1.0, 1.0, 1.0, 1.0, 1.2, 1.2, 1.2]},
-    "hand": {"torque": 0.5, "stiffness": 8.0},
-    "cameras": [
-        {"name": "left", "position": [0.6, 0.6, 0.5], "look_at": [0.5, 0.0, 0.05]},
-        {"name": "right", "position": [0.6, -0.6, 0.5], "look_at": [0.5, 0.0, 0.05]},
-    ],
-}  # fmt: skip
+LAB = tables.table("lab")
+TABLE = LAB["table_height"]
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +29,7 @@ def lab(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize(("change", "words"), mistakes("cells"))
+@pytest.mark.parametrize(("change", "words"), tables.mistakes("cells"))
 def test_a_mistake_is_said_in_one_line(change, words, tmp_path):
     path = tmp_path / "cell.yaml"
     path.write_text(yaml.safe_dump({"schema": 1, "name": "mine"} | change))
@@ -77,22 +67,20 @@ def test_the_environment_is_of_the_cell(lab):
 
 
 def test_a_grasp_is_planned_verified_and_exported_in_its_cell_alone(lab, tmp_path, capsys):
-    folder, scene = str(tmp_path), str(tmp_path / "scene.npy")
+    folder, scene = tmp_path, tmp_path / "scene.npy"
     rng = np.random.default_rng(0)
     points = np.concatenate([table(rng), box(rng, (0.52, 0.05), np.array([0.06, 0.08, 0.12]))])
     np.save(scene, points + np.array([0.0, 0.0, TABLE]))
-    near = ["0.52", "0.05", str(TABLE + 0.06)]
-    commands = [
-        (["plan", "pear", "--out", folder], 0),
-        (["verify", f"{folder}/grasp.json"], 0),
-        (["export", f"{folder}/grasp.json", "--out", f"{folder}/robot"], 0),
-        (["check", f"{folder}/robot"], 0),
-        (["plan", "--cloud", scene, "--object-near", *near, "--out", f"{folder}/seen"], 0),
-        (["verify", f"{folder}/seen/grasp.json"], 0),
-        (["replay", f"{folder}/none", "--agent=rl", "--object=pear", "--trial=0", "--camera=left"], 2),
-    ]
-    for command, code in commands:
-        assert run_command([*command, "--robot", str(lab)]) == code, command
+    for command, code in {
+        f"plan pear --out {folder}": 0,
+        f"verify {folder}/grasp.json": 0,
+        f"export {folder}/grasp.json --out {folder}/robot": 0,
+        f"check {folder}/robot": 0,
+        f"plan --cloud {scene} --object-near 0.52 0.05 {TABLE + 0.06} --out {folder}/seen": 0,
+        f"verify {folder}/seen/grasp.json": 0,
+        f"replay {folder}/none --agent=rl --object=pear --trial=0 --camera=left": 2,
+    }.items():
+        assert typed(f"{command} --robot {lab}") == code, command
     capsys.readouterr()
     grasp, robot, seen = tmp_path / "grasp.json", tmp_path / "robot", tmp_path / "seen" / "grasp.json"
     for content in (json.loads(path.read_text()) for path in (grasp, seen)):
@@ -102,12 +90,12 @@ def test_a_grasp_is_planned_verified_and_exported_in_its_cell_alone(lab, tmp_pat
         assert abs(min(corner[2] for corner in content["parts"][0]) - TABLE) < 0.004
     exported = np.array(json.loads((robot / "segments.json").read_text())["contacts"]["points"])
     assert np.abs(exported - [c["point"] for c in json.loads(grasp.read_text())["contacts"]]).max() < 1e-12
-    assert run_command(["verify", str(grasp)]) == 1
+    assert typed(f"verify {grasp}") == 1
     assert "FAIL  cell" in capsys.readouterr().out
     assert typed(f"export {grasp} --out {tmp_path / 'other'}") == 1
     assert "NOT exported: verify rejects it (cell" in capsys.readouterr().out
     assert typed(f"view {grasp} --html {tmp_path / 'page.html'}") == 2
-    assert run_command(["check", str(robot)]) == 1
+    assert typed(f"check {robot}") == 1
 
 
 def test_the_page_of_the_docs_shows_a_cell_that_can_be_read(tmp_path):

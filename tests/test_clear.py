@@ -3,12 +3,13 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from refusals import refused
+from tables import mistakes, table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.evaluation.protocol import TrialSeeds, get_protocol
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.registry import placing_agent
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.clear import TRAY
 
 
@@ -25,14 +26,12 @@ def test_what_is_in_the_tray_and_what_has_fallen_is_counted_and_paid_for():
     still, data = np.zeros(env.action_space.shape), env.unwrapped.data
     free = data.qpos[-21:].reshape(3, 7)
     total = 0.0
-    for k, (place, told) in enumerate(
-        [((0.4, 0.5, 0.06), (1, 0)), ((0.62, 0.5, 0.06), (2, 0)), ((0.1, 0.8, -0.3), (2, 1))]
-    ):
+    for k, (place, told) in enumerate(table("cleared")):
         free[k, :3] = place
         for _ in range(2):
             _, reward, terminated, _, info = env.step(still)
             total += reward
-        assert (info["in_tray"], info["off_table"]) == told
+        assert [info["in_tray"], info["off_table"]] == told
         assert (terminated, info["is_success"]) == (False, False)
     assert total == pytest.approx(1 / 3)
     state = env.unwrapped.get_state()
@@ -44,8 +43,8 @@ def test_what_is_in_the_tray_and_what_has_fallen_is_counted_and_paid_for():
 
 
 def test_mistakes_and_protocols():
-    for wrong in ({"neighbours": 3}, {"mask": "true"}, {"bin": True}, {"count": 1}, {"reward_scale": 2.0}):
-        with pytest.raises(InputError):
+    for wrong in mistakes("clear"):
+        with refused():
             made(**{"count": 3} | wrong)
     clear = get_protocol("clear@5")
     assert (clear.scene, clear.places) == ({"count": 5, "max_episode_steps": 2000}, True)

@@ -9,7 +9,7 @@ import textwrap
 
 import pytest
 from processes import typed
-from tables import mistakes
+from tables import mistakes, table
 
 from dexgrasp.cli import doctor
 from dexgrasp.cli.codes import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
@@ -198,6 +198,6 @@ def test_libraries_with_their_own_check_at_exit_print_nothing(tmp_path):
 def test_doctor_says_when_the_wished_backend_draws_nothing(monkeypatch):
     monkeypatch.setattr(doctor, "_renders", lambda backend: "" if backend == "egl" else "does not work")
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    for wish, level in (("foo", "error"), ("osmesa", "error"), ("EGL", "info"), ("on", "info"), ("", "info")):
+    for wish, level in table("gl_wishes"):
         monkeypatch.setenv("DEXGRASP_GL", wish)  # as the command line has put MUJOCO_GL aside
         assert doctor.check_rendering()[-1].level == level, wish

@@ -7,10 +7,12 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 import yaml
+from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
+from processes import typed
 from refusals import refused
 from scipy.spatial.transform import Rotation
-from tables import DATA, mistakes
+from tables import DATA, mistakes, table
 from test_scene_cloud import scene_points
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, OK
@@ -27,32 +29,17 @@ POSE = Camera.look_at("", (1.0, -0.2, 0.7), (0.5, 0.0, 0.0)).T_world_camera
 QUATERNION = Rotation.from_matrix(POSE[:3, :3]).as_quat()  # x y z w
 
 
-def rows(line, points=POINTS):
-    return "\n".join(line.format(*point, n=n) for n, point in enumerate(points))
-
-
-TEXTS = {
-    "a.txt": rows("{0} {1} {2}"),
-    "b.csv": "x,y,z\n" + rows("{0},{1},{2}"),
-    "c.csv": '"time","intensity","X","Y","Z"\n' + rows("{n},0.5,{0},{1},{2}"),
-    "d.pts": "60\n" + rows("{0} {1} {2} -1200 10 20 30"),
-    "e.xyz": "//X Y Z R G B\n60\n" + rows("{0} {1} {2} 1 2 3"),
-    "f.asc": "\ufeff# written by hand\n" + rows("{0};{1};{2}"),
-    "i.csv": ("0;0;0\n" + rows("{0:.6e};{1:+.6f};{2}", POINTS[1:])).replace(".", ","),
-    "j.pcd": "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 60\nHEIGHT 1\nPOINTS 60\nDATA ascii\n"
-    + rows("{0} {1} {2}").replace(".", ","),
-    "k.ply": "ply\nformat ascii 1.0\nelement vertex 60\nproperty float x\nproperty float y\nproperty float z\n"
-    "end_header\n" + rows("{0} {1} {2}").replace(".", ","),
-    "g.csv": "X [m];Y [m];Z (m)\n" + rows("{0};{1};{2}").replace(".", ","),
-    "h.txt": "# made in Jena\n\n" + rows("{0} {1} {2}").replace(".", ",") + " # the last\n",
-}
+TEXTS = table("texts_of_clouds")
 
 
 @pytest.mark.parametrize("name", TEXTS)
 def test_texts(name, tmp_path):
-    (tmp_path / name).write_text(TEXTS[name])
-    first = [np.zeros(3), *POINTS[1:]] if name == "i.csv" else POINTS  # a whole number has no comma
-    np.testing.assert_allclose(read_scan(tmp_path / name).points, first, atol=1e-6)
+    head, line, tail, sign = TEXTS[name]
+    whole = head == "0;0;0\n"  # numbers that have no comma
+    body = "\n".join(line.format(*point, n=n) for n, point in enumerate(POINTS) if n >= whole)
+    (tmp_path / name).write_text(head + body.replace(".", sign) + tail)
+    first = [np.zeros(3)] if whole else POINTS[:1]
+    assert_allclose(read_scan(tmp_path / name).points, [*first, *POINTS[1:]], atol=1e-6)
 
 
 def test_arrays(tmp_path):
@@ -61,9 +48,9 @@ def test_arrays(tmp_path):
         record[axis] = column
     for name, array in {"rows": POINTS.T, "record": record, "grid": POINTS.reshape(6, 10, 3)}.items():
         np.save(tmp_path / f"{name}.npy", array)
-        np.testing.assert_allclose(read_scan(tmp_path / f"{name}.npy").points, POINTS)
+        assert_allclose(read_scan(tmp_path / f"{name}.npy").points, POINTS)
     np.savez(tmp_path / "a.npz", rgb=np.zeros((60, 3), np.uint8), xyz=POINTS)
-    np.testing.assert_allclose(read_scan(tmp_path / "a.npz").points, POINTS)
+    assert_allclose(read_scan(tmp_path / "a.npz").points, POINTS)
     assert len(cloud_of(np.eye(3))) == 3  # three points stay three points
     for wrong in (POINTS > 0.0, POINTS + 0j, np.zeros((3, 6, 10))):
         with refused("a cloud"):
@@ -86,9 +73,9 @@ def test_las(tmp_path):
     with suppress(ImportError):
         importlib.import_module("lazrs")
         scan.write(tmp_path / "a.laz")
-        np.testing.assert_allclose(read_scan(tmp_path / "a.laz").points, POINTS, atol=1e-6)
+        assert_allclose(read_scan(tmp_path / "a.laz").points, POINTS, atol=1e-6)
     scan.write(tmp_path / "a.las")
-    np.testing.assert_allclose(read_scan(tmp_path / "a.las").points, POINTS, atol=1e-6)
+    assert_allclose(read_scan(tmp_path / "a.las").points, POINTS, atol=1e-6)
 
 
 def write_bag(path, clouds, frame="base_link"):
@@ -118,9 +105,9 @@ def write_bag(path, clouds, frame="base_link"):
 @pytest.mark.parametrize("name", ["a.bag", "a"])
 def test_bags(name, tmp_path):
     write_bag(tmp_path / name, {"/points": POINTS})
-    np.testing.assert_allclose(read_scan(tmp_path / name).points, POINTS)
+    assert_allclose(read_scan(tmp_path / name).points, POINTS)
     if name == "a":  # the file in the folder is the folder's
-        np.testing.assert_allclose(read_scan(next((tmp_path / name).glob("*.db3"))).points, POINTS)
+        assert_allclose(read_scan(next((tmp_path / name).glob("*.db3"))).points, POINTS)
     write_bag(tmp_path / f"two{name}", {"/left": POINTS, "/right": -POINTS}, "left_optical_frame")
     with refused("'left_optical_frame' of a camera: .* by --camera-pose"):
         read_scan(tmp_path / f"two{name}#/left")
@@ -129,30 +116,24 @@ def test_bags(name, tmp_path):
     with refused("unknown topic .* '/rigth' .the nearest is '/right'"):
         read_scan(tmp_path / f"two{name}#/rigth")
     seen = read_scan(tmp_path / f"two{name}#/right", T_base_camera=POSE)
-    np.testing.assert_allclose(seen.points, -POINTS @ POSE[:3, :3].T + POSE[:3, 3])
+    assert_allclose(seen.points, -POINTS @ POSE[:3, :3].T + POSE[:3, 3])
 
 
 @pytest.mark.parametrize("path", sorted((DATA / "poses").iterdir()), ids=lambda path: path.name)
 def test_poses(path):
     found = read_pose(str(path))
-    np.testing.assert_allclose(found, POSE, atol=2e-5)
-    np.testing.assert_allclose(found[:3, :3] @ found[:3, :3].T, np.eye(3), atol=1e-9)  # few digits are mended
+    assert_allclose(found, POSE, atol=2e-5)
+    assert_allclose(found[:3, :3] @ found[:3, :3].T, np.eye(3), atol=1e-9)  # few digits are mended
 
 
 def test_poses_in_numbers(tmp_path):
     x, y, z, w = QUATERNION
     place = " ".join(map(str, POSE[:3, 3]))
-    np.testing.assert_allclose(read_pose(f"{place} {w} {x} {y} {z}"), POSE, atol=1e-9)
-    np.testing.assert_allclose(read_pose(f"[{place}] {x}, {y}, {z}, {w} xyzw"), POSE, atol=1e-9)
+    assert_allclose(read_pose(f"{place} {w} {x} {y} {z}"), POSE, atol=1e-9)
+    assert_allclose(read_pose(f"[{place}] {x}, {y}, {z}, {w} xyzw"), POSE, atol=1e-9)
     np.save(tmp_path / "a.npy", POSE)
-    np.testing.assert_array_equal(read_pose(str(tmp_path / "a.npy")), POSE)
-    for wrong, words in {
-        "1 2 3": "4 x 4 numbers",
-        "1 2 3 1 1 1 1": "length 2",
-        "nowhere.txt": "cannot read nowhere.txt",
-        "900 0 0 0 0 0 1": "900 m away",
-        "1 0 0 0 1 0 0 0 -1 0 0 0": "right-handed",
-    }.items():
+    assert_array_equal(read_pose(str(tmp_path / "a.npy")), POSE)
+    for wrong, words in mistakes("poses_in_numbers").items():
         with refused(words):
             read_pose(wrong)
 
@@ -183,9 +164,9 @@ def test_cameras_of_other_programs_are_the_same(tmp_path):
         "named": {"cameras": [{"depth": "d.png", "camera_info": "info.yaml"} | pose]},
     }.items():
         found = read_scan(folder_of(tmp_path / name, content)).points
-        np.testing.assert_allclose(found, expected, atol=1e-9)
+        assert_allclose(found, expected, atol=1e-9)
     alone = folder_of(tmp_path / "alone", CALIBRATION)
-    np.testing.assert_allclose(read_scan(alone, T_base_camera=POSE).points, expected)
+    assert_allclose(read_scan(alone, T_base_camera=POSE).points, expected)
     with refused("T_base_camera is missing: state it there, or by --camera-pose"):
         read_scan(alone)
     with refused("leave --camera-pose out"):
@@ -210,7 +191,7 @@ def test_whole_numbers_are_millimetres_in_any_file(tmp_path):
     entry = {"depth": "d.npy", "width": 16, "height": 12, "T_base_camera": POSE.tolist()} | LENS
     whole = folder_of(tmp_path / "a", {"cameras": [entry]}, np.full((12, 16), 500, np.uint16), "d.npy")
     metres = folder_of(tmp_path / "b", {"cameras": [entry]}, np.full((12, 16), 0.5), "d.npy")
-    np.testing.assert_allclose(read_scan(whole).points, read_scan(metres).points)
+    assert_allclose(read_scan(whole).points, read_scan(metres).points)
 
 
 @pytest.mark.parametrize("count", [4, 5, 8])
@@ -224,8 +205,8 @@ def test_distortion_is_undone(count):
     radial = (1 + k1 * r2 + k2 * r2**2 + k3 * r2**3) / (1 + k4 * r2 + k5 * r2**2 + k6 * r2**3)
     u = 60.0 * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)) + 31.0
     v = 61.0 * (y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y) + 24.0
-    np.testing.assert_allclose(u, np.broadcast_to(np.arange(64), (48, 64)), atol=0.01)
-    np.testing.assert_allclose(v, np.broadcast_to(np.arange(48)[:, None], (48, 64)), atol=0.01)
+    assert_allclose(u, np.broadcast_to(np.arange(64), (48, 64)), atol=0.01)
+    assert_allclose(v, np.broadcast_to(np.arange(48)[:, None], (48, 64)), atol=0.01)
     assert np.abs(x - (np.arange(64) - 31.0) / 60.0).max() > 0.003  # it is no small thing
 
 
@@ -239,7 +220,7 @@ def test_masks_of_images(tmp_path):
     palette.putpalette([0, 0, 0, 9, 9, 9, 200, 10, 10])
     palette.save(tmp_path / "palette.png")
     for name in ("grey", "one", "white", "palette"):
-        np.testing.assert_array_equal(read_mask(tmp_path / f"{name}.png"), marks > 0)
+        assert_array_equal(read_mask(tmp_path / f"{name}.png"), marks > 0)
     Image.fromarray(np.stack([marks * 100, marks, marks], axis=-1)).save(tmp_path / "red.png")
     with refused("has colours"):
         read_mask(tmp_path / "red.png")
@@ -250,17 +231,17 @@ def test_masks_of_images(tmp_path):
 def test_a_cloud_of_the_cameras_frame_is_planned_for_by_its_pose(tmp_path, capsys):
     points = scene_points(np.random.default_rng(3), (0.5, 0.12))
     np.save(tmp_path / "seen.npy", (points - POSE[:3, 3]) @ POSE[:3, :3])
-    objects = ["plan", "--cloud", str(tmp_path / "seen.npy"), "--objects"]
+    objects = f"plan --cloud {tmp_path / 'seen.npy'} --objects"
     x, y, z, w = QUATERNION
     place = " ".join(map(str, POSE[:3, 3]))
-    assert main([*objects, "--camera-pose", f"{place} {w} {x} {y} {z}"]) == OK
+    assert main([*objects.split(), "--camera-pose", f"{place} {w} {x} {y} {z}"]) == OK
     assert "6 x 8 x" in capsys.readouterr().out
     np.savetxt(tmp_path / "inverse.txt", np.linalg.inv(POSE))
     for given, words in {
         f"{place} {x} {y} {z} {w}": "had the quaternion as ROS does",
         str(tmp_path / "inverse.txt"): "were inverted",
     }.items():
-        assert main([*objects, "--camera-pose", given]) == ANSWER_IS_NO
+        assert main([*objects.split(), "--camera-pose", given]) == ANSWER_IS_NO
         assert words in capsys.readouterr().out
-    assert main(objects) == ANSWER_IS_NO
+    assert typed(objects) == ANSWER_IS_NO
     assert "--camera-pose says where the camera is" in capsys.readouterr().out

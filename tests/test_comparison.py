@@ -3,9 +3,9 @@
 import pytest
 from processes import typed
 from refusals import refused
+from tables import mistakes
 from trial_rows import row, write_run
 
-from dexgrasp.cli.main import main
 from dexgrasp.evaluation.comparison import compare_rows
 
 
@@ -81,12 +81,6 @@ def test_table_and_mistakes(folder, capsys):
     out = capsys.readouterr().out
     assert "+75.0" in out
     assert "dropped" in out
-    for arguments, words in [
-        ((str(folder), "x", "z"), "valid are x, y"),
-        ((str(folder), "x", "x"), "against itself"),
-        ((str(folder), "x", "x", "--protocols", "lift"), "valid are two"),
-        ((str(folder), "x", "x", "--protocols", "lift", "lift@warp"), "valid are lift"),
-        ((str(folder / "no"), "x", "y"), "no evaluation"),
-    ]:
-        assert main(["compare", *arguments]) == 2
+    for arguments, words in mistakes("comparisons"):
+        assert typed(f"compare {folder}{arguments}") == 2
         assert words in capsys.readouterr().err

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from tables import table
 
 from dexgrasp.grasp.verify.cones import conic_margin, largest_push, slides, wrench_map
 from dexgrasp.grasp.verify.rays import least_way
@@ -13,7 +14,7 @@ from dexgrasp.mechanics.margin import cone_margin, margins
 from dexgrasp.mechanics.strength import capacity_of, hold_residual, load_of, torque_fraction
 from dexgrasp_env.arrays import cube_directions
 
-KINDS = [(2, 0.008), (3, 0.0), (3, 0.008), (4, 0.0), (4, 0.008), (5, 0.0)]
+KINDS = table("tip_kinds")
 MU, PRESS = 0.6, 2.5
 
 

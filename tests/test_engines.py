@@ -5,21 +5,21 @@ import importlib.util
 import sys
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
+from refusals import refused
 from robots import CELL, HOME
 
 from dexgrasp.cli.commands import run_script
 from dexgrasp.export.read import Recording, Rows
 from dexgrasp.export.scene_folder import write_scene
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import load_object
+from dexgrasp_env.poses import rigid
 from dexgrasp_env.scene.build import build_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 from compare_engines import CompareEngines, rank_violation
-from engines.worlds import PACKAGES, make_world
+from engines.scene import PACKAGES, make_world
 from replay_engine import ReplayEngine, replay
 
 REST = [0.5, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
@@ -31,30 +31,12 @@ ENGINES = [
 
 def world_of(engine, name, lift=0.0, gravity=None):
     """A world with an object upright on the table, or above it."""
-    model = build_scene(load_object(name), CELL, friction=0.7)
+    shape, pose = load_object(name), np.array(REST)
+    model = build_scene(shape, CELL, friction=0.7)
     if gravity is not None:
         model.opt.gravity[:] = gravity
-    data = mujoco.MjData(model)
-    data.qpos[:23], data.qpos[23:] = HOME, REST
-    mujoco.mj_kinematics(model, data)
-    pose = np.array(REST)
-    pose[2] = lift - lowest(model, data)
+    pose[2] = lift - shape.solid.vertices[:, 2].min()
     return make_world(engine, model, HOME, pose), pose
-
-
-def lowest(model, data):
-    """z of the lowest corner of the object's convex parts."""
-    least = np.inf
-    for g in np.flatnonzero(model.geom_bodyid == model.body("object").id):
-        if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_MESH and model.geom_contype[g]:
-            first = model.mesh_vertadr[model.geom_dataid[g]]
-            corners = model.mesh_vert[first : first + model.mesh_vertnum[model.geom_dataid[g]]]
-            z = (data.geom_xmat[g].reshape(3, 3) @ corners.T)[2] + data.geom_xpos[g, 2]
-            least = min(least, z.min())
-        elif model.geom_contype[g]:
-            half = np.abs(data.geom_xmat[g].reshape(3, 3)[2]) @ model.geom_size[g]
-            least = min(least, data.geom_xpos[g, 2] - half)
-    return least
 
 
 def still(seconds=0.1):
@@ -64,16 +46,9 @@ def still(seconds=0.1):
 
 
 def test_a_missing_engine_is_named_in_one_line(monkeypatch, tmp_path):
-    found = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name, *a: None if name == "pybullet" else found(name, *a)
-    )
-    T = np.eye(4)
-    T[:3, 3] = 0.5, 0.0, 0.0225
-    write_scene(tmp_path, load_object("sugar_box"), T, CELL)
-    with pytest.raises(
-        InputError, match=r"^bullet is not installed: pip install -c constraints.txt pybullet$"
-    ):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name != "pybullet" or None)
+    write_scene(tmp_path, load_object("sugar_box"), rigid(np.eye(3), [0.5, 0.0, 0.0225]), CELL)
+    with refused("^bullet is not installed: pip install -c constraints.txt pybullet$"):
         replay(still(), tmp_path / "scene.xml", "bullet")
     assert run_script(ReplayEngine, [str(tmp_path / "none")]) == 2
 
@@ -119,9 +94,7 @@ def test_servos_and_links_are_the_scenes(engine):
 
 def test_what_is_not_grasped_stays_on_the_table(tmp_path):
     _, pose = world_of("mujoco", "sugar_box")
-    T = np.eye(4)
-    T[:3, 3] = pose[:3]
-    write_scene(tmp_path, load_object("sugar_box"), T, CELL)
+    write_scene(tmp_path, load_object("sugar_box"), rigid(np.eye(3), pose[:3]), CELL)
     assert abs(replay(still(), tmp_path / "scene.xml", "mujoco", np.random.default_rng(0))) < 0.01
 
 
@@ -131,8 +104,8 @@ def test_rank_violation_counts_the_largest_gap_that_is_turned_about():
 
 
 def test_trials_are_compared_and_what_pushes_is_refused(tmp_path, capsys):
-    arguments = [str(tmp_path), "--agents", "random", "--objects", "pear", "--engines", "mujoco"]
+    arguments = [str(tmp_path), "--agents=random", "--objects=pear", "--engines=mujoco"]
     assert run_script(CompareEngines, arguments) == 0
     assert "| mujoco | 1 of 1 " in capsys.readouterr().out
-    assert run_script(CompareEngines, [*arguments, "--protocol", "pushed@1"]) == 2
-    assert run_script(CompareEngines, [*arguments[:-1], "havok"]) == 2
+    assert run_script(CompareEngines, [*arguments, "--protocol=pushed@1"]) == 2
+    assert run_script(CompareEngines, [*arguments, "--engines=havok"]) == 2

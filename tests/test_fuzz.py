@@ -5,6 +5,7 @@ from collections import Counter
 
 import pytest
 from project_scripts import load_script
+from tables import table
 from trial_rows import row, write_run
 
 from dexgrasp.cli.main import main
@@ -24,13 +25,7 @@ def good(tmp_path_factory):
         for agent in ("random", "hardcoded")
         for k in range(2)
     ]
-    run = {
-        "agents": ["random", "hardcoded"],
-        "objects": ["sugar_box"],
-        "trials": 2,
-        "seed": 0,
-        "protocol": "lift",
-    }
+    run = table("run")
     write_run(folder / "run", rows, **run)
     (folder / "run" / "summary.json").write_text(json.dumps(run))
     return folder

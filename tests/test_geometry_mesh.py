@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 from oracles import box_distance
+from tables import table
 
 from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.geometry.surface_samples import triangle_samples
@@ -32,7 +33,7 @@ def points():
 
 
 def test_exact_box_inside_outside_and_beside_sharp_edges(box, points):
-    corners = SIDES / 2 * np.array([[1, 1, 1], [1, 1, 0.3], [-1, 0.2, 1]])
+    corners = SIDES / 2 * np.array(table("places_on_a_box"))
     near = (corners[:, None] + 1e-4 * np.random.default_rng(1).normal(size=(3, 200, 3))).reshape(-1, 3)
     for queries in (points, near):
         assert_allclose(closest_on_mesh(box, queries).distances, box_distance(queries, SIDES), atol=1e-15)
@@ -54,8 +55,7 @@ def test_exact_closest_point_and_gradient(shape, points, request):
 
 def test_exact_sign_at_a_knife_edge():
     """Where the nearest feature is an edge or vertex, either face's own normal would give a wrong sign."""
-    wedge = trimesh.convex.convex_hull([[0, -0.05, 0], [0, 0.05, 0], [0.1, -0.05, 0.002], [0.1, 0.05, 0.002],
-                                        [0.1, -0.05, -0.002], [0.1, 0.05, -0.002]])  # fmt: skip
+    wedge = trimesh.convex.convex_hull(table("wedge"))
     rng = np.random.default_rng(2)
     before = np.c_[
         rng.uniform(-0.02, -1e-4, 500), rng.uniform(-0.07, 0.07, 500), rng.uniform(-0.02, 0.02, 500)

@@ -3,30 +3,14 @@
 import numpy as np
 import pytest
 from seen_tables import GIVEN
+from tables import table
 
 from dexgrasp.planning.plan_scene import plan_cloud, scene_of
 from dexgrasp_env.perception.camera_pose import read_pose
 from dexgrasp_env.perception.scan import read_scan
 from dexgrasp_env.perception.selection import TargetSelector
 
-ONE = [
-    "one_mustard",
-    "one_cheezit",
-    "one_white_bowl",
-    "one_white_mug",
-    "one_cup_a",
-    "one_pot",
-    "one_bowl",
-    "one_tin_can",
-    "one_mug_stereo",
-    "one_sugar",
-    "overhead_can_10cm",
-    "table_as_said",
-    "table_12mm_high",
-    "plate_20mm_beside",
-    "leans_2.5deg_about_the_object",
-    "shelf_over_the_table",
-]
+ONE = table("clouds_of_one")
 pytestmark = pytest.mark.skipif(not GIVEN.is_dir(), reason="the captures are not here")
 
 

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from lift_envs import make
 from refusals import refused
+from tables import table
 from vector_envs import assert_same, native, singles
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.tasks.control import GRASP_SIZE
 
-PLACE, OPENED, CLOSED = [0.2, -0.56, -0.86, 0.0, 0.5], [-1.0, -1.0], [1.0, 1.0]
+PLACE, OPENED, CLOSED = table("placing")
 GRASP = np.array(PLACE + CLOSED, np.float32)
 
 

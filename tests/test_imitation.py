@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from robots import CELL
+from tables import mistakes
 from trainings import goes_on_to_the_same_bits
 
 from dexgrasp.data.demonstrations.generate import generate
@@ -134,13 +135,7 @@ def test_damaged_policies_are_refused(demos, tmp_path):
     out = tmp_path / "out"
     StateBcTraining([demos], settings_of("state"), out).run()
     about = json.loads((out / "policy.json").read_text())
-    changes = (
-        ("chunk", 7, "do not fit"),
-        ("view", "cloud", "do not fit"),
-        ("kind", "x", "kind"),
-        ("execute", 99, "exec"),
-    )
-    for key, value, says in changes:
+    for key, value, says in mistakes("policies"):
         (out / "policy.json").write_text(json.dumps(about | {key: value}))
         with refused(says):
             make_agent(str(out))

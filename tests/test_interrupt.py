@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from processes import typed
+from tables import table
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -123,19 +124,7 @@ def test_start_up_at_many_moments(module):
         assert "Traceback" not in error
 
 
-@pytest.mark.parametrize(
-    ("words", "work"),
-    [
-        ("dataset generate --objects pear", "dexgrasp.data.dataset.generate.generate"),
-        ("demos generate --objects pear", "dexgrasp.data.demonstrations.generate.generate"),
-        ("train cvae --data data", "dexgrasp.learning.cvae.cvae_training.CvaeTraining.__init__"),
-        (
-            "train bc --data data --view state",
-            "dexgrasp.learning.imitation.bc_training.StateBcTraining.__init__",
-        ),
-        ("train ppo --objects pear", "dexgrasp.learning.reinforcement.rl_training.RlTraining.__init__"),
-    ],
-)
+@pytest.mark.parametrize(("words", "work"), table("interrupted"))
 def test_long_commands_say_what_is_kept(words, work, tmp_path, monkeypatch, capsys):
     pytest.importorskip("stable_baselines3")
 

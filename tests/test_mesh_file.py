@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from refusals import refused
+from tables import table
 
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.user_mesh import read_mesh
@@ -11,8 +12,8 @@ from dexgrasp_env.objects.user_mesh import read_mesh
 pytestmark = pytest.mark.usefixtures("own_cache")
 
 BALL = trimesh.creation.icosphere(2, 0.03)
-U = np.array([(0, 0), (9, 0), (9, 6), (7, 6), (7, 2), (2, 2), (2, 6), (0, 6)]) / 100
-ARROW = np.array([(0, 0), (8, -4), (2, 0), (8, 4)]) / 100
+U = np.array(table("outline_u")) / 100
+ARROW = np.array(table("outline_arrow")) / 100
 """Concave outlines: a fan over the first is wrong from most corners, over the second from two of four."""
 
 
@@ -117,8 +118,8 @@ def test_texts_may_begin_with_a_byte_order_mark(tmp_path, encoding):
 
 
 def test_strips_of_triangles_are_faces(tmp_path):
-    corners = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0], [0, 0, 4]]) / 100
-    strips = [0, 1, 2, 3, -1, 3, 3, 1, 0, 2]  # the second begins with a triangle without area
+    corners = np.array(table("corner")) / 100
+    strips = table("strips")  # the second begins with a triangle without area
     head = "ply\nformat ascii 1.0\nelement vertex 4\n" + "".join(f"property float {a}\n" for a in "xyz")
     head += "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
     rows = "".join(f"{x} {y} {z}\n" for x, y, z in corners) + " ".join(map(str, [10, *strips])) + "\n"

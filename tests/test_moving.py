@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from lift_envs import finished
 from refusals import refused
+from tables import table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
@@ -66,7 +67,7 @@ def test_what_the_hand_touches_is_displaced_no_farther_and_a_belt_goes_on():
     records["elapsed"] = 5
     assert moves_now(motions, records)[:, :3].all()
     records["touched"] = True
-    assert moves_now(motions, records).tolist() == [[0, 0, 0, -0.1, -0.2, -0.3], [0.1, 0.2, 0.3, 0, 0, 0]]
+    assert moves_now(motions, records).tolist() == table("moves_of_two")
 
 
 def test_cameras_look_ten_times_a_second():
@@ -79,9 +80,7 @@ def test_cameras_look_ten_times_a_second():
     assert new == [False, True, False, True, False]
 
 
-@pytest.mark.parametrize(
-    ("name", "more"), [("Lift-v2", {"backend": "warp"}), ("ClutterSparse-v1", {}), ("Place-v2", {})]
-)
+@pytest.mark.parametrize(("name", "more"), table("moved"))
 def test_where_nothing_moves_that_is_said(name, more):
     with refused("valid"):
         gym.make(f"DexGrasp/{name}", disturbance=MOVED, objects="soda", **more)
@@ -93,7 +92,7 @@ def turned(points, pose, middle):
     return (points - middle) @ R.T + middle + [pose[0], pose[1], 0.0]
 
 
-@pytest.mark.parametrize("jump", [(0.0, 0.0, 0.0), (0.05, -0.04, 0.9), (-0.07, 0.02, -0.8)])
+@pytest.mark.parametrize("jump", table("jumps"))
 def test_a_tracker_finds_an_object_of_which_a_part_is_hidden(jump):
     rng = np.random.default_rng(0)
     sides = rng.uniform(-1, 1, (1500, 3))

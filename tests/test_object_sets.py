@@ -11,7 +11,7 @@ import trimesh
 from numpy.testing import assert_allclose
 from project_scripts import load_script
 from refusals import refused
-from tables import mistakes
+from tables import mistakes, table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.commands import run_script
@@ -19,14 +19,7 @@ from dexgrasp.evaluation.protocol import trial_seeds
 from dexgrasp.evaluation.settings import object_labels
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 
-BRICK = {
-    "name": "brick",
-    "mesh": "brick.stl",
-    "scale": 0.001,
-    "mass": 0.2,
-    "friction": 0.4,
-    "source": "made here",
-}
+BRICK = table("brick")
 BALL = {"name": "ball", "mesh": "more/ball.ply", "upright": [0.5, 0.5, 0.5, 0.5]}
 
 

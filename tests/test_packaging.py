@@ -7,6 +7,7 @@ from importlib.metadata import packages_distributions, version
 from pathlib import Path
 
 import pytest
+from tables import table
 
 import dexgrasp_env
 from dexgrasp_env.extras import EXTRAS
@@ -28,13 +29,7 @@ UNIMPORTED = {
 torch's log, and what trimesh reads 3mf and dae with."""
 
 
-OWNERS = {
-    "mujoco_warp": ["mujoco-warp"],
-    "warp": ["warp-lang"],
-    "PIL": ["pillow"],
-    "collada": ["pycollada"],
-    "pydrake": ["drake"],
-}
+OWNERS = table("owners")
 """Of modules that CI installs last, in no aggregate, or that are called otherwise."""
 
 
@@ -121,13 +116,7 @@ sys.exit(main({arguments!r}))
 """
 
 
-@pytest.mark.parametrize(
-    ("extra", "arguments"),
-    [
-        ("planner", ["plan", "sugar_box"]),
-        ("planner learning", ["train", "cvae", "--data", "a", "--out", "b"]),
-    ],
-)
+@pytest.mark.parametrize(("extra", "arguments"), table("extras"))
 def test_a_missing_extra_is_named_in_one_line(extra, arguments):
     modules = [module for name in extra.split() for module in EXTRAS[name]]
     code = WITHOUT.format(modules=modules, arguments=arguments)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_array_equal
 from planned import hammer
 
 from dexgrasp.geometry.completion import target_of
@@ -66,7 +67,7 @@ def test_what_is_convex_or_hollow_stays_whole(solid):
     solid.apply_translation([0.5, 0.0, -solid.bounds[0, 2]])
     points, normals = cloud(solid, noise=0.001)
     assert len(parts_of(points)) == 1
-    np.testing.assert_array_equal(parts_of(points)[0], cloud_corners(points, TABLE))
+    assert_array_equal(parts_of(points)[0], cloud_corners(points, TABLE))
     target = target_of(Scene(ObjectCloud(points, normals), TABLE))
     assert target.parts == (target.hull,)
 
@@ -78,7 +79,7 @@ def test_no_grasp_lies_on_a_cups_mouth():
     points, normals = cloud(cup)
     target = target_of(Scene(ObjectCloud(points, normals), TABLE))
     mouth, side, low = [0.5, -0.045, 0.045], [0.539, 0.0, 0.039], [0.535, 0.0, 0.004]
-    np.testing.assert_array_equal(target.was_seen(np.array([mouth, side, low])), [False, True, True])
+    assert_array_equal(target.was_seen(np.array([mouth, side, low])), [False, True, True])
     contacts, _ = graspable_points(target, PlannerSettings(), np.random.default_rng(0))
     assert len(contacts) > 10
     assert target.was_seen(contacts).all()

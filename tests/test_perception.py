@@ -9,6 +9,7 @@ import trimesh
 from cloud_accuracy import measure_accuracy
 from refusals import refused
 from robots import CELL
+from tables import table
 
 from dexgrasp_env.arrays import unit
 from dexgrasp_env.perception.pipeline import segment
@@ -17,7 +18,7 @@ from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.sensor import SensorModel
 
 GEOM = mujoco.mjtGeom
-SHAPES = {"box": [0.03, 0.045, 0.08], "cylinder": [0.033, 0.05, 0], "sphere": [0.038, 0, 0]}
+SHAPES = table("half_sizes")
 
 
 def scene(kind="box"):

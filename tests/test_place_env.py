@@ -8,6 +8,7 @@ import pytest
 from lift_envs import judge
 from numpy.testing import assert_allclose
 from refusals import refused
+from tables import table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.tasks.place import PlaceEnv
@@ -113,7 +114,7 @@ def test_reward_is_that_of_compute_reward(reward_mode):
     inner = env.unwrapped
     assert inner.compute_reward(achieved, desired, info) == reward
     at = np.array([0.5, 0.0, 0.2, 1.0], np.float32)
-    goals = at + np.array([[0, 0, 0, 0], [0, 0, 0.029, 0], [0, 0.031, 0, 0], [0, 0, 0, -1]])
+    goals = at + np.array(table("near_goals"))
     rewards = inner.compute_reward(np.stack([at] * 4), goals, [info] * 4)
     expected = [0, 0, -1, -1] if reward_mode == "sparse" else [0, -0.029, -0.031, -0.05]
     assert_allclose(rewards, expected, atol=1e-6)

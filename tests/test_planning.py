@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 from robots import CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
+from tables import table
 
 from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.mesh_distance import closest_on_mesh
@@ -49,9 +50,7 @@ SHAPES = {
     "can": lambda: standing(trimesh.creation.cylinder(0.033, 0.1, sections=48)),
     "ball": lambda: standing(trimesh.creation.icosphere(subdivisions=2, radius=0.04)),
     "stone": lambda: standing(stone()),
-    "tetrahedron": lambda: standing(
-        trimesh.convex.convex_hull([[0.05, 0, 0], [-0.025, 0.043, 0], [-0.025, -0.043, 0], [0, 0, 0.082]])
-    ),
+    "tetrahedron": lambda: standing(trimesh.convex.convex_hull(table("tetrahedron"))),
 }
 
 

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 from processes import typed
-from tables import mistakes
+from refusals import refused
+from tables import mistakes, table
 from test_scene_cloud import scene_points
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.selection import point_of_pixel
 
 PLACES = ((0.5, 0.12), (0.5, -0.02), (0.5, -0.2))
@@ -43,14 +43,7 @@ def test_several_objects_are_listed_and_none_is_chosen_in_silence(scan, capsys):
     assert (scan / "list" / "objects.png").read_bytes()[:4] == b"\x89PNG"
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        ("--object-near", 0.5, 0.12, 0.03),
-        ("--box", 0.4, 0.06, 0, 0.6, 0.2, 0.2),
-        ("--mask", "mask.npy", "--label", 1),
-    ],
-)
+@pytest.mark.parametrize("options", table("pointing_words"))
 def test_what_is_pointed_at_is_planned_and_what_stands_beside_is_said(scan, capsys, options):
     options = [scan / value if value == "mask.npy" else value for value in options]
     assert plan(scan, *options, "--json", "--out", scan / "grasp") == OK
@@ -101,19 +94,10 @@ def test_a_pixel_is_the_point_behind_it(tmp_path):
     depth = np.full((8, 10), 0.5, np.float32)
     depth[0, 0] = np.nan
     np.save(tmp_path / "d.npy", depth)
-    camera = {
-        "name": "front",
-        "depth": "d.npy",
-        "width": 10,
-        "height": 8,
-        "fx": 5.0,
-        "fy": 5.0,
-        "cx": 2.5,
-        "cy": 1.5,
-    }
+    camera = table("front_camera")
     content = {"cameras": [camera | {"T_base_camera": np.eye(4).tolist()}]}
     (tmp_path / "cameras.yaml").write_text(json.dumps(content))
     np.testing.assert_allclose(point_of_pixel(tmp_path, "front", 4, 3), [0.15, 0.15, 0.5])
-    for wrong in (("side", 1, 1), ("front", 10, 0), ("front", 0, 0)):
-        with pytest.raises(InputError):
+    for wrong in mistakes("pixels"):
+        with refused():
             point_of_pixel(tmp_path, *wrong)

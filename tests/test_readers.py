@@ -10,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 from processes import typed
+from tables import table
 
 from dexgrasp.data.demonstrations.generate import generate
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
@@ -17,10 +18,7 @@ from dexgrasp.data.demonstrations.minari_format import read_episodes
 from dexgrasp.data.demonstrations.settings import DemoSettings
 
 pytestmark = pytest.mark.readers
-SIZES = {
-    "act": {"dim_model": 32, "n_heads": 2, "dim_feedforward": 64, "chunk_size": 8, "n_action_steps": 8},
-    "diffusion": {"down_dims": (32, 64), "diffusion_step_embed_dim": 16, "num_train_timesteps": 4},
-}
+SIZES = table("policy_sizes")
 
 
 @pytest.fixture(scope="module")

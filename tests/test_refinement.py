@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+import tables
 from robots import CELL
 from test_scene_cloud import box, table
 
@@ -18,6 +19,7 @@ from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel
 
+BOXES = tables.table("boxes_seen")
 LENS = CameraIntrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
 EYE = Camera.look_at("eye", (1.0, 0.1, 0.5), (0.5, 0.0, 0.05), LENS)
 
@@ -85,7 +87,7 @@ def test_splinters_along_a_thing_are_of_it_and_a_thing_beside_it_is_not(rng):
 
 
 def test_what_stands_on_another_is_another_and_its_hull_ends_there():
-    scene = views(((0.16, 0.2, 0.06), (0.5, 0.0, 0.03)), ((0.06, 0.07, 0.10), (0.52, 0.0, 0.11)))
+    scene = views(BOXES["lower"], BOXES["upper"])
     found, doubts = things(scene)
     assert len(found) == 2
     assert all(refinement.TOUCHES in doubt for doubt in doubts)
@@ -102,35 +104,28 @@ def test_what_stands_on_another_is_another_and_its_hull_ends_there():
 
 
 def test_what_is_seen_through_a_hole_lines_the_walls():
-    w, d, h, t = 0.12, 0.2, 0.09, 0.003
-    sides = (
-        ((t, d, h), (0.5 + w / 2, 0.0, h / 2)), ((t, d, h), (0.5 - w / 2, 0.0, h / 2)),
-        ((w, t, h), (0.5, d / 2, h / 2)), ((w, t, h), (0.5, -d / 2, h / 2)), ((w, d, 0.012), (0.5, 0.0, 0.006)),
-        ((w, 0.04, t), (0.5, 0.08, h)), ((w, 0.04, t), (0.5, -0.08, h)),
-    )  # fmt: skip
     steep = Camera.look_at("steep", (0.85, 0.1, 0.65), (0.5, 0.0, 0.05), LENS)
-    found, _ = things(cloud_of(views(*sides, eye=steep).points))
+    found, _ = things(cloud_of(views(*tables.table("open_box"), eye=steep).points))
     assert len(found) == 1
 
 
 def test_a_handle_is_of_what_it_hangs_on_and_a_small_thing_of_what_it_touches_where_none_is_pointed_at():
-    body = ((0.10, 0.12, 0.08), (0.5, 0.0, 0.04))
-    handle = ((0.02, 0.16, 0.012), (0.5, 0.14, 0.07))
-    found, doubts = things(cloud_of(views(body, handle).points))
+    body = BOXES["body"]
+    found, doubts = things(cloud_of(views(body, BOXES["handle"]).points))
     assert len(found) == 1
-    beside = ((0.04, 0.05, 0.04), (0.574, 0.02, 0.02))  # 4 mm away
-    touching = cloud_of(views(body, beside).points)
+    touching = cloud_of(views(body, BOXES["beside"]).points)
     assert len(things(touching)[0]) == 2
     found, doubts = things(touching, pointed=False)
     assert len(found) == 1
     assert refinement.MAY_BE_TWO in doubts[0]
-    stacked = cloud_of(views(body, ((0.04, 0.04, 0.05), (0.5, 0.0, 0.105))).points)
+    stacked = cloud_of(views(body, BOXES["on_it"]).points)
     assert len(things(stacked, pointed=False)[0]) == 2
 
 
 def test_boards_and_bins_are_not_meant_where_something_smaller_stands():
-    small, board = ((0.05, 0.06, 0.10), (0.5, 0.0, 0.05)), ((0.25, 0.22, 0.02), (0.5, 0.28, 0.01))
-    scene = find_object(cloud_of(views(small, board).points), np.random.default_rng(0), CELL)
+    scene = find_object(
+        cloud_of(views(BOXES["small"], BOXES["board"]).points), np.random.default_rng(0), CELL
+    )
     assert scene.reason is None
     assert np.ptp(scene.target.points[:, 2]) > 0.06
     assert len(scene.neighbours) == 1
@@ -138,7 +133,7 @@ def test_boards_and_bins_are_not_meant_where_something_smaller_stands():
 
 @pytest.mark.parametrize("known", [True, False])
 def test_what_another_hides_in_part_is_doubtful(known):
-    cloud = views(((0.05, 0.07, 0.18), (0.55, 0.0, 0.09)), ((0.06, 0.26, 0.06), (0.40, 0.02, 0.03)))
+    cloud = views(BOXES["before"], BOXES["behind"])
     found, doubts = things(cloud if known else cloud_of(cloud.points))
     hidden = [refinement.HIDDEN in doubt for doubt in doubts]
     behind = [bool(points[:, 0].mean() < 0.47) for points in found]
@@ -148,9 +143,7 @@ def test_what_another_hides_in_part_is_doubtful(known):
 
 def test_a_side_that_is_guessed_is_said():
     front = Camera.look_at("front", (1.1, 0.25, 0.12), (0.5, 0.0, 0.07), LENS)
-    scene = find_object(
-        views(((0.07, 0.09, 0.15), (0.5, 0.0, 0.075)), eye=front), np.random.default_rng(0), CELL
-    )
+    scene = find_object(views(BOXES["guessed"], eye=front), np.random.default_rng(0), CELL)
     assert "side that no camera saw" in guesses_said(scene).target.doubt
 
 

@@ -30,11 +30,7 @@ from dexgrasp.learning.reinforcement.settings import RlSettings
 
 
 def settings_of(algorithm, **more):
-    short = {
-        "steps": 60, "num_envs": 2, "net_arch": (16, 12), "n_steps": 6, "max_episode_steps": 12, "buffer_size": 500,
-        "learning_starts": 10,
-    }  # fmt: skip
-    return RlSettings(("sugar_box",), algorithm, **short | more)
+    return RlSettings(("sugar_box",), algorithm, **table("short_training") | more)
 
 
 @pytest.fixture(scope="module")
@@ -115,14 +111,7 @@ def test_wrong_settings_are_refused(wrong, says):
         read(RlSettings, {"objects": "sugar_box"} | wrong)
 
 
-@pytest.mark.parametrize(
-    ("name", "more", "asked"),
-    [
-        ("LiftOnce-v0", {}, {"control_mode": "grasp_once", "hold": 1}),
-        ("LiftStaged-v0", {"max_episode_steps": None}, {"control_mode": "grasp", "hold": 28}),
-        ("Lift-v2", {"control_mode": "ee_delta", "hold": 4}, {"control_mode": "ee_delta", "hold": 4}),
-    ],
-)
+@pytest.mark.parametrize(("name", "more", "asked"), table("hand_overs"))
 def test_tasks_are_trained_on_as_they_are_registered_or_as_told(name, more, asked, tmp_path):
     settings = settings_of("ppo", env_id=f"DexGrasp/{name}", steps=2, **more)
     RlTraining(settings, tmp_path).run()

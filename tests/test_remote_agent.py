@@ -5,17 +5,19 @@ import subprocess
 import threading
 import time
 import venv
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import typed
+from refusals import refused
+from tables import table
 from websockets.sync.server import serve
 
-from dexgrasp.cli.main import main
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.runs.messages import pack, unpack
-from dexgrasp_env.errors import InputError
 
 STATE = {"obs_mode": "state", "control_mode": "joint_delta"}
 
@@ -63,6 +65,10 @@ def slow(_message, _number):
     return {"actions": np.zeros((1, 23))}
 
 
+def answer(name, shape, number, *_):
+    return {name: np.full(shape, number)}
+
+
 @pytest.mark.parametrize(
     ("policy", "reason", "words"),
     [
@@ -70,11 +76,8 @@ def slow(_message, _number):
         (lambda message, number: None if number == 2 else still(message, number), "server_gone", "broke"),
         (lambda *_: "out of memory\nof the accelerator", "server_error", "out of memory"),
         (lambda *_: b"\xc1", "bad_answer", "msgpack"),
-        (lambda *_: {"action": np.zeros(23)}, "bad_answer", "no actions, but action"),
-        (lambda *_: {"actions": np.zeros((4, 22))}, "bad_answer", "(4, 22)"),
-        (lambda *_: {"actions": np.zeros((0, 23))}, "bad_answer", "(0, 23)"),
         (lambda *_: {"actions": ["left"]}, "bad_answer", "no numbers"),
-        (lambda *_: {"actions": np.full((1, 23), np.nan)}, "bad_answer", "not finite"),
+        *((partial(answer, *given), "bad_answer", words) for *given, words in table("bad_answers")),
     ],
 )
 def test_a_fault_of_the_server_is_a_failure_with_its_reason(policy, reason, words, tmp_path):
@@ -101,7 +104,7 @@ def test_what_a_server_says_of_itself_is_part_of_the_run(tmp_path):
     with PolicyServer(still, {"env_settings": STATE, "weights": "a"}) as server:
         outcomes(server.name, tmp_path)
         server.metadata = {"env_settings": STATE, "weights": "b"}
-        with pytest.raises(InputError, match="weights: a there, b now"):
+        with refused("weights: a there, b now"):
             outcomes(server.name, tmp_path)
 
 
@@ -120,13 +123,13 @@ def test_trials_that_met_no_server_are_made_again(tmp_path):
     assert len(rows) == 5
     assert resumed["failures"] == whole["failures"]
     assert resumed["trials"] == 3
-    with pytest.raises(InputError, match="no policy server"):
+    with refused("no policy server"):
         outcomes(server.name, tmp_path / "run", trials=3)
 
 
 def test_what_the_protocol_decides_is_no_wish_of_a_server(capsys):
     with PolicyServer(still, {"env_settings": {"friction": 3}}) as server:
-        assert main(["evaluate", "--agents", server.name, "--objects", "pear", "--trials", "1"]) == 2
+        assert typed(f"evaluate --agents {server.name} --objects pear --trials 1") == 2
         assert "which the protocol decides" in capsys.readouterr().err
 
 

@@ -14,6 +14,7 @@ from gymnasium.wrappers import RecordVideo
 from gymnasium.wrappers.vector import RecordVideo as VectorRecordVideo
 from processes import python
 from refusals import refused
+from tables import table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
@@ -40,16 +41,7 @@ def scene(group=2):
     return model, data
 
 
-@pytest.mark.parametrize(
-    ("present", "expected"),
-    [
-        ((), None),
-        (("libOSMesa.so.8",), "osmesa"),
-        (("libEGL.so.1", "libGL.so.1"), "egl"),
-        (("libEGL.so.1", "libOSMesa.so.8"), "osmesa"),  # libEGL alone cannot make a context
-        (("libEGL.so.1",), None),
-    ],
-)
+@pytest.mark.parametrize(("present", "expected"), table("libraries_of_gl"))
 def test_the_first_library_that_is_there(present, expected, monkeypatch):
     def load(library):
         if library not in present:
@@ -106,12 +98,7 @@ def test_cameras_for_people_and_their_size():
 @NEEDS_GL
 def test_gymnasiums_videos_are_written(tmp_path):
     pytest.importorskip("moviepy")
-    settings = {
-        "objects": "sugar_box",
-        "render_mode": "rgb_array",
-        "render_size": (64, 64),
-        "max_episode_steps": 4,
-    }
+    settings = table("videos")
     for folder, env in (
         ("one", RecordVideo(gym.make("DexGrasp/Lift-v2", **settings), str(tmp_path / "one"))),
         (

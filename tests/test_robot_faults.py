@@ -5,10 +5,10 @@ import re
 import pytest
 import yaml
 from foreign_parts import ALLEGRO, foreign_hand
+from processes import typed
 from robots import variant
 from tables import mistakes
 
-from dexgrasp.cli.commands import run_command
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.make import make_robot
@@ -19,9 +19,6 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made")
     make_robot(foreign_hand(folder), None, folder / "theirs.yaml")
     return folder / "theirs.yaml"
-
-
-_PHANTOM = '<position name="phantom" joint="index_1" kp="10"/></actuator>'
 
 
 SLOW = pytest.mark.slow
@@ -57,44 +54,30 @@ def test_the_check_finds_a_fault_and_says_its_mend(change, problem, mend, made, 
     assert any(re.search(problem, f.problem) and re.search(mend, f.remedy) for f in found), found
 
 
-@pytest.mark.parametrize(
-    ("change", "problem"),
-    [
-        (lambda text: text.replace("</actuator>", _PHANTOM), "actuators are"),
-        (lambda text: re.sub(r'<[a-z]+ [^>]*name="index_0" [^>]*joint="index_0"[^>]*/>', "", text), "no actuator"),
-        (lambda text: text.replace('joint="thumb_3"', 'joint="0"'), "actuator 'thumb_3' moves no joint"),
-        (lambda text: text.replace("</contact>", '<exclude body1="thumb_distal" body2="index_distal"/></contact>'),
-         "get .* mm into each other"),
-        (lambda text: text.replace('body name="index_', 'body name="x_'), "has no body 'index_base'"),
-        (lambda text: re.sub(r' mass="[^"]*"', ' mass="1e18"', text, count=1), "a mass of .* valid is 0 to 1000"),
-        (lambda text: re.sub(r'<joint ', '<joint armature="-1" ', re.sub(r' armature="[^"]*"', "", text), count=1),
-         "an inertia of -1 .* valid is 0"),
-        (lambda text: text.replace('geom name="palm"', 'geom name="x"'), "no geom 'palm'"),
-        (lambda text: re.sub(r'(name="index_medial" pos=")\S+', r"\1nan", text), "a length of inf .* to 10"),
-    ],
-)  # fmt: skip
-def test_the_check_finds_a_fault_of_a_description(change, problem, tmp_path, capsys):
+@pytest.mark.parametrize(("changes", "problem"), mistakes("descriptions"))
+def test_the_check_finds_a_fault_of_a_description(changes, problem, tmp_path, capsys):
     text = ALLEGRO.read_text().replace('meshdir="', f'meshdir="{ALLEGRO.parent}/')
-    assert change(text) != text
-    (tmp_path / "hand.xml").write_text(change(text))
-    run_command(["robot", "check", str(variant(tmp_path, hand={"mjcf": "hand.xml"}))])
+    for pattern, by, count in changes:
+        text, found = re.subn(pattern, by, text, count=count)
+        assert found
+    (tmp_path / "hand.xml").write_text(text)
+    typed(f"robot check {variant(tmp_path, hand={'mjcf': 'hand.xml'})}")
     said = capsys.readouterr()
     assert re.search(problem, said.out + said.err)
     assert "Traceback" not in said.err
 
 
-@pytest.mark.parametrize(("change", "words"), mistakes("hands"))
-def test_a_broken_robot_file_is_said_in_one_line(change, words, tmp_path, capsys):
-    assert run_command(["robot", "check", str(variant(tmp_path, hand=change))]) == 2
+def said_in_a_line(words, capsys):
     (line,) = capsys.readouterr().err.splitlines()
-    assert re.search(words, line), line
+    return re.search(words, line)
 
 
-@pytest.mark.parametrize(("changes", "words"), mistakes("robots"))
-def test_a_broken_arm_or_robot_is_said_in_one_line(changes, words, tmp_path, capsys):
-    assert run_command(["robot", "check", str(variant(tmp_path, **changes))]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert re.search(words, line), line
+@pytest.mark.parametrize(
+    ("changes", "words"), [*(({"hand": own}, words) for own, words in mistakes("hands")), *mistakes("robots")]
+)
+def test_a_broken_hand_arm_or_robot_is_said_in_one_line(changes, words, tmp_path, capsys):
+    assert typed(f"robot check {variant(tmp_path, **changes)}") == 2
+    assert said_in_a_line(words, capsys)
 
 
 _LINK = '<geom type="capsule" fromto="0 0 0 0 0 0.05" size="0.01"/>'
@@ -125,12 +108,6 @@ def _hand(inside: str, after: str = "") -> str:
 )
 def test_a_broken_mjcf_is_said_in_one_line(text, words, tmp_path, capsys):
     (tmp_path / "hand.xml").write_text(text)
-    assert (
-        run_command(
-            ["robot", "make", "--hand", str(tmp_path / "hand.xml"), "--out", str(tmp_path / "a.yaml")]
-        )
-        == 2
-    )
-    (line,) = capsys.readouterr().err.splitlines()
-    assert re.search(words, line), line
+    assert typed(f"robot make --hand {tmp_path / 'hand.xml'} --out {tmp_path / 'a.yaml'}") == 2
+    assert said_in_a_line(words, capsys)
     assert not (tmp_path / "a.yaml").exists()

@@ -11,11 +11,10 @@ import trimesh
 import yaml
 from foreign_parts import foreign_hand, six_joint_arm
 from processes import typed
-from refusals import rejected
+from refusals import refused, rejected
 from robots import CELL, GRASP_FINGERS, variant
 
 from dexgrasp.agent import public_info
-from dexgrasp.cli.commands import run_command
 from dexgrasp.evaluation.scoring.hand import find_hand
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.planned_record import Origin, planned_record
@@ -27,7 +26,6 @@ from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.planner import Planner, Search, small_box
 from dexgrasp.planning.scene_setup import look_at
 from dexgrasp.registry import make_agent
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.make import make_robot
 from dexgrasp_env.robot.model import compiled_robot, posed
@@ -71,7 +69,7 @@ def test_a_hand_made_of_mjcf_is_where_ours_is(made):
         assert np.abs(away[:, 3:]).max() < 1e-5
 
 
-def test_what_is_made_passes_its_check_grasps_and_is_scored(made, tmp_path, capsys):
+def test_what_is_made_passes_its_check_grasps_and_is_scored(made, tmp_path, printed):
     cell = make_cell(made)
     assert [finding for finding in check_robot(cell) if finding.level == "error"] == []
     assert len(hand_atlas(cell).joints) > 20_000
@@ -87,8 +85,8 @@ def test_what_is_made_passes_its_check_grasps_and_is_scored(made, tmp_path, caps
     assert content["thresholds"]["tip_radius"] == cell.robot.hand.tip_radius
     assert rejected(record_of(content, cell=cell)) == []
     (tmp_path / "grasp.json").write_text(json.dumps(content))
-    assert run_command(["score", str(tmp_path / "grasp.json"), "--robot", str(made), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["metrics_mean"]["contact_number"] > 1
+    assert typed(f"score {tmp_path / 'grasp.json'} --robot {made} --json") == 0
+    assert printed()["metrics_mean"]["contact_number"] > 1
     assert find_hand(str(made)).joint_names == cell.robot.hand.joints.names
     content["thresholds"]["tip_radius"] = 0.02
     assert "thresholds looser than ours" in rejected(record_of(content, cell=cell))
@@ -153,7 +151,7 @@ def test_starts_of_inverse_kinematics_are_data(tmp_path):
     np.testing.assert_array_equal(tree.starts, starts)
     assert tree.base == 2
     (tmp_path / "six_arm.yaml").write_text(yaml.safe_dump(arm | {"starts": [[0.0]]}))
-    with pytest.raises(InputError, match="a posture of starts has 1 numbers: valid are 6"):
+    with refused("a posture of starts has 1 numbers: valid are 6"):
         read_robot(tmp_path / "six.yaml")
 
 
@@ -195,7 +193,7 @@ def test_meshes_that_a_description_names_are_part_of_its_hash(made, tmp_path, ki
 
 
 def test_policies_move_one_robot_and_weights_are_of_one_hand(made):
-    with pytest.raises(InputError, match=r"are of the hand allegro-.* not of .*: valid are"):
+    with refused(r"are of the hand allegro-.* not of .*: valid are"):
         make_source("cvae", make_cell(made).robot)
     assert type(make_source("auto", make_cell(made).robot)).__name__ == "SurfaceProposals"
     env = gym.make("DexGrasp/Lift-v2", objects="pear", robot=str(made))

@@ -2,6 +2,7 @@
 
 import pytest
 from refusals import refused
+from tables import mistakes
 
 from dexgrasp_env.robot.make import make_robot, parts_of
 from dexgrasp_env.robot.source import read_source
@@ -47,22 +48,7 @@ FIELD = '<mujoco><asset><hfield name="a" nrow="{side}" ncol="{side}" size="1 1 1
         (COPIES, "over 100000 elements"),
         (FIELD.format(side=60_000), "over 100000 elements"),
         (limbs(3).replace("-0.35", "nan"), "no finite number|cannot read"),
-        (
-            '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:hand/></robot>',
-            "is a xacro: expand it",
-        ),
-        ('<robot name="a"><link name="b" size="${width}"/></robot>', "is a xacro: expand it"),
-        ("", "empty"),
-        ("<chair/>", "neither URDF nor MJCF"),
-        ("<mujoco>", "cannot read"),
-        ('<mujoco><include file="/dev/zero"/></mujoco>', "it is no file"),
-        ('<mujoco><include file="../../nowhere.xml"/></mujoco>', "it is no file"),
-        ('<mujoco><include file="bad.xml"/></mujoco>', "includes itself"),
-        (
-            '<robot name="a"><link name="b"><collision><geometry><mesh filename="/etc/hostname"/></geometry>'
-            "</collision></link></robot>",
-            "cannot read|no joints",
-        ),
+        *mistakes("nonsense"),
     ],
 )
 def test_it_is_refused_in_a_line(text, words, tmp_path):

@@ -10,10 +10,10 @@ import pytest
 import trimesh
 import yaml
 from foreign_parts import six_joint_arm
-from tables import table
+from processes import typed
+from refusals import refused
+from tables import mistakes, table
 
-from dexgrasp.cli.commands import run_command
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.make import arm_entry, make_robot
 from dexgrasp_env.robot.model import excluded_pairs
 from dexgrasp_env.robot.rebuilt import Description, compiled
@@ -44,7 +44,7 @@ def test_joints_without_a_range_turn_once(tmp_path):
     make_robot(None, path, tmp_path / "six.yaml")
     arm = yaml.safe_load((tmp_path / "six_arm.yaml").read_text())
     assert np.allclose(arm["upper"], [np.pi, np.pi, 3.1, 3.1, 3.1, 3.1], atol=1e-5)
-    assert run_command(["robot", "check", str(tmp_path / "six.yaml"), "--json"]) in (0, 1)
+    assert typed(f"robot check {tmp_path / 'six.yaml'} --json") in (0, 1)
 
 
 def test_an_arms_base_may_overlap_the_link_on_it_as_neighbours_do(tmp_path):
@@ -53,20 +53,11 @@ def test_an_arms_base_may_overlap_the_link_on_it_as_neighbours_do(tmp_path):
     assert excluded_pairs(model) == {frozenset((model.body("stand").id, model.body("link0").id))}
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda text: text.replace('<joint name="j2"', '<joint name="j2" type="ball"').replace(' range="-3.1 3.1"', ""),
-         "neither turn nor slide"),
-        (lambda text: text.replace('<joint name="j2"', '<joint name="j2" type="slide"'), "joints slide"),
-        (lambda text: re.sub(r'<joint name="j[1-5]"[^>]*/>', "", text), "an arm of 1 joints: valid are 4 or more"),
-        (lambda text: re.sub(r"<joint [^>]*/>", "", text), "no joints"),
-    ],
-)  # fmt: skip
-def test_an_arm_of_other_joints_is_refused_in_a_line(change, words, tmp_path):
+@pytest.mark.parametrize(("pattern", "by", "words"), mistakes("arms"))
+def test_an_arm_of_other_joints_is_refused_in_a_line(pattern, by, words, tmp_path):
     path = six_joint_arm(tmp_path)
-    path.write_text(change(path.read_text()))
-    with pytest.raises(InputError, match=words):
+    path.write_text(re.sub(pattern, by, path.read_text()))
+    with refused(words):
         arm_entry(path)
 
 

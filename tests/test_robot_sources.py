@@ -10,6 +10,7 @@ import yaml
 from numpy.testing import assert_allclose
 from planned import lying
 from refusals import refused
+from tables import table
 
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
@@ -24,11 +25,7 @@ from dexgrasp_env.robot.rebuilt import compiled
 from dexgrasp_env.robot.robot_file import make_hand
 from dexgrasp_env.robot.source import read_source
 
-FINGERS = {  # name: origin, roll pitch yaw, range of the flexing joint, and how far the first one spreads
-    "fore": ("0 0.03 0", "0 0 0", (0, 1.6), 0.5),
-    "mid": ("0 -0.03 0", "0 0 0", (0, 1.6), 0.5),
-    "thumb": ("0.01 0 -0.08", "-1.5707963 0 -1.5707963", (-0.8, 1.2), 0.5),
-}
+FINGERS = table("fingers")
 LINK = (
     '<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{ixx}" iyy="1e-5" izz="1e-5" ixy="0" ixz="0"'
     ' iyz="0"/></inertial><{tag}><origin xyz="0 0 {z}"/><geometry>{shape}</geometry></{tag}></link>'
@@ -77,6 +74,13 @@ def mjcf(folder, edit=None, **kwargs):
     return path
 
 
+def written(folder, text=None, **kwargs):
+    """Write a hand as URDF, of a text or as `urdf` makes it, and return the path."""
+    path = folder / "claw.urdf"
+    path.write_text(text or urdf(**kwargs))
+    return path
+
+
 def hand_of(folder, path):
     """Return what `make` notes of a hand, and its file."""
     notes = make_robot(path, None, folder / "claw.yaml")
@@ -84,9 +88,7 @@ def hand_of(folder, path):
 
 
 def test_a_urdf_keeps_the_torques_and_velocities_it_states(tmp_path):
-    path = tmp_path / "claw.urdf"
-    path.write_text(urdf())
-    _, hand = hand_of(tmp_path, path)
+    _, hand = hand_of(tmp_path, written(tmp_path))
     tips = {f["name"]: f["bodies"][-1] for f in hand["fingers"]}
     assert (tips[hand["grasp"][0]], hand["palm"]) == ("thumb_far", "plate")
     assert hand["velocity"] == [4.0] * 9
@@ -95,9 +97,7 @@ def test_a_urdf_keeps_the_torques_and_velocities_it_states(tmp_path):
 
 
 def test_mimics_become_couplings_and_the_open_posture_obeys_them(tmp_path):
-    path = tmp_path / "claw.urdf"
-    path.write_text(urdf(mimic=True))
-    notes, hand = hand_of(tmp_path, path)
+    notes, hand = hand_of(tmp_path, written(tmp_path, mimic=True))
     found = {own["joint"]: (own["follows"], own["ratio"], own["offset"]) for own in hand["couplings"]}
     assert found == {f"{name}_curl": (f"{name}_flex", 0.8, 0.1) for name in FINGERS}
     names = [joint for finger in hand["fingers"] for joint in finger["joints"]]
@@ -119,12 +119,9 @@ def test_a_fixed_tendon_without_slack_couples_its_two_joints(tmp_path):
 
 
 def test_a_chain_of_mimics_is_led_by_its_first_joint(tmp_path):
-    path = tmp_path / "claw.urdf"
-    text = urdf(mimic=True)
-    start = text.index("</joint>", text.index('<joint name="mid_flex"'))
-    path.write_text(text[:start] + '<mimic joint="fore_flex" multiplier="0.5"/>' + text[start:])
-    found = {own.joint: own for own in HandMaker(path).couplings}
-    own = found["mid_curl"]
+    led = r'\1<mimic joint="fore_flex" multiplier="0.5"/>'
+    text = re.sub(r'(<joint name="mid_flex".*?)(?=</joint>)', led, urdf(mimic=True))
+    own = {own.joint: own for own in HandMaker(written(tmp_path, text)).couplings}["mid_curl"]
     assert (own.follows, own.ratio, own.offset) == ("fore_flex", pytest.approx(0.4), pytest.approx(0.1))
 
 
@@ -186,21 +183,16 @@ def test_meshes_of_other_kinds_are_converted_and_noted(kind, meshed, tmp_path):
 
 
 def test_a_description_without_collision_shapes_collides_with_what_is_seen(tmp_path):
-    path = tmp_path / "claw.urdf"
-    path.write_text(urdf(tag="visual"))
-    notes, _ = hand_of(tmp_path, path)
+    notes, _ = hand_of(tmp_path, written(tmp_path, tag="visual"))
     assert any("visual shapes" in note for note in notes)
 
 
 @pytest.mark.parametrize(("ixx", "said"), [("1", "no body's"), ("-1e-5", "that of its shapes is taken")])
 def test_inertias_that_no_body_has_are_mended_or_taken_from_the_shapes(tmp_path, ixx, said):
-    path = tmp_path / "claw.urdf"
-    path.write_text(urdf(ixx=ixx))
-    source = read_source(path)
+    source = read_source(written(tmp_path, ixx=ixx))
     assert source.model.njnt == 9
     assert any(said in note for note in source.notes)
-    path.write_text(urdf())
-    assert not any("inertia" in note for note in read_source(path).notes)
+    assert not any("inertia" in note for note in read_source(written(tmp_path)).notes)
 
 
 def test_springs_that_are_left_out_are_noted(tmp_path):
@@ -210,11 +202,7 @@ def test_springs_that_are_left_out_are_noted(tmp_path):
     assert any("springs of fore_curl" in note for note in HandMaker(mjcf(tmp_path, edit)).notes)
 
 
-AROUND = {  # three fingers around a base, bent towards its axis
-    "one": ("0.05 0 0", "0 0 3.1415927", (-0.2, 1.4), 0.4),
-    "two": ("-0.025 0.0433 0", "0 0 -1.0471976", (-0.2, 1.4), 0.4),
-    "three": ("-0.025 -0.0433 0", "0 0 1.0471976", (-0.2, 1.4), 0.4),
-}
+AROUND = table("fingers_around")
 
 
 @pytest.mark.parametrize("either", [False, True])
@@ -222,9 +210,7 @@ def test_a_claw_approaches_along_its_fingers_whichever_way_they_could_bend(eithe
     text = urdf(fingers=AROUND)
     if either:  # a joint that bends to both sides does not say which is the pad's
         text = re.sub(r'(name="\w+_curl".*?)0 1 0(.*?)lower="0"', r'\g<1>0 -1 0\g<2>lower="-1.6"', text)
-    path = tmp_path / "claw.urdf"
-    path.write_text(text)
-    maker = HandMaker(path)
+    maker = HandMaker(written(tmp_path, text))
     assert_allclose(maker.frame[:3, 0], [0.0, 0.0, 1.0], atol=1e-6)
     for k in range(3):
         tip = maker.tip(k)
@@ -242,8 +228,7 @@ def test_left_and_right_hands_grasp_mirrored_objects_in_mirrored_ways(tmp_path):
     """From mirrored starts: what is drawn before them is not mirrored."""
     cells = []
     for side, fingers in (("right", FINGERS), ("left", LEFT)):
-        (tmp_path / f"{side}.urdf").write_text(urdf(fingers=fingers))
-        make_robot(tmp_path / f"{side}.urdf", None, tmp_path / f"{side}.yaml")
+        make_robot(written(tmp_path, fingers=fingers), None, tmp_path / f"{side}.yaml")
         cells.append(make_cell(str(tmp_path / f"{side}.yaml")))
     robot, settings = cells[0].robot, PlannerSettings()
     turned = [
@@ -284,8 +269,7 @@ def two_hands():
 
 
 def test_of_two_hands_in_one_file_the_palm_says_which_is_meant(tmp_path):
-    path = tmp_path / "two.urdf"
-    path.write_text(two_hands())
+    path = written(tmp_path, two_hands())
     with refused("several hands, on 'l_plate', 'r_plate': --palm BODY takes one"):
         HandMaker(path)
     entry = HandMaker(path, NamedParts(palm="r_plate")).entry()
@@ -324,8 +308,7 @@ def test_a_palm_that_is_the_world_becomes_a_body(tmp_path):
 
 def test_a_floating_base_of_a_urdf_is_fixed(tmp_path):
     base = '<joint name="floats" type="floating"><parent link="world"/><child link="plate"/></joint>'
-    (tmp_path / "claw.urdf").write_text(urdf(prefix=('<link name="world"/>', base)))
-    source = read_source(tmp_path / "claw.urdf")
+    source = read_source(written(tmp_path, prefix=('<link name="world"/>', base)))
     assert source.model.njnt == 9
     assert any("'floats' floats: it is fixed" in note for note in source.notes)
 
@@ -335,9 +318,7 @@ def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(tmp_path)
     arm.append(
         LINK.format(name=above, mass=1, ixx="1e-2", tag="collision", z=0.0, shape='<sphere radius="0.04"/>')
     )
-    axes = ("0 0 1", "0 1 0", "0 1 0", "0 1 0", "0 0 1", "0 1 0")
-    offsets = ("0 0 0.16", "0 0.13 0", "0 -0.12 0.42", "0 0 0.39", "0 0.12 0", "0 0 0.1")
-    for k, (axis, xyz) in enumerate(zip(axes, offsets, strict=True)):
+    for k, (xyz, axis) in enumerate(table("six_joints")):
         rod = '<sphere radius="0.035"/>'
         arm.append(LINK.format(name=f"l{k}", mass=1, ixx="1e-2", tag="collision", z=0.0, shape=rod))
         arm.append(JOINT.format(name=f"a{k}", parent=above, child=f"l{k}", xyz=xyz, rpy="0 0 0", axis=axis, low=-3,
@@ -348,8 +329,7 @@ def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(tmp_path)
         f'<joint name="flange" type="fixed"><parent link="{above}"/><child link="plate"/>'
         '<origin xyz="0 0.12 0" rpy="-1.5707963 0 0"/></joint>'
     )
-    path = tmp_path / "both.urdf"
-    path.write_text(urdf(prefix=arm))
+    path = written(tmp_path, prefix=arm)
     make_robot(path, path, tmp_path / "both.yaml")
     robot = make_cell(str(tmp_path / "both.yaml")).robot
     assert robot.arm.joints.names == tuple(f"a{k}" for k in range(6))

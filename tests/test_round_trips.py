@@ -60,14 +60,7 @@ def normalised_env(**settings):
     return gw.NormalizeObservation(flat_env(**settings))
 
 
-LEARNERS = {
-    "ppo": (sb3.PPO, {"n_steps": 16, "batch_size": 16, "n_epochs": 2}),
-    "sac": (sb3.SAC, {"learning_starts": 10, "buffer_size": 200, "batch_size": 16}),
-    "td3": (sb3.TD3, {"learning_starts": 10, "buffer_size": 200, "batch_size": 16}),
-    "tqc": (contrib.TQC, {"learning_starts": 10, "buffer_size": 200, "batch_size": 16}),
-    "recurrentppo": (contrib.RecurrentPPO, {"n_steps": 16, "batch_size": 16, "n_epochs": 2}),
-    "trpo": (contrib.TRPO, {"n_steps": 16, "batch_size": 16}),
-}
+LEARNERS = (sb3.PPO, sb3.SAC, sb3.TD3, contrib.TQC, contrib.RecurrentPPO, contrib.TRPO)
 PACE = {"frame_skip": 50, "max_episode_steps": 150}
 CASES = table("checkpoints")
 
@@ -88,10 +81,10 @@ def trained(case, path, steps=64, make=DummyVecEnv):
     """Save a policy as its training script does; return what the script itself scores it with."""
     learner, wrapped, settings, how = case
     make_env = globals()[f"{wrapped}_env"]
-    kind, options = LEARNERS[learner]
+    (kind,) = (own for own in LEARNERS if own.__name__.lower() == learner)
     envs = around(make([lambda: make_env(**settings)]), how, training=True)
     name = policy_name(envs.observation_space, learner)
-    model = kind(name, envs, seed=3, device="cpu", **options).learn(steps)
+    model = kind(name, envs, seed=3, device="cpu", **table("learners")[learner]).learn(steps)
     if model.get_vec_normalize_env():
         model.get_vec_normalize_env().training = False
     save_checkpoint(model, path)
@@ -258,13 +251,7 @@ def test_statistics_that_are_not_there_are_missed(tmp_path):
     assert "what VecNormalize counted" in make_agent(str(tmp_path / "p.zip")).assumed
 
 
-@pytest.mark.parametrize(
-    ("name", "told"),
-    [
-        ("LiftOnce-v0", {"control_mode": "grasp_once"}),
-        ("LiftStaged-v0", {"control_mode": "grasp", "hold": 28}),
-    ],
-)
+@pytest.mark.parametrize(("name", "told"), table("once_and_staged"))
 def test_a_checkpoint_of_features_acts_where_it_was_trained(name, told, tmp_path):
     library = pytest.importorskip("stable_baselines3")
     env = gym.make(f"DexGrasp/{name}", objects="lego")

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose
+from processes import typed
 from refusals import refused
 from robots import HAND_JOINTS
+from tables import table
 
-from dexgrasp.cli.main import main
 from dexgrasp.evaluation.scoring.readers import ReadOptions, read_candidates
 from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dictionary
 from dexgrasp.evaluation.scoring.readers.plain import FORMAT
@@ -142,10 +143,8 @@ def frogger(folder, **more):
     content = {
         "q": np.array([values[JOINTS[n]] for n in names]), "joint_names": np.array(names), "X_WO": np.eye(4),
         "body_names": np.array(["arm", PALM]), "body_poses_W": np.stack([np.eye(4), palm]), "object": "crate",
-        "contacts_W": np.array([[0.5, 0.03, 0.2], [0.5, -0.03, 0.2], [0.53, 0.0, 0.2]]),
-        "normals_in_W": np.array([[0, -1.0, 0], [0, 1.0, 0], [-1.0, 0, 0]]), **more,
     }  # fmt: skip
-    np.savez(folder / "f.npz", **content)
+    np.savez(folder / "f.npz", **content, **table("frogger"), **more)
     return folder / "f.npz"
 
 
@@ -192,13 +191,13 @@ def test_score_command(folder, capsys, printed):
     files = [
         str(saved(folder / f"{i}.npy", dictionary(obj_pose=np.r_[0.3 + i, 0, 0, 1, 0, 0, 0]))) for i in (0, 1)
     ]
-    code = main(["score", *files, "--mesh", str(folder / "meshes"), "--protocol", "dgb_tabletop", "--json"])
+    code = typed(f"score {' '.join(files)} --mesh {folder / 'meshes'} --protocol dgb_tabletop --json")
     found = printed()
     assert code == 1  # a hand that is not there holds nothing
     assert (found["grasps"], found["protocols"]["dgb_tabletop"]["successes"]) == (2, 0)
     assert {row["reason"] for row in found["rows"]} == {"moved"}
     assert found["protocols"]["dgb_tabletop"]["ci95"][1] < 0.7
-    assert main(["score", files[0], "--protocol", "lift"]) == 2
+    assert typed(f"score {files[0]} --protocol lift") == 2
     assert "valid are dgb_fc" in capsys.readouterr().err
-    assert main(["score", files[0]]) == 2
+    assert typed(f"score {files[0]}") == 2
     assert "--mesh" in capsys.readouterr().err

@@ -7,21 +7,14 @@ from datetime import UTC, datetime
 
 import pytest
 from project_scripts import load_script
-
-from dexgrasp_env.errors import InputError
+from refusals import refused
+from tables import table
 
 beacon, commitment, pages, season = map(
     load_script, ("beacon", "season_commitment", "season_pages", "season")
 )
 
-ENTRY = {
-    "agents": ["random"],
-    "objects": ["mask"],
-    "protocols": ["lift"],
-    "trials": 1,
-    "seeds": 2,
-    "title": "Two.",
-}
+ENTRY = table("season_entry")
 ROUND = 657413
 SIGNATURE = "b713718a38ae728dfd477991af2822e08d2f305e47718cef9f7848ce4050e7be41076862b98fad56e91a6b85b89cd97b"
 """Of that round, as published."""
@@ -45,17 +38,17 @@ def test_a_signature_is_checked_without_a_network():
         (ROUND, "b7"),
         (ROUND, "x"),
     ):
-        with pytest.raises(InputError, match="not the signature of round"):
+        with refused("not the signature of round"):
             beacon.randomness(number, signature)
     assert f"{beacon.round_time(ROUND):%Y-%m-%d}" == "2023-09-15"
 
 
 def test_a_commitment_is_one_and_ahead_of_its_round(house):
     _, path = house
-    with pytest.raises(InputError, match=r"round 657413 was 2023-09-15 .* lies ahead"):
+    with refused(r"round 657413 was 2023-09-15 .* lies ahead"):
         commitment.commit(path, ROUND, datetime(2026, 11, 29, tzinfo=UTC))
     commitment.commit(path, ROUND, BEFORE)
-    with pytest.raises(InputError, match="needs --again REASON"):
+    with refused("needs --again REASON"):
         commitment.commit(path, ROUND + 1, BEFORE)
     again = commitment.commit(path, ROUND + 1, BEFORE, "a typing error")
     assert json.loads(again.read_text())["again"] == ["a typing error"]
@@ -76,19 +69,19 @@ def test_seeds_follow_from_commitment_and_beacon(house):
 
 def test_nothing_is_scored_but_what_was_committed_to(house):
     root, path = house
-    with pytest.raises(InputError, match="commit to it first"):
+    with refused("commit to it first"):
         season.play(path, 1, SIGNATURE, root=root)
     mesh = root / "a.obj"
     mesh.write_text("v 0 0 0\nv .05 0 0\nv 0 .05 0\nv 0 0 .05\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
     path.write_text(json.dumps({"schema": 2, "entries": {"small": {**ENTRY, "objects": [str(mesh)]}}}))
     commitment.commit(path, ROUND, BEFORE)
-    with pytest.raises(InputError, match=r"give --signature HEX of round 657413, of 2023-09-15"):
+    with refused(r"give --signature HEX of round 657413, of 2023-09-15"):
         season.play(path, 1, root=root)
     mesh.write_text(mesh.read_text().replace(".05", ".06"))
-    with pytest.raises(InputError, match="files of small is not as"):
+    with refused("files of small is not as"):
         season.play(path, 1, SIGNATURE, root=root)
     path.write_text(path.read_text().replace('"trials": 1', '"trials": 2'))
-    with pytest.raises(InputError, match="is not as"):
+    with refused("is not as"):
         season.play(path, 1, SIGNATURE, root=root)
     assert not (root / "docs").exists()
 
@@ -107,7 +100,7 @@ def test_a_season_is_played_once_shown_by_its_trials_and_verified(house):
     assert "python scripts/season.py show 2027-01/small" in shown
     found = list(season.verify(path, 2, 0, root))
     assert [right for right, _ in found] == [True] * 4
-    with pytest.raises(InputError, match="needs --again REASON"):
+    with refused("needs --again REASON"):
         season.play(path, 1, SIGNATURE, root=root)
     first, second = root / "first.tar.gz", root / "second.tar.gz"
     for packed in (first, second):
@@ -130,7 +123,7 @@ def test_a_season_is_played_once_shown_by_its_trials_and_verified(house):
 def test_without_a_beacon_entropy_is_entered_and_recorded_as_unchecked(house):
     root, path = house
     commitment.commit(path, None, BEFORE)
-    with pytest.raises(InputError, match="give --entropy WORDS"):
+    with refused("give --entropy WORDS"):
         season.play(path, 1, SIGNATURE, root=root)
     drawn = commitment.entropy_of(None, None, "the lottery of 2 January")
     assert drawn == ("the lottery of 2 January", {"entropy": "the lottery of 2 January", "checked": False})
@@ -145,7 +138,7 @@ def test_what_was_interrupted_goes_on(house):
     again = season.Record(found, root / "docs" / "results")
     assert again.begin({"signature": "c"}, None) == 1
     assert len(again.scorings) == 1
-    with pytest.raises(InputError, match="second scoring"):
+    with refused("second scoring"):
         season.Record(found, root / "docs" / "results").begin({"signature": "d"}, None)
 
 

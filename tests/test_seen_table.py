@@ -5,9 +5,11 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from refusals import rejected
 from robots import CELL
 from seen_tables import AMID, GIVEN, block, flat, height_over, leaning, seen_at, standing, without
+from tables import table
 
 from dexgrasp.export.check import check_trajectory
 from dexgrasp.export.grasp_export import export_grasp
@@ -143,10 +145,10 @@ def test_the_robot_at_a_seen_table_is_the_one_that_would_be_compiled_there():
     there = CELL.seeing(SeenTable.of(flat(rng, (0.4, -0.1), (0.6, 0.1)) @ T[:3, :3].T + T[:3, 3]))
     fresh, moved = robot_spec(there).compile(), compiled_robot(there)
     for name in ("body_pos", "body_quat", "geom_pos", "geom_quat", "site_pos", "jnt_axis"):
-        np.testing.assert_array_equal(getattr(moved, name), getattr(fresh, name))
+        assert_array_equal(getattr(moved, name), getattr(fresh, name))
     tree, before = robot_tree(there), robot_tree(CELL)
     assert not np.array_equal(tree.rotation[0], before.rotation[0])
-    np.testing.assert_array_equal(tree.rotation[1:], before.rotation[1:])
+    assert_array_equal(tree.rotation[1:], before.rotation[1:])
 
 
 def test_a_table_elsewhere_is_said_with_both_figures():
@@ -249,16 +251,7 @@ def test_what_is_level_beside_or_above_is_an_obstacle():
 
 
 @pytest.mark.skipif(not GIVEN.is_dir(), reason="clouds of others are not here")
-@pytest.mark.parametrize(
-    ("name", "height", "lean"),
-    [
-        ("table_as_said", 0.0, 0.0),
-        ("table_12mm_high", 0.012, 0.0),
-        ("plate_20mm_beside", 0.0, 0.0),
-        ("leans_2.5deg_about_the_object", 0.0, 2.4),
-        ("shelf_over_the_table", 0.0, 0.3),
-    ],
-)
+@pytest.mark.parametrize(("name", "height", "lean"), table("tables_seen"))
 def test_given_clouds_are_planned_clear_of_their_table(name, height, lean):
     points = read_scan(GIVEN / f"{name}.ply")
     table = find_object(points, np.random.default_rng(0), CELL).table

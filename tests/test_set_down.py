@@ -1,28 +1,30 @@
 """Set down at a goal: planned in one piece, judged from the file, exported, replayed; or refused with a reason."""
 
+import copy
 import json
+from functools import reduce
+from operator import getitem
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
 from processes import typed
-from refusals import rejected
+from refusals import refused, rejected
 from scipy.spatial.transform import Rotation
+from tables import mistakes, table
 from test_request import block
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import plan_cloud
 from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
-from dexgrasp.cli.main import main
 from dexgrasp.export.replay import turned_by
 from dexgrasp.geometry.hull import axes_of_symmetry
 from dexgrasp.geometry.request import PLACE_WORDS, GraspRequest
 from dexgrasp.grasp.file import record_of
 from dexgrasp_env.arrays import middle
-from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import check
+from dexgrasp_env.valid import check as checked
 
 PHASES = ["approach", "lift", "carry", "set_down", "release", "retreat"]
 
@@ -49,37 +51,17 @@ def test_the_file_has_all_phases_and_holds(content):
 
 
 def test_the_judge_refuses_another_goal_and_a_changed_way(content):
-    def changed(edit):
-        other = json.loads(json.dumps(content))
-        edit(other)
-        return failing(other)
-
-    def shift(phase, row, joint, by):
-        return lambda other: other["script"]["phases"][phase]["setpoints"][row].__setitem__(
-            joint, other["script"]["phases"][phase]["setpoints"][row][joint] + by
-        )
-
-    assert changed(lambda c: c["request"]["goal"]["place"].__setitem__(0, 0.48)) == {"goal: off its place"}
-    assert changed(lambda c: c["request"]["goal"].__setitem__("yaw", 80.0)) == {"goal: off its heading"}
-    assert changed(lambda c: c["request"]["goal"]["place"].__setitem__(2, 0.05)) == {
-        "goal: height of its place"
-    }
-    assert "placing: one phase begins where the last ends as stated" in changed(shift(3, -1, 1, 0.02))
-    assert "retreat: hand open as stated" in changed(shift(5, 3, 9, 0.02))
-    assert "carry: fingers still as stated" in changed(shift(2, 5, 9, 0.02))
-    assert "release: arm still as stated" in changed(shift(4, 5, 1, 0.02))
-    with pytest.raises(InputError, match="with a goal alone"):
+    for path, by, check in table("changes_of_placing"):
+        other = copy.deepcopy(content)
+        *way, last = path
+        reduce(getitem, way, other)[last] += by
+        found = failing(other)
+        assert found == {check} if "goal" in path else check in found, path
+    with refused("with a goal alone"):
         record_of(content | {"request": None})
 
 
-@pytest.mark.parametrize(
-    ("goal", "reason"),
-    [
-        ((0.9, 0.0, 0.0), "goal_off_table"),
-        ((0.45, -0.2, 0.1), "goal_not_on_table"),
-        ((0.84, 0.53, 0.0), "goal_out_of_reach"),
-    ],
-)
+@pytest.mark.parametrize(("goal", "reason"), mistakes("goals"))
 def test_a_goal_that_cannot_be_is_refused_with_its_reason(goal, reason):
     plan = asked(*goal)
     assert plan.reason == f"no_grasp:{reason}"
@@ -139,8 +121,7 @@ def test_turns_that_nobody_sees_do_not_count():
 
 def test_the_command_exports_and_replays_it(tmp_path, capsys):
     grasp = tmp_path / "grasp"
-    place = ["--place", "0.45", "-0.2", "0"]
-    assert main(["plan", "sugar_box", "--seed", "1", "--out", str(grasp), *place]) == 0
+    assert typed(f"plan sugar_box --seed 1 --out {grasp} --place 0.45 -0.2 0") == 0
     assert typed(f"verify {grasp / 'grasp.json'}") == 0
     for kind in ("mjcf", "json", "ros2"):
         assert typed(f"export {grasp / 'grasp.json'} --format {kind} --out {tmp_path / kind}") == 0
@@ -148,5 +129,5 @@ def test_the_command_exports_and_replays_it(tmp_path, capsys):
     assert typed(f"check {tmp_path / 'json'}") == 0
     assert typed(f"check {tmp_path / 'mjcf'} --replay 2 --need 1/2") == 0
     assert "set down at its goal, nothing else touched" in capsys.readouterr().out
-    with pytest.raises(InputError, match="place is"):
-        check("place", (1, 2, 3, 4, 5), PLACE_WORDS)
+    with refused("place is"):
+        checked("place", (1, 2, 3, 4, 5), PLACE_WORDS)

@@ -4,6 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from lift_envs import make
+from numpy.testing import assert_allclose
 from refusals import refused
 from robots import HOME, UPPER
 
@@ -17,12 +18,12 @@ POSE = [0.5, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0]
 def test_the_robot_begins_at_joints_that_are_given():
     env, joints = make(), np.minimum(HOME + 0.05, UPPER)
     seen, _ = env.reset(seed=0, options={"object_pose": POSE, "joints": joints})
-    np.testing.assert_allclose(seen["joint_targets"], joints, atol=1e-6)
-    np.testing.assert_allclose(seen["joint_positions"], joints, atol=0.02)
+    assert_allclose(seen["joint_targets"], joints, atol=1e-6)
+    assert_allclose(seen["joint_positions"], joints, atol=0.02)
     after, *_ = env.step(np.zeros(23))
-    np.testing.assert_allclose(after["joint_positions"], seen["joint_positions"], atol=0.01)
+    assert_allclose(after["joint_positions"], seen["joint_positions"], atol=0.01)
     usual, _ = env.reset(seed=0)
-    np.testing.assert_allclose(usual["joint_targets"], HOME, atol=1e-6)
+    assert_allclose(usual["joint_targets"], HOME, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.stats import norm
+from tables import table
 from trial_rows import row
 
 from dexgrasp.evaluation.statistics import (
@@ -15,12 +16,7 @@ from dexgrasp.evaluation.summary import count, protocol_counts
 
 def test_wilson_interval_against_published_values():
     # Newcombe (1998), table I, method 3: 81/263, 15/148, 0/20, 1/29.
-    for k, n, low, high in [
-        (81, 263, 0.2553, 0.3662),
-        (15, 148, 0.0624, 0.1605),
-        (0, 20, 0.0, 0.1611),
-        (1, 29, 0.0061, 0.1718),
-    ]:
+    for k, n, low, high in table("wilson"):
         assert wilson_interval(k, n) == pytest.approx((low, high), abs=5e-5)
     assert wilson_interval(5, 5)[1] == 1.0
     assert wilson_interval(0, 0) == (0.0, 1.0)

@@ -4,6 +4,7 @@ import json
 
 import pytest
 from refusals import refused
+from tables import mistakes
 from trial_rows import row, write_run
 
 from dexgrasp.evaluation.store import TrialStore, kept_grasps, read_rows
@@ -28,14 +29,10 @@ def test_a_trial_counts_once(tmp_path):
 
 @pytest.mark.parametrize(
     "line",
-    [
-        b"[]", b"{}", json.dumps(row() | {"trial": "0"}).encode(), json.dumps(row(success=1)).encode(),
-        json.dumps(row(planning_seconds=float("nan"))).encode(),
-        json.dumps(row(details={"certificate": {"closure_margin": "much"}})).encode(),
-    ],
-)  # fmt: skip
+    ["[]", "{}", *(json.dumps(row() | change) for change in mistakes("trials"))],
+)
 def test_damaged_lines_are_named_in_one_line(tmp_path, line):
-    (tmp_path / "trials.jsonl").write_bytes(line + b"\n")
+    (tmp_path / "trials.jsonl").write_text(line + "\n")
     with refused(r"line 1 is (not JSON|no trial)"):
         read_rows(tmp_path)
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import pytest
 from project_scripts import load_script
+from tables import mistakes
 
 from dexgrasp.cli.commands import run_command
 from dexgrasp.evaluation.protocol import PROTOCOLS
@@ -74,16 +75,7 @@ PAGE = (
 )
 
 
-@pytest.mark.parametrize(
-    ("style", "body", "fault"),
-    [
-        ("own.css", '<a href="https://x.org">x</a><img src="data:image/png;base64,AA==">', None),
-        ("https://x.org/own.css", "", "from outside"),
-        ("own.css", '<script src="//x.org/a.js"></script>', "from outside"),
-        ("own.css", '<style>@import "https://x.org/a.css";</style>', "from outside"),
-        ("own.css", '<a href="gone.html#part">x</a>', "leads nowhere"),
-    ],
-)
+@pytest.mark.parametrize(("style", "body", "fault"), mistakes("pages"))
 def test_what_a_page_loads_from_outside_is_found(style, body, fault, tmp_path):
     (tmp_path / "own.css").write_text("body { color: black }")
     (tmp_path / "index.html").write_text(PAGE.format(style, body))

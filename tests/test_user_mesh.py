@@ -9,7 +9,7 @@ import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from scipy.spatial import ConvexHull
-from tables import mistakes
+from tables import mistakes, table
 
 from dexgrasp_env.objects import decompose
 from dexgrasp_env.objects.decompose import convex_parts
@@ -66,7 +66,7 @@ def bad_file(folder: Path, defect: str) -> Path:
         "centimetres": CAPSULE.copy().apply_scale(100),
         "tiny": CAPSULE.copy().apply_scale(0.01),
         "nan": bare(nan, CAPSULE.faces),
-        "flat": bare([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]], [[0, 1, 2], [0, 2, 3]]),
+        "flat": bare(table("square"), [[0, 1, 2], [0, 2, 3]]),
         "points": trimesh.PointCloud(CAPSULE.vertices),
     }
     if defect in meshes:
@@ -113,17 +113,7 @@ def defective(defect: str) -> trimesh.Trimesh:
     return mesh
 
 
-@pytest.mark.parametrize(
-    ("defect", "note"),
-    [
-        ("inverted", "turned faces"),
-        ("some turned", "turned faces"),
-        ("hole", "filled 1 hole"),
-        ("unwelded", None),
-        ("crumb", "dropped 1 loose piece"),
-        ("soup", "rebuilt on a grid"),
-    ],
-)
+@pytest.mark.parametrize(("defect", "note"), table("defects"))
 def test_a_broken_surface_is_mended_and_it_is_said(defect, note):
     solid, notes = repair(defective(defect))
     assert is_solid(solid)
@@ -157,7 +147,7 @@ def test_a_concave_mesh_is_split_the_same_way_every_time_and_cached(tmp_path, mo
 
 
 def cup_of() -> trimesh.Trimesh:
-    profile = [(0.0, 0.0), (0.03, 0.0), (0.035, 0.09), (0.033, 0.09), (0.028, 0.003), (0.0, 0.003)]
+    profile = table("cup_profile")
     return trimesh.creation.revolve(np.array(profile), sections=24)
 
 
@@ -195,8 +185,8 @@ def test_a_surface_that_crosses_itself_gets_a_possible_inertia():
 
 
 DEGENERATE = {
-    "collinear": ([[0, 0, 0], [0.05, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]], [[0, 1, 2]]),
-    "two vertices": ([[0, 0, 0], [0.1, 0.1, 0.1]], [[0, 1, 0], [1, 0, 1]]),
+    "collinear": table("collinear"),
+    "two vertices": table("two_corners"),
     "huge": ([[1e308] * 3, [-1e308] * 3, *CAPSULE.vertices[2:].tolist()], CAPSULE.faces.tolist()),
 }
 

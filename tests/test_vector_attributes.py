@@ -8,6 +8,7 @@ from gymnasium.error import ClosedEnvironmentError
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from lift_envs import few, skip_without_gl
 from refusals import refused
+from tables import mistakes
 from vector_envs import assert_same, native, singles
 
 from dexgrasp_env.tasks.clutter_env import ClutterEnv
@@ -121,9 +122,6 @@ def test_seeds_and_options_are_checked_in_words():
     envs = native(2)
     first, _ = envs.reset(seed=np.array([3, 4]))
     assert_same(first, envs.reset(seed=3)[0])
-    for what, words in (
-        ({"seed": 1.5}, "seed is 1.5"), ({"seed": [1, -2]}, "seed is -2"), ({"seed": "ab"}, "seed is 'ab'"),
-        ({"options": [{}]}, "options is"),
-    ):  # fmt: skip
+    for what, words in mistakes("resets"):
         with refused(words):
             envs.reset(**what)

@@ -176,11 +176,7 @@ def test_what_cameras_have_not_seen_is_not_left_out_of_a_reset():
 
 
 def test_wrong_use_is_named_in_one_line():
-    for kwargs, word in (
-        ({"render_mode": "human"}, "'human'"),
-        ({"threads": 0}, "threads"),
-        ({"autoreset_mode": "Later"}, "NextStep"),
-    ):
+    for kwargs, word in mistakes("vectors"):
         with refused(word):
             native(2, **kwargs)
     envs = native(2, objects="sugar_box", autoreset_mode="Disabled", max_episode_steps=1)
@@ -200,14 +196,7 @@ def test_wrong_use_is_named_in_one_line():
         envs.step(np.zeros((2, 23)))
 
 
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ({"backend": "mjx"}, "backend is 'mjx'"),
-        ({"backend": "warp", "threads": 2}, "threads=2 changes nothing here"),
-        ({"backend": "warp", "env_id": "DexGrasp/ClutterSparse-v1"}, "backend is 'warp': valid is mujoco"),
-    ],
-)
+@pytest.mark.parametrize(("settings", "words"), mistakes("backends"))
 def test_what_no_physics_can_do_is_refused_in_one_line(settings, words):
     with refused(words):
         native(2, **settings)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from refusals import refused
+from tables import table
 from warp_envs import ID, N, make
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
@@ -16,10 +17,7 @@ pytestmark = pytest.mark.warp
 
 OBJECTS = 20
 SKIP = 5  # physics steps of a control step: fewer are captured sooner
-EPISODES = {
-    "max_episode_steps": 17,
-    "randomisation": {"mass": (0.5, 2.0), "friction": (0.4, 1.0), "gain": (0.8, 1.2)},
-}
+EPISODES = table("warp_episodes")
 AS_PLAYED = {"control_mode": "joint_position", "max_episode_steps": None}
 NUDGED = np.full(N, 1e-4)
 PUSHED, STEPS = {"kind": "pushed", "size": 0.5}, 300

@@ -2,32 +2,16 @@
 
 import gymnasium as gym
 import numpy as np
+from tables import table
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 
 ID = "DexGrasp/Lift-v2"
 OBJECTS = ["sugar_box", "massage_ball", "soda"]
-RANDOM = {
-    "mass": (0.5, 2.0),
-    "friction": (0.3, 1.2),
-    "size": (0.9, 1.1),
-    "gain": (0.8, 1.2),
-    "latency": (0.0, 0.04),
-    "joint_noise": (0.0, 0.01),
-}
+RANDOM = table("random_scenes")
 
 
-TOLD_ONCE = {
-    "action_space",
-    "observation_space",
-    "control_period",
-    "mount",
-    "cell",
-    "obs_mode",
-    "control_mode",
-    "observe",
-    "tray",
-}
+TOLD_ONCE = {*table("told_once")}
 """Keys of a single reset's info that are of the environment, not of the episode: `SingleEnv.agent_info`."""
 
 

@@ -12,13 +12,12 @@ import mujoco
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.poses import matrix_to_quat, quat_to_matrix
-from engines.scene import Pose, colliding, compose, excluded_pairs, inverse, mesh_file
+from dexgrasp_env.poses import inverse, matrix_to_quat, pose_matrix, quat_to_matrix
+from engines.scene import colliding, excluded_pairs, mesh_file
 
 # No drag, no bounce, and convex hulls as they are: Bullet would swell them by a millimetre. NB: with drag or margin
 # named, `changeDynamics` sets the base, whatever link it is given.
 _EXACT = {"linearDamping": 0.0, "angularDamping": 0.0, "restitution": 0.0, "collisionMargin": 0.0}
-_WORLD: Pose = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 STEP = 0.00025
 """s, of the physics: Bullet takes the torques of the wrist's stiff dampers explicitly. At 0.5 ms they chatter and shake
 heavy objects out of the hand."""
@@ -48,9 +47,9 @@ class Bullet:
         zero = [0.0] * len(start)
         client.setJointMotorControlArray(self.robot, self._joints, client.VELOCITY_CONTROL, forces=zero)
         body = model.body("object").id
-        self._inertial = (model.body_ipos[body], model.body_iquat[body])
-        position, (w, x, y, z) = compose((pose[:3], pose[3:]), self._inertial)
-        client.resetBasePositionAndOrientation(self.object, position.tolist(), [x, y, z, w])
+        self._inertial = pose_matrix(model.body_ipos[body], model.body_iquat[body])
+        place = pose_matrix(pose[:3], pose[3:]) @ self._inertial
+        client.resetBasePositionAndOrientation(self.object, *_of_bullet(place))
 
     def close(self) -> None:
         """Give its memory back."""
@@ -69,8 +68,8 @@ class Bullet:
     def position(self) -> Array:
         """Return the place of the object's frame (3,), m."""
         position, (x, y, z, w) = self.client.getBasePositionAndOrientation(self.object)
-        place, _ = compose((np.array(position), np.array([w, x, y, z])), inverse(self._inertial))
-        return place
+        place = pose_matrix(np.array(position), np.array([w, x, y, z])) @ inverse(self._inertial)
+        return place[:3, 3]
 
     def joints(self) -> Array:
         """Return the robot's joint angles (n,), rad."""
@@ -111,13 +110,11 @@ def add_bodies(client: Any, model: mujoco.MjModel) -> tuple[int, int]:
 
 def _add_free(client: Any, model: mujoco.MjModel, body: int, folder: Path, *, fixed: bool) -> int:
     """The table or the object, in its inertial frame. Bullet multiplies frictions: the object has 1, the rest mu."""
-    frame = (model.body_ipos[body], model.body_iquat[body])
+    frame = pose_matrix(model.body_ipos[body], model.body_iquat[body])
     shape = _collision_shape(client, model, body, folder, frame)
-    place = compose((model.body_pos[body], model.body_quat[body]), frame)
+    position, quat = _of_bullet(pose_matrix(model.body_pos[body], model.body_quat[body]) @ frame)
     mass = 0.0 if fixed else float(model.body_mass[body])
-    made = client.createMultiBody(
-        mass, shape, basePosition=place[0].tolist(), baseOrientation=_xyzw(place[1])
-    )
+    made = client.createMultiBody(mass, shape, basePosition=position, baseOrientation=quat)
     friction = _friction(model, body) if fixed else 1.0
     client.changeDynamics(made, -1, lateralFriction=friction, **_EXACT)
     if not fixed:
@@ -130,10 +127,10 @@ def _add_robot(client: Any, model: mujoco.MjModel, end: int, folder: Path) -> in
     links = range(2, end)
     inertials = {body: _with_rotor(model, body) for body in links}
     robot = client.createMultiBody(
-        0.0, _collision_shape(client, model, 1, folder, _WORLD),
+        0.0, _collision_shape(client, model, 1, folder, np.eye(4)),
         basePosition=model.body_pos[1].tolist(), baseOrientation=_xyzw(model.body_quat[1]),
         linkMasses=[float(model.body_mass[b]) for b in links],
-        linkCollisionShapeIndices=[_collision_shape(client, model, b, folder, _WORLD) for b in links],
+        linkCollisionShapeIndices=[_collision_shape(client, model, b, folder, np.eye(4)) for b in links],
         linkVisualShapeIndices=[-1 for _ in links],
         linkPositions=[model.body_pos[b].tolist() for b in links],
         linkOrientations=[_xyzw(model.body_quat[b]) for b in links],
@@ -182,8 +179,8 @@ def _with_rotor(model: mujoco.MjModel, body: int) -> tuple[Array, Array]:
     return moments, matrix_to_quat(frame * [1.0, 1.0, np.sign(np.linalg.det(frame))])
 
 
-def _collision_shape(client: Any, model: mujoco.MjModel, body: int, folder: Path, frame: Pose) -> int:
-    """All that collides of a body as one shape, seen from a frame of the body."""
+def _collision_shape(client: Any, model: mujoco.MjModel, body: int, folder: Path, frame: Array) -> int:
+    """All that collides of a body as one shape, seen from a frame (4, 4) of the body."""
     geoms = colliding(model, body)
     sizes = model.geom_size
     kinds = {
@@ -191,7 +188,8 @@ def _collision_shape(client: Any, model: mujoco.MjModel, body: int, folder: Path
         mujoco.mjtGeom.mjGEOM_CYLINDER: client.GEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX: client.GEOM_BOX,
         mujoco.mjtGeom.mjGEOM_MESH: client.GEOM_MESH,
     }  # fmt: skip
-    places = [compose(inverse(frame), (model.geom_pos[g], model.geom_quat[g])) for g in geoms]
+    back = inverse(frame)
+    places = [_of_bullet(back @ pose_matrix(model.geom_pos[g], model.geom_quat[g])) for g in geoms]
     return int(
         client.createCollisionShapeArray(
             shapeTypes=[kinds[mujoco.mjtGeom(model.geom_type[g])] for g in geoms],
@@ -200,8 +198,8 @@ def _collision_shape(client: Any, model: mujoco.MjModel, body: int, folder: Path
             halfExtents=[sizes[g].tolist() for g in geoms],
             fileNames=[mesh_file(model, g, folder) for g in geoms],
             meshScales=[[1.0, 1.0, 1.0] for _ in geoms],
-            collisionFramePositions=[position.tolist() for position, _ in places],
-            collisionFrameOrientations=[_xyzw(quat) for _, quat in places],
+            collisionFramePositions=[position for position, _ in places],
+            collisionFrameOrientations=[quat for _, quat in places],
         )
     )
 
@@ -209,3 +207,8 @@ def _collision_shape(client: Any, model: mujoco.MjModel, body: int, folder: Path
 def _xyzw(quat_wxyz: Array) -> list[float]:
     w, x, y, z = quat_wxyz.tolist()
     return [x, y, z, w]
+
+
+def _of_bullet(T: Array) -> tuple[list[float], list[float]]:
+    """Return a pose (4, 4) as Bullet takes it: position, m, and quaternion xyzw."""
+    return T[:3, 3].tolist(), _xyzw(matrix_to_quat(T[:3, :3]))

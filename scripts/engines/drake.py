@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.poses import pose_matrix, quat_to_matrix
 from engines.scene import colliding, excluded_pairs, mesh_file
 
 STEP = 0.001
@@ -84,24 +84,18 @@ class Drake:
     def _add_body(self, body: int, folder: Path) -> None:
         """Add a body of the model with its joint, servo and shapes."""
         drake, plant, model = self._drake, self._plant, self._model
-        name, free = (
-            model.body(body).name,
-            model.body_jntnum[body] and model.jnt_type[model.body_jntadr[body]] == 0,
-        )
-        fixed = name == "table"
-        instance = (
-            plant.AddModelInstance(name) if body == 1 or free or fixed else self._bodies[1].model_instance()
-        )
+        name = model.body(body).name
+        free, fixed = name == "object", name == "table"
+        own = body == 1 or free or fixed
+        instance = plant.AddModelInstance(name) if own else self._bodies[1].model_instance()
         added = plant.AddRigidBody(name, instance, self._inertia(body))
         self._bodies.append(added)
         for geom in colliding(model, body):
-            self._add_shape(added, geom, folder, free=bool(free))
+            self._add_shape(added, geom, folder, free=free)
         if free:
             return
         parent = self._bodies[model.body_parentid[body]]
-        place = drake.RigidTransform(
-            drake.RotationMatrix(quat_to_matrix(model.body_quat[body])), model.body_pos[body]
-        )
+        place = drake.RigidTransform(pose_matrix(model.body_pos[body], model.body_quat[body]))
         if not model.body_jntnum[body]:
             plant.AddJoint(drake.WeldJoint(f"{name}_weld", parent.body_frame(), added.body_frame(), place))
             return
@@ -149,9 +143,7 @@ class Drake:
             properties=properties,
         )
         drake.AddCompliantHydroelasticProperties(_RESOLUTION, _MODULUS, properties)
-        place = drake.RigidTransform(
-            drake.RotationMatrix(quat_to_matrix(model.geom_quat[geom])), model.geom_pos[geom]
-        )
+        place = drake.RigidTransform(pose_matrix(model.geom_pos[geom], model.geom_quat[geom]))
         self._plant.RegisterCollisionGeometry(added, place, shape, f"geom{geom}", properties)
 
     def _exclude(self, scene: Any) -> None:
