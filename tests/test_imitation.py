@@ -51,7 +51,15 @@ def short_epochs(monkeypatch):
 
 
 def settings_of(view, **more):
-    return BcSettings(view=view, epochs=2, episodes=2, rows=8, network=SMALL, grasps=NARROW, **more)
+    return BcSettings(
+        view=view,
+        epochs=2,
+        episodes=2,
+        rows=8,
+        **({"network": SMALL} if view == "state" else {}),
+        grasps=NARROW,
+        **more,
+    )
 
 
 def test_features_tell_nothing_of_the_last_action(demos):

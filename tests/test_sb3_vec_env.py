@@ -30,9 +30,9 @@ def test_terminal_observations_and_time_limits():
     assert env.env_is_wrapped(gym.Wrapper) == [False, False]
     assert env.get_images() == [None, None]  # as of environments that draw nothing
     env.close()
-    told = SB3VecEnv("DexGrasp/Lift-v2", num_envs=2, objects="sugar_box", told=("stages",))
+    told = SB3VecEnv("DexGrasp/Lift-v2", num_envs=2, objects="sugar_box", info_columns=("stages",))
     told.reset()
-    with refused("unknown info of `told` 'stages' .the nearest is 'stage'"):
+    with refused("unknown name of info_columns 'stages' .the nearest is 'stage'"):
         told.step(np.zeros((2, 23)))
 
 

@@ -18,7 +18,6 @@ import numpy as np
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
-from dexgrasp_env.objects.user_mesh import read_mesh
 from dexgrasp_env.robot.description_text import find_file
 
 BASE = "base"
@@ -296,6 +295,8 @@ def _fetch(root: Element, message: str, path: Path, meshes: dict[str, bytes]) ->
         return f"{file} is not there: {found} is taken"
     if "decoder" not in message:
         return None
+    from dexgrasp_env.objects.user_mesh import read_mesh
+
     own = f"{len(meshes)}_{Path(file).stem}.obj"
     try:
         mesh = read_mesh(Path(file))
