@@ -26,7 +26,7 @@ from typing import (
     get_type_hints,
 )
 
-from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.errors import InputError, shortened, unknown_name
 
 Settings = TypeVar("Settings")
 
@@ -157,7 +157,7 @@ _PLAIN = {
 
 
 class Hint(NamedTuple):
-    """Return the rule that a field's annotation states.
+    """Statement of a field's annotation.
 
     Attributes:
         kind: its type, without `None` and `Annotated`.
@@ -217,9 +217,7 @@ def check(what: str, value: Any, rule: Rule) -> Any:
     except InputError:
         raise
     except (AttributeError, TypeError, ValueError, OverflowError):
-        shown, most = " ".join(repr(value).split()), 100  # characters of a wrong value in a message
-        shown = shown if len(shown) <= most else shown[: most - 3] + "..."
-        raise InputError(f"{what} is {shown}: valid is {rule.words}") from None
+        raise InputError(f"{what} is {shortened(repr(value), 100)}: valid is {rule.words}") from None
 
 
 def read(kind: type[Settings], given: Any, what: str = "", *, more: bool = False) -> Settings:
