@@ -262,6 +262,24 @@ def check_fields(made: Any) -> None:
         object.__setattr__(made, field.name, kept)
 
 
+def refuse_idle(made: Any, needs: Mapping[str, tuple[bool, str]]) -> None:
+    """Refuse fields of a dataclass that would change nothing.
+
+    Args:
+        made: the dataclass.
+        needs: of fields that have an effect beside some others only: whether these are there, and which.
+
+    Raises:
+        InputError: naming the first of them, and what it needs.
+    """
+    for field in fields(made):
+        met, need = needs.get(field.name, (True, ""))
+        value = getattr(made, field.name)
+        usual = field.default if field.default_factory is MISSING else field.default_factory()
+        if not met and value != usual:
+            raise InputError(f"{field.name}={value!r} changes nothing here: valid is {need}, or leave it out")
+
+
 def _value(name: str, value: Any, hint: Hint, default: Any, more: bool) -> Any:
     if value is None and hint.optional:
         return None
