@@ -137,8 +137,14 @@ class Plan(Command, Request, Scan, Scene):
             from dexgrasp.planning.plan_scene import default_planner
 
             planner = default_planner(self.cell, None, "surface").asking(self._request(_nothing_marked))
-            shape = {"scale": self.mesh_scale, "mass": self.mesh_mass}
-            subject, found = plan_floating(planner, str(self.target), self.seed, **shape, progress=progress)
+            subject, found = plan_floating(
+                planner,
+                str(self.target),
+                self.seed,
+                scale=self.mesh_scale,
+                mass=self.mesh_mass,
+                progress=progress,
+            )
         else:
             look, found = plan_target(str(self.target), self.agent, self, progress, self._request)
             subject = look.subject
