@@ -6,16 +6,13 @@ import os
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dexgrasp.agent import Agent, complete
 from dexgrasp.runs.policy_folder import is_policy, policy_files
 from dexgrasp.runs.reading import files_read
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
-
-if TYPE_CHECKING:
-    from dexgrasp.geometry.request import GraspRequest
 
 AGENTS: dict[str, str] = {
     "random": "dexgrasp.agents.floors:RandomAgent",
@@ -92,22 +89,6 @@ def placing_agent(name: str, env_id: str = "DexGrasp/Place-v2", **kwargs: Any) -
         return agent
     kind = "ClearingAgent" if env_id.startswith("DexGrasp/Clear") else "PlacingAgent"
     return _load(f"dexgrasp.agents.placing:{kind}")(agent)
-
-
-def agent_for(name: str, request: "GraspRequest") -> Agent:
-    """Make an agent; one that plans grasps plans what is asked for, the others are told nothing.
-
-    Args:
-        name: see `make_agent`.
-        request: what is asked for.
-
-    Raises:
-        InputError: as `make_agent`.
-    """
-    from dexgrasp.planning.result import PlansGrasps
-
-    agent = make_agent(name)
-    return make_agent(name, request=request) if request and isinstance(agent, PlansGrasps) else agent
 
 
 def check_name(name: str) -> str:

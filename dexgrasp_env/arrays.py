@@ -26,14 +26,29 @@ def array(*shape: int | None) -> Rule:
     def validate(value: Any) -> Array:
         """Return the array that a value states."""
         found = np.array(value, dtype=np.float64, order="C")
-        fits = found.ndim == len(shape) and all(
-            size in (None, own) for size, own in zip(shape, found.shape, strict=True)
-        )
-        if not fits or _has_words(value) or not (np.abs(found) < LARGEST).all():
+        if not _fits(found, shape) or _has_words(value) or not (np.abs(found) < LARGEST).all():
             raise ValueError
         return found
 
     return Rule(f"finite numbers below {LARGEST:.0e} of shape ({sizes})", validate)
+
+
+def numbers(words: str, *shape: int | None) -> Rule:
+    """Return the rule of arrays of numbers of any kind, of a shape (None: any length) where it is given."""
+
+    def validate(value: Any) -> NDArray[Any]:
+        """Return the array."""
+        found = np.asarray(value)
+        if found.dtype.kind not in "biuf" or (shape and not _fits(found, shape)):
+            raise ValueError
+        return found
+
+    return Rule(words, validate)
+
+
+def _fits(found: NDArray[Any], shape: Sequence[int | None]) -> bool:
+    sizes = zip(shape, found.shape, strict=False)
+    return found.ndim == len(shape) and all(size in (None, own) for size, own in sizes)
 
 
 def _has_words(value: Any) -> bool:

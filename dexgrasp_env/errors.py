@@ -2,8 +2,6 @@
 
 import difflib
 
-_LONGEST = 200  # characters of a wrong name in a message
-
 
 class InputError(ValueError):
     """Bad input: the message is one line that says what is wrong and what is valid.
@@ -21,9 +19,15 @@ def unknown_name(kind: str, name: object, valid: object) -> InputError:
         valid: an iterable of the valid names.
     """
     names = list(map(str, valid))  # type: ignore[call-overload]
-    near, shown = difflib.get_close_matches(str(name), names, n=1), " ".join(repr(name).split())
+    near = difflib.get_close_matches(str(name), names, n=1)
     hint = f" (the nearest is {near[0]!r})" if near else ""
-    return InputError(f"unknown {kind} {shown[:_LONGEST]}{hint}: valid are {', '.join(names)}")
+    return InputError(f"unknown {kind} {shortened(repr(name), 200)}{hint}: valid are {', '.join(names)}")
+
+
+def shortened(text: str, most: int) -> str:
+    """Return a text as one line of at most so many characters."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else line[: most - 3] + "..."
 
 
 class UnknownArgumentError(InputError, TypeError):

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 
 import numpy as np
 import platformdirs
@@ -339,17 +339,17 @@ def _once(pairs: list[tuple[str, Any]]) -> Fields:
     return found if len(found) == len(pairs) else _refused("a key that stands twice")
 
 
-def _refused(text: str) -> Any:
+def _refused(text: str) -> NoReturn:
     raise ValueError(f"{text[:20]} is no number of JSON")
 
 
 def _finite(text: str) -> float:
     number = float(text)
-    return number if math.isfinite(number) else float(_refused(text))
+    return number if math.isfinite(number) else _refused(text)
 
 
 def _whole(text: str) -> int:
-    return int(text) if len(text) <= 40 else int(_refused(text))  # no seed, count or hash of ours has more
+    return int(text) if len(text) <= 40 else _refused(text)  # no seed, count or hash of ours has more
 
 
 def printable_stem(path: Path) -> str:
@@ -366,7 +366,7 @@ def jsonable(value: Any) -> Any:
         of_numbers = value.dtype.kind in "biu" or (value.dtype.kind == "f" and bool(np.isfinite(value).all()))
         return (
             plain if of_numbers else jsonable(plain)
-        )  # a walk through all of them takes as long as to plan a stage
+        )  # to walk through all of them takes as long as a plan's stage
     if isinstance(value, int | float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):

@@ -3,6 +3,7 @@
 import io
 import re
 import struct
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -26,12 +27,10 @@ def load_ply(data: bytes) -> Any:
     head, end, body = data.partition(b"end_header")
     if b"format ascii" in head:
         return _loaded(head + end + "\n".join(rows_of(body)).encode())
-    try:
+    with suppress(ValueError):
         loaded = _loaded(data)
         if _even(loaded):
             return loaded
-    except ValueError:
-        pass
     return _loaded(_as_text(data))
 
 
@@ -50,11 +49,8 @@ def _as_text(data: bytes) -> bytes:
     """Return a binary file as a text, without what follows its last row."""
     file = io.BytesIO(data)
     elements = trimesh.exchange.ply._parse_header(file)[0]
-    lines = [
-        re.sub(rb"format \S+", b"format ascii", data[: file.tell()], count=1)
-        .decode("utf-8", "replace")
-        .rstrip()
-    ]
+    head = re.sub(rb"format \S+", b"format ascii", data[: file.tell()], count=1)
+    lines = [head.decode("utf-8", "replace").rstrip()]
 
     def values(kind: str, count: int) -> tuple[Any, ...]:
         """Return the next values."""

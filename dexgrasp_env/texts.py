@@ -17,10 +17,10 @@ def plain_text(data: bytes) -> bytes:
 
 def rows_of(data: bytes) -> list[str]:
     """Return the lines of a text without a byte order mark, with decimal points; bytes that are no text are marked."""
-    return with_decimal_points(plain_text(data).decode("utf-8", "replace").splitlines())
+    return without_decimal_commas(plain_text(data).decode("utf-8", "replace").splitlines())
 
 
-def with_decimal_points(lines: Sequence[str]) -> list[str]:
+def without_decimal_commas(lines: Sequence[str]) -> list[str]:
     """Return a table's lines with points where commas stand for them: numbers are then apart by blanks or semicolons.
 
     One row of three numbers or more tells it of all, as there may be whole numbers alone in the first ones.

@@ -26,7 +26,7 @@ from typing import (
     get_type_hints,
 )
 
-from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.errors import InputError, shortened, unknown_name
 
 Settings = TypeVar("Settings")
 
@@ -157,7 +157,7 @@ _PLAIN = {
 
 
 class Hint(NamedTuple):
-    """Return the rule that a field's annotation states.
+    """Statement of a field's annotation.
 
     Attributes:
         kind: its type, without `None` and `Annotated`.
@@ -217,9 +217,7 @@ def check(what: str, value: Any, rule: Rule) -> Any:
     except InputError:
         raise
     except (AttributeError, TypeError, ValueError, OverflowError):
-        shown, most = " ".join(repr(value).split()), 100  # characters of a wrong value in a message
-        shown = shown if len(shown) <= most else shown[: most - 3] + "..."
-        raise InputError(f"{what} is {shown}: valid is {rule.words}") from None
+        raise InputError(f"{what} is {shortened(repr(value), 100)}: valid is {rule.words}") from None
 
 
 def read(kind: type[Settings], given: Any, what: str = "", *, more: bool = False) -> Settings:
@@ -262,6 +260,24 @@ def check_fields(made: Any) -> None:
         value = getattr(made, field.name)
         kept = _value(field.name, value, hints(cast(Any, type(made)))[field.name], field.default, False)
         object.__setattr__(made, field.name, kept)
+
+
+def refuse_idle(made: Any, needs: Mapping[str, tuple[bool, str]]) -> None:
+    """Refuse fields of a dataclass that would change nothing.
+
+    Args:
+        made: the dataclass.
+        needs: of fields that have an effect beside some others only: whether these are there, and which.
+
+    Raises:
+        InputError: naming the first of them, and what it needs.
+    """
+    for field in fields(made):
+        met, need = needs.get(field.name, (True, ""))
+        value = getattr(made, field.name)
+        usual = field.default if field.default_factory is MISSING else field.default_factory()
+        if not met and value != usual:
+            raise InputError(f"{field.name}={value!r} changes nothing here: valid is {need}, or leave it out")
 
 
 def _value(name: str, value: Any, hint: Hint, default: Any, more: bool) -> Any:

@@ -10,14 +10,11 @@ from dexgrasp_env.texts import plain_text
 
 YAML_SUFFIXES = (".yaml", ".yml")
 _SCALARS = {
-    "bool": (r"true|True|TRUE|false|False|FALSE", "tTfF"),
-    "int": (r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
-    "float": (
-        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
-        "-+.0123456789",
-    ),
+    "bool": r"true|True|TRUE|false|False|FALSE",
+    "int": r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+",
+    "float": r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
 }
-"""Tag -> what is one in YAML 1.2 (core schema), and how it begins; PyYAML's are those of 1.1: 010 is 8, 1:30 is 90."""
+"""Tag -> what is one in YAML 1.2 (core schema); PyYAML's are those of 1.1: 010 is 8, 1:30 is 90."""
 _KEPT = ("null", "merge")  # of PyYAML's
 _TAG = "tag:yaml.org,2002:"
 _MOST = 100_000  # nodes, each as often as an alias names it
@@ -86,8 +83,8 @@ def parse_yaml(text: str) -> Any:
                 seen.add(key)
             return super().construct_mapping(node, deep)
 
-    for tag, (words, first) in _SCALARS.items():
-        Loader.add_implicit_resolver(_TAG + tag, re.compile(f"^({words})$"), list(first))
+    for tag, words in _SCALARS.items():
+        Loader.add_implicit_resolver(_TAG + tag, re.compile(f"^({words})$"), None)
     Loader.add_constructor(
         _TAG + "int", lambda _, node: int(node.value, 0 if node.value[1:2] in "ox" else 10)
     )

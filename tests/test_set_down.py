@@ -50,6 +50,12 @@ def test_the_file_has_all_phases_and_holds(content):
     assert failing(content) == set()
 
 
+def test_several_that_differ_are_set_down_as_well():
+    plan = asked(0.45, -0.25, 0.0, count=2)
+    assert len(plan.found) == 2
+    assert all("retreat" in one.script.phases for one in plan.found)
+
+
 def test_the_judge_refuses_another_goal_and_a_changed_way(content):
     for path, by, check in table("changes_of_placing"):
         other = copy.deepcopy(content)

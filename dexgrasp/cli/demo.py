@@ -50,8 +50,9 @@ class Demo(Command, Scene):
         """Run the demo; return outcome and times."""
         from dexgrasp.cli.plan_results import describe, write_results
         from dexgrasp.geometry.request import GraspRequest
+        from dexgrasp.planning.result import PlansGrasps
         from dexgrasp.planning.scene_setup import look_at
-        from dexgrasp.registry import agent_for
+        from dexgrasp.registry import make_agent
         from dexgrasp_env.rendering import rendering_fault
 
         check_target(self.object, self.agent, self)
@@ -61,7 +62,9 @@ class Demo(Command, Scene):
         make_folder(self.out)
         missing = "left out" if unwanted else rendering_fault()
         drawn = {} if missing else self.film.env_settings
-        began, agent = time.perf_counter(), agent_for(self.agent, GraspRequest(friction=self.friction))
+        began, agent = time.perf_counter(), make_agent(self.agent)
+        if self.friction is not None and isinstance(agent, PlansGrasps):
+            agent = make_agent(self.agent, request=GraspRequest(friction=self.friction))
         seen = look_at(self.object, agent, self.seed, **self.env_settings, **drawn)
         agent.reset(seen.observation, seen.info)
         found = _result(agent)

@@ -44,13 +44,14 @@ def build(kind: type[C], args: argparse.Namespace) -> C:
         place[name] = tuple(value) if isinstance(value, list) else value
     made = read(kind, given, more=True)
     known = hints(cast(Any, kind))
-    for name in given.keys() & known.keys():
-        told = _told(known[name])
+    for name, hint in known.items():
+        told = _told(hint)
         other, unasked = told.get("of"), os.environ.get(told.get("variable", ""))
-        if other and not getattr(made, other) and given[name] != unasked:
+        if name in given and other and not getattr(made, other) and given[name] != unasked:
             idle = given[name] if isinstance(given[name], dict) else [name]
             words = ", ".join(f"--{part}" for part in idle)
-            raise InputError(f"{words} would change nothing without --{other}".replace("_", "-"))
+            needed = other.upper() if POSITIONAL in known[other].marks else f"--{other}"
+            raise InputError(f"{words} would change nothing without {needed}".replace("_", "-"))
     return made
 
 
@@ -113,9 +114,8 @@ def _add(place: Any, path: str, field: "Field[Any]", hint: Hint, line: str) -> N
 
 def _help(line: str, default: Any) -> str:
     text, values = line.rstrip("."), default if isinstance(default, tuple) else (default,)
-    said = values and all(
-        isinstance(value, (str, int, float, Path)) and value is not False for value in values
-    )
+    shown = (str, int, float, Path)
+    said = values and all(isinstance(value, shown) and value is not False for value in values)
     if said and "default" not in text:
         text += f" (default {' '.join(f'{v:g}' if isinstance(v, float) else str(v) for v in values)})"
     return text.replace("%", "%%")

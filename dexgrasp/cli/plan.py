@@ -116,9 +116,8 @@ class Plan(Command, Request, Scan, Scene):
             raise InputError(
                 "--agent, --mesh-scale and --mesh-mass do not apply to --cloud (its mass is --mass)"
             )
-        if self.objects and (
-            idle := self.given("count", "at_least", "mass", "friction", *Request.__annotations__)
-        ):
+        idle = self.given("count", "at_least", "mass", "friction", *Request.__annotations__)
+        if self.objects and idle:
             raise InputError(f"{', '.join(idle)} would change nothing: --objects plans nothing")
         from dexgrasp_env.perception.scan import read_scan
 
@@ -127,14 +126,9 @@ class Plan(Command, Request, Scan, Scene):
         return read_scan(self.cloud, self.unit, self.pose)
 
     def _request(self, marked: "Callable[[Mask], Array]") -> "GraspRequest":
-        """Return all that is asked for, see `constraints`."""
-        return replace(
-            self.constraints(marked),
-            friction=self.friction,
-            mass=self.mass,
-            min_probability=self.at_least,
-            count=self.count,
-        )
+        """Return all that is asked for, see `grasp_request`."""
+        known = {"friction": self.friction, "mass": self.mass, "count": self.count}
+        return self.grasp_request(marked, min_probability=self.at_least, **known)
 
     def _plan(self, progress: "Progress") -> "tuple[PlanResult, Fields]":
         """Plan for the named object; return what came of it, and the same as JSON."""
@@ -178,14 +172,8 @@ class Plan(Command, Request, Scan, Scene):
             planner = default_planner(self.cell)
         else:  # nothing to plan on, and nothing to compile for it
             planner = Planner(cell=self.cell)
-        found = plan_scene(
-            planner.asking(request),
-            scene,
-            self.seed,
-            self.cell.robot.home,
-            progress=progress,
-            relax=True,
-        )
+        there = self.seed, self.cell.robot.home
+        found = plan_scene(planner.asking(request), scene, *there, progress=progress, relax=True)
         self._draw(scan, scene, seen, found)
         beside = {"seen": seen, "table": off, "in_the_way": blocking_lines(scene, seen, found)}
         return found, found.as_json(scan_name(Path(str(self.cloud)))) | beside

@@ -41,11 +41,12 @@ class Request(Options):
         """Options of the request that were given."""
         return self.given(*Request.__annotations__)
 
-    def constraints(self, marked: "Callable[[Mask], Array]") -> "GraspRequest":
-        """Return what is asked of the grasp itself.
+    def grasp_request(self, marked: "Callable[[Mask], Array]", **known: Any) -> "GraspRequest":
+        """Return what is asked for.
 
         Args:
             marked: returns the points (N, 3) m, frame of the robot's base, that a mask marks.
+            **known: what other options say.
 
         Raises:
             InputError: for what is no region, no way or no mask.
@@ -58,15 +59,8 @@ class Request(Options):
             for name in ("hold", "avoid")
         )
         goal = None if self.place is None else check("place", self.place, PLACE_WORDS)
-        return GraspRequest(
-            hold,
-            avoid,
-            approach,
-            tuple(self.fingers),
-            self.max_force,
-            seconds=self.budget,
-            goal=goal,
-        )
+        own = (hold, avoid, approach, self.fingers, self.max_force)
+        return GraspRequest(*own, seconds=self.budget, goal=goal, **known)
 
     def _region(self, name: str, said: Any, marked: "Callable[[Mask], Array]") -> "Region":
         from dexgrasp.geometry.request import REGION, Region

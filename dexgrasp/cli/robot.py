@@ -94,9 +94,8 @@ class Make(Command):
         if out.suffix not in YAML_SUFFIXES:
             raise InputError(f"--out is {str(out)!r}: valid is a file that ends in .yaml")
         named = NamedParts(self.palm, self.thumb, self.flip)
-        if (idle := self.given("palm", "thumb", "flip", "recipe")) and (
-            hand is None or hand.suffix in YAML_SUFFIXES
-        ):
+        idle = self.given("palm", "thumb", "flip", "recipe")
+        if idle and (hand is None or hand.suffix in YAML_SUFFIXES):
             raise InputError(f"{', '.join(idle)} would change nothing: no hand is made of URDF or MJCF here")
         assumed = make_robot(hand, arm, out, named if any(named) else None, recipe)
         if recipe is None and hand is not None:

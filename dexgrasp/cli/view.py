@@ -41,11 +41,11 @@ class View(Command, Scene):
         from dexgrasp.viewer.page import page, serve
         from dexgrasp_env.perception.scene import Scene as Perceived
 
-        if self.html is not None:
-            make_folder(self.html.parent)
         path, cell = Path(self.target), self.cell
-        if self.html is not None and (idle := self.given("port")):
-            raise InputError(f"{idle[0]} is of a server: --html writes a page instead")
+        if self.html is not None:
+            if self.given("port"):
+                raise InputError("--port is of a server: --html writes a page instead")
+            make_folder(self.html.parent)
         if path.is_dir() or (path.suffix.lower() == ".json" and path.is_file()):
             if idle := self.given("seed", "mount", "friction", "mesh_scale", "mesh_mass"):
                 raise InputError(f"{', '.join(idle)} would change nothing: {path} has a grasp already")

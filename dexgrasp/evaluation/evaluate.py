@@ -97,14 +97,14 @@ class _Run:
         Raises:
             InputError: naming one.
         """
-        for row in self.store.rows:
-            for name, digest in row.get("files", {}).items():
-                if not Path(name).is_file() or short_hash(Path(name)) != digest:
-                    self.store.close()
-                    raise InputError(
-                        f"{self.store.folder} holds trials of {row['agent']}, which read {name} while it acted, and "
-                        "that has changed since: choose another --out"
-                    )
+        read = {(row["agent"], *file) for row in self.store.rows for file in row.get("files", {}).items()}
+        for agent, name, digest in sorted(read):  # each once, as it may be large
+            if not Path(name).is_file() or short_hash(Path(name)) != digest:
+                self.store.close()
+                raise InputError(
+                    f"{self.store.folder} holds trials of {agent}, which read {name} while it acted, and "
+                    "that has changed since: choose another --out"
+                )
         for key in self.store.kept - {spec.key for spec in self.planned}:
             self.store.close()
             raise InputError(

@@ -99,23 +99,20 @@ def turned_by(now: Array, goal: Array, axes: Array, any_heading: bool) -> float:
     """
     if len(axes) > 1:
         return 0.0
-    angles = np.radians(np.arange(360.0 if len(axes) else 1.0))[:, None]
-    spins = Rotation.from_rotvec(angles * (axes if len(axes) else np.eye(1, 3)))
-    turns = now @ spins.as_matrix() @ goal.T
-    if any_heading:
-        return float(np.arccos(np.clip(turns[:, 2, 2], -1.0, 1.0)).min())
-    return float(Rotation.from_matrix(turns).magnitude().min())
+    if not len(axes) and not any_heading:
+        return float(Rotation.from_matrix(now @ goal.T).magnitude())
+    # The way of an axis, or of what is to be vertical, is all that shows.
+    here, there = (R @ (axes[0] if len(axes) else goal[2]) for R in (now, goal))
+    if len(axes) and any_heading:
+        return float(np.ptp(np.arccos(np.clip([here[2], there[2]], -1.0, 1.0))))
+    return float(np.arccos(np.clip(here @ there, -1.0, 1.0)))
 
 
 def _corners(model: Any, body: int) -> Array:
     """Return the corners (N, 3) m of all geoms of a body, its frame."""
     own = np.flatnonzero(model.geom_bodyid == body).tolist()
-    return np.concatenate(
-        [
-            placed(pose_matrix(model.geom_pos[k], model.geom_quat[k]), geom_mesh(model, int(k)).vertices)
-            for k in own
-        ]
-    )
+    poses = [pose_matrix(model.geom_pos[k], model.geom_quat[k]) for k in own]
+    return np.concatenate([placed(T, geom_mesh(model, k).vertices) for T, k in zip(poses, own, strict=True)])
 
 
 def _goal(recording: Recording, model: Any, cell: Cell) -> Array | None:

@@ -114,6 +114,8 @@ class _Search(Search):
         """Collect and choose in turns, until there are enough or nothing new comes."""
         result, room = self.result, round(_POOL * count)
         result.asked = count
+        if self.is_hopeless():
+            return result
         pool, sources = _Pool(), list[ProposalSource]([self.planner.source, SurfaceProposals()])
         while left := count - len(result.found):
             if len(pool) < left and sources:

@@ -229,7 +229,6 @@ class Search:
         """Prepare; the arguments are those of `Planner.plan`, and when its time began to run (`perf_counter`)."""
         self.planner, self._start = planner, start
         self._problem = GraspProblem(target, planner.cell, planner.settings)
-        self._goal = None if target.demand is None else target.demand.request.goal
         self._poses: GoalPoses = []
         self._rng = np.random.default_rng(seed)
         self.result = PlanResult(target, planner.settings, seed)
@@ -239,9 +238,7 @@ class Search:
     def run(self) -> PlanResult:
         """Return the first firm grasp of ever broader rounds; failing that the best of all that is feasible."""
         target, result = self._problem.target, self.result
-        if (hopeless := self._hopeless(target)) is not None:
-            self.log.block(hopeless)
-            result.shortfall = hopeless
+        if self.is_hopeless():
             return result
         for step in rounds_of(self.planner.settings, crowded=target.around is not None):
             if step.enough is not None and self.take(step.enough):
@@ -260,16 +257,22 @@ class Search:
             result.shortfall = self.log.commonest() or result.shortfall or NO_POSTURE
         return result
 
-    def _hopeless(self, target: GraspTarget) -> str | None:
-        """Return what rules every grasp out; None where one may do."""
-        if self._start is None:
-            return None
+    def is_hopeless(self) -> bool:
+        """Return True where something rules every grasp out, and note it; look for poses at a goal before that."""
+        reason = None if self._start is None else self._ruled_out(self._problem.target)
+        if reason is not None:
+            self.log.block(reason)
+            self.result.shortfall = reason
+        return reason is not None
+
+    def _ruled_out(self, target: GraspTarget) -> str | None:
         # What does not get past its neighbours straight up is lifted by no grasp.
         if raised_into(target, RAISED) > 0.0:
             return LIFT_BLOCKED
-        if self._goal is not None:
+        goal = target.demand and target.demand.request.goal
+        if goal:
             try:
-                self._poses = goal_poses(target, self._goal, self.planner.cell)
+                self._poses = goal_poses(target, goal, self.planner.cell)
             except NoPath as fault:
                 return fault.reason
         return None
@@ -346,7 +349,7 @@ class Search:
                     among=among,
                 )
                 check_way(script, planner.cell, target)
-                if self._goal is not None:
+                if self._poses:
                     script = to_goal(script, self._problem, self._poses)
             self.result.found.append(Planned(completed(grasp, candidate.hold), script))
             return True

@@ -17,7 +17,7 @@ from dexgrasp_env.poses import placed
 
 
 def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: Array, log: SearchLog) -> str:
-    """Return in words which constraint of the planner's request rules a grasp out, and what can be had without.
+    """Return in words which constraint of the planner's request rules a grasp out, and what can be had; "" without any.
 
     Args:
         planner: that found no grasp.
@@ -36,6 +36,8 @@ def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: 
     if UNSURE in log.blocked:
         sure = float(request.min_probability or 0.0)
         return f"none held with probability {sure:g}; one with {sure - log.blocked[UNSURE][1]:.2f}"
+    if not request.constrains:  # what is known of the object cannot be left out
+        return ""
     if planned(ANYHOW) is None:
         return "there is no grasp without the request either"
     for name, steps in relaxations(request):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from dexgrasp_env.arrays import Fields
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, shortened
 from dexgrasp_env.files import lock, read_json_object, write_json
 
 
@@ -86,13 +86,8 @@ def _differences(old: Any, new: Any, name: str = "") -> Iterator[str]:
         for key in [*new, *(old.keys() - new.keys() if name else ())]:
             yield from _differences(old.get(key), new.get(key), str(key))
     elif old != new:
-        yield f"{name}: {_short(old)} there, {_short(new)} now"
-
-
-def _short(value: Any) -> str:
-    text = value if isinstance(value, str) else json.dumps(value)
-    most = 120  # characters of a setting in a message
-    return text if len(text) <= most else text[: most - 3] + "..."
+        before, now = (value if isinstance(value, str) else json.dumps(value) for value in (old, new))
+        yield f"{name}: {shortened(before, 120)} there, {shortened(now, 120)} now"
 
 
 def make_folder(path: Path) -> Path:

@@ -11,7 +11,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, parse_json, readable
 from dexgrasp_env.poses import inverse, quat_to_matrix, rigid
-from dexgrasp_env.texts import plain_text, with_decimal_points
+from dexgrasp_env.texts import plain_text, without_decimal_commas
 from dexgrasp_env.valid import Rule, check
 from dexgrasp_env.yaml_file import YAML_SUFFIXES, read_yaml
 
@@ -110,7 +110,7 @@ def read_pose(given: str) -> Array:
 
 def _numbers(text: str) -> list[float] | None:
     """Return the numbers of a text, apart by blanks, commas and brackets; None for another text."""
-    lines = with_decimal_points([line.partition("#")[0] for line in text.splitlines()])
+    lines = without_decimal_commas([line.partition("#")[0] for line in text.splitlines()])
     words = re.findall(r"[^\s,;\[\]]+", "\n".join(lines))
     order = [word for word in words[-1:] if word in ("wxyz", "xyzw")]
     try:

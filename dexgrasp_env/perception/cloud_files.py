@@ -119,14 +119,12 @@ def _header(file: IO[bytes], path: Path) -> dict[str, list[str]]:
 
 
 def _read_ply(path: Path) -> Array:
-    content = plain_text(path.read_bytes())
-    loaded = load_ply(content)
+    loaded = load_ply(path.read_bytes())
     vertices = getattr(loaded, "vertices", None)
     if vertices is None or not len(vertices):
         raise InputError(f"{path} holds no vertices")
-    stated = re.search(rb"element vertex (\d+)", content)
-    if stated and int(stated[1]) != len(vertices):
-        raise InputError(f"{path} ends after {len(vertices)} of {int(stated[1])} points: it was cut off")
+    if len(vertices) != (stated := loaded.metadata["_ply_raw"]["vertex"]["length"]):
+        raise InputError(f"{path} ends after {len(vertices)} of {stated} points: it was cut off")
     return np.asarray(vertices, dtype=float)
 
 
@@ -170,12 +168,9 @@ def _read_las(path: Path) -> Array:
         if path.suffix.lower() == ".laz":
             import lazrs  # noqa: F401
     with path.open("rb") as head:
-        points, records = np.frombuffer(
-            head.read(104)[96:], "<u4"
-        ).tolist()  # where points begin, records before
-    if 54 * records > min(
-        points, path.stat().st_size
-    ):  # bytes of one at least; laspy would read them past the end of the file
+        # Where points begin, and how many records before them, of 54 bytes at least; laspy reads past the file's end.
+        points, records = np.frombuffer(head.read(104)[96:], "<u4").tolist()
+    if 54 * records > min(points, path.stat().st_size):
         raise InputError(f"{path} is damaged: its header says that {records} records stand before the points")
     with laspy.open(path, read_evlrs=False) as file:
         check_count(file.header.point_count, str(path))

@@ -54,9 +54,9 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     odd = {k: may_be_two(cloud.points[labels == k], heights[labels == k]) for k in numbers}
     for k in filter(odd.get, odd):
         labels = _by_level(cloud.points, labels, labels == k, heights)
-    labels, joined = (
-        (labels, set[int]()) if pointed else _with_parts(cloud.points, labels, heights, everything.points)
-    )
+    joined = set[int]()
+    if not pointed:
+        labels, joined = _with_parts(cloud.points, labels, heights, everything.points)
     numbers = objects_in(cloud.points, labels)
     things = {k: (cloud.points[labels == k], heights[labels == k]) for k in numbers}
     marked = np.where(np.isin(labels, numbers), labels, -1)
@@ -68,8 +68,8 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
             MAY_BE_TWO: k in joined or may_be_two(points, high, 0.03),
             TOUCHES: any(_touch(points, other) for other in others),
             HIDDEN: k in hidden,
-            TOP_ONLY: np.quantile(high, _LOW)
-            > max(_HIGH, 0.5 * high.max()),  # half of its sides was not seen
+            # Half of its sides was not seen.
+            TOP_ONLY: np.quantile(high, _LOW) > max(_HIGH, 0.5 * high.max()),
         }
         doubts[k] = "; ".join(words for words, true in said.items() if true)
     return Instances(labels, tuple(doubts))

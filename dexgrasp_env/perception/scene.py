@@ -157,7 +157,7 @@ class Scene:
         }
         if not neighbour_rows:
             return target
-        # Of neighbours and rest, thinned evenly where there are more than `around` points.
+        # Of neighbours and rest, thinned evenly where there are more than `neighbour_rows` points.
         clouds = [*self.neighbours, self.rest]
         points, normals = (
             np.concatenate([getattr(c, name) for c in clouds]) for name in ("points", "normals")

@@ -126,10 +126,8 @@ def _is_in_reach(cloud: Cloud) -> bool:
 
 def _may_be_meant(cloud: Cloud) -> bool:
     """Return False for what no hand grasps: boards, bins, films of the table's noise, what hangs on furniture."""
-    (low, high), width = (
-        np.quantile(cloud.points[:, 2], (0.02, 0.98)),
-        np.ptp(cloud.points[:, :2], axis=0).min(),
-    )
+    low, high = np.quantile(cloud.points[:, 2], (0.02, 0.98))
+    width = np.ptp(cloud.points[:, :2], axis=0).min()
     return bool(high > 0.010 and low < 0.20 and width < (0.15 if high < 0.04 else 0.22))  # m
 
 

@@ -1,4 +1,4 @@
-"""Text of a robot's description with all that it names, for hashes: a robot is another one where any of it changes."""
+"""Files that a robot's description names: where they are, and its text with all of them, for hashes."""
 
 import re
 from contextlib import suppress

@@ -53,7 +53,7 @@ class HandMaker(Part):
             )
         self.held: list[str] = []
         self.named = named or NamedParts()
-        self._check_told()
+        self._check_names()
         self.palm = self._find_palm()
         self.chains = self._find_fingers(set(self.joint_ids(still)))
         self.held += still
@@ -150,7 +150,7 @@ class HandMaker(Part):
         self.radius = float(np.round(min(radius for _, radius in self._tips), 4))
         self.frame = self._claw_frame(self._palm_frame())
 
-    def _check_told(self) -> None:
+    def _check_names(self) -> None:
         """Refuse names of no body."""
         known = [self.model.body(b).name for b in range(1, self.model.nbody)]
         for name in filter(None, (self.named.palm, self.named.thumb, *self.named.flip)):
@@ -374,9 +374,8 @@ class HandMaker(Part):
         thumb = self._tips[-1][0]
         away = np.linalg.norm(bases - thumb[:3, 3], axis=1)
         near = [k for k in np.argsort(away, kind="stable").tolist() if k >= self.linkages]
-        beside = [
-            k for k in near if (self._tips[k][0] * thumb)[:3, ::2].sum() > 1.5
-        ]  # these do not oppose it
+        # These do not oppose it.
+        beside = [k for k in near if (self._tips[k][0] * thumb)[:3, ::2].sum() > 1.5]
         near = [k for k in near if k not in beside] if len(near) > len(beside) + 1 else near
         tips = [self.tip(k)[:3, 3] for k in near]
         beside = [round(float(np.linalg.norm(tip - tips[0])), 2) for tip in tips]

@@ -24,8 +24,6 @@ BASE = "base"
 """Name of the body that everything hangs on where a description has its first links in the world itself."""
 _MOST, _DEEPEST = 100_000, 150  # elements of a description, and how deep they nest
 
-_CELLS = re.compile("nrow|ncol|width|height|nuser_")  # attributes that ask for memory
-
 
 class Source(NamedTuple):
     """A description that compiles, and what was changed so that it does."""
@@ -126,7 +124,8 @@ def _check_size(root: Element, path: Path) -> None:
 def _copies(element: Element) -> int:
     """Return how many elements one stands for; a thousand cells of a picture or a field of heights are one."""
     sides = re.findall(r"\d+", element.get("count", ""))
-    cells = [text for key, text in element.items() if _CELLS.match(key) and text.isdigit()]
+    asks = ("nrow", "ncol", "width", "height", "nuser_")  # for memory
+    cells = [text for key, text in element.items() if key.startswith(asks) and text.isdigit()]
     return max(1, prod(map(int, sides))) * max(1, prod(map(int, cells)) // 1000)
 
 
@@ -273,9 +272,8 @@ def _balanced(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
         if body.explicitinertial and alike and np.ptp(stated) > 1e-6 * np.max(stated):
             found.append(body.name)
     names = ", ".join(map(repr, found))
-    return [f"inertias of {names} are no body's (A + B < C): their means are taken about all axes"] * bool(
-        found
-    )
+    said = f"inertias of {names} are no body's (A + B < C): their means are taken about all axes"
+    return [said] if found else []
 
 
 def _fetch(root: Element, message: str, path: Path, meshes: dict[str, bytes]) -> str | None:

@@ -22,9 +22,7 @@ class GentleSettings(LiftSettings):
     """
 
     max_force: Positive = 8.0
-    backend: Annotated[str, one_of(("mujoco",))] = (
-        "mujoco"  # whose forces are looked at in every physics step
-    )
+    backend: Annotated[str, one_of(("mujoco",))] = "mujoco"  # its forces are looked at in every physics step
 
     @property
     def agent_info(self) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
 from dexgrasp_env.errors import InputError, unknown_argument, unknown_name
@@ -19,7 +19,7 @@ from dexgrasp_env.tasks.disturbance import Disturbance
 from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS, has_cameras, knows_state
 from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
-from dexgrasp_env.valid import Count, Friction, Mass, Positive, Rule, check, number, one_of, read
+from dexgrasp_env.valid import Count, Friction, Mass, Positive, Rule, check, number, one_of, read, refuse_idle
 
 REWARD_MODES = ("dense", "sparse")
 WEIGHTS = {
@@ -102,7 +102,7 @@ class LiftSettings:
                 f"randomisation latency is {latency}: valid is up to a control step, {settings.period} s"
             )
         settings = replace(settings, views=check("views", settings.views, _views_of(cell.camera_names)))
-        settings.refuse_idle()
+        refuse_idle(settings, settings.needs())
         return settings
 
     def needs(self) -> dict[str, tuple[bool, str]]:
@@ -126,22 +126,6 @@ class LiftSettings:
             ),
             "reward_weights": (self.reward_mode == "dense", "reward_mode='dense'"),
         }
-
-    def refuse_idle(self) -> None:
-        """Refuse arguments that would change nothing.
-
-        Raises:
-            InputError: naming the first of them, and what it needs.
-        """
-        needs = self.needs()
-        for entry in fields(self):
-            met, need = needs.get(entry.name, (True, ""))
-            value = getattr(self, entry.name)
-            usual = entry.default if entry.default_factory is MISSING else entry.default_factory()
-            if not met and value != usual:
-                raise InputError(
-                    f"{entry.name}={value!r} changes nothing here: valid is {need}, or leave it out"
-                )
 
     def refuse_blind_grasps(self) -> None:
         """Refuse actions about an object, whose place is known, to those who see it by cameras alone.

@@ -5,16 +5,15 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import renew_report, report_of
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, agent_settings, get_protocol
 from dexgrasp.registry import make_agent
-from dexgrasp_env.arrays import Arrays, Fields
+from dexgrasp_env.arrays import Arrays, Fields, numbers
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
-from dexgrasp_env.valid import NATURAL, Rule, check
+from dexgrasp_env.valid import NATURAL, check
 
 
 class Episodes:
@@ -97,8 +96,8 @@ class Episodes:
     def _observation(self, message: Fields) -> Arrays:
         besides = ("reset", "seed", "info", "prompt")
         parts = self._space.spaces if isinstance(self._space, gym.spaces.Dict) else {}
-        numbers = Rule(f"an array of numbers: {', '.join(parts)} are", _numbers)
-        given = {key: check(key, value, numbers) for key, value in message.items() if key not in besides}
+        rule = numbers(f"an array of numbers: {', '.join(parts)} are")
+        given = {key: check(key, value, rule) for key, value in message.items() if key not in besides}
         for key, space in parts.items():
             if key not in given:
                 raise InputError(f"the observation lacks {key}: valid are {', '.join(parts)}")
@@ -106,13 +105,6 @@ class Episodes:
                 raise InputError(f"{key} has shape {given[key].shape}: valid is {space.shape}")
             given[key] = given[key].astype(space.dtype, copy=False)
         return given
-
-
-def _numbers(value: Any) -> NDArray[Any]:
-    array = np.asarray(value)
-    if array.dtype.kind not in "biuf":
-        raise ValueError
-    return array
 
 
 def _space(info: Mapping[str, Any]) -> Fields:

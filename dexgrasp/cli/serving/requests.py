@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.cli.plan import Plan, check_target
-from dexgrasp_env.arrays import Fields, Mask
+from dexgrasp_env.arrays import Fields, Mask, numbers
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.perception.camera_pose import pose_of
@@ -37,18 +36,6 @@ _OF_SERVER = (
 """Options of the command that a client cannot give: they are the server's, name files, or come as arrays."""
 
 
-def _numbers(shape: tuple[int | None, ...], words: str) -> Rule:
-    def validate(value: Any) -> NDArray[Any]:
-        """Return the array."""
-        array = np.asarray(value)
-        known = array.dtype.kind in "biuf" and array.ndim == len(shape)
-        if not known or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
-            raise ValueError
-        return array
-
-    return Rule(words, validate)
-
-
 _REGIONS = several(Rule("a text or a mask", lambda said: said if isinstance(said, str) else np.asarray(said)))
 
 
@@ -69,12 +56,12 @@ class _Sent(Plan):
 
     name: str = ""
     points: Any = None
-    depth: Annotated[Any, _numbers((None, None), "an array (H, W) of numbers")] = None
-    K: Annotated[Any, _numbers((3, 3), "3 x 3 numbers")] = None
+    depth: Annotated[Any, numbers("an array (H, W) of numbers", None, None)] = None
+    K: Annotated[Any, numbers("3 x 3 numbers", 3, 3)] = None
     T_base_camera: Annotated[Any, Rule("a pose: 4 x 4 numbers, or x y z qw qx qy qz", pose_of)] = None
     marked: Any = None
-    vertices: Annotated[Any, _numbers((None, 3), "an array (V, 3) of numbers")] = None
-    faces: Annotated[Any, _numbers((None, 3), "an array (F, 3) of whole numbers")] = None
+    vertices: Annotated[Any, numbers("an array (V, 3) of numbers", None, 3)] = None
+    faces: Annotated[Any, numbers("an array (F, 3) of whole numbers", None, 3)] = None
     hold: Annotated[tuple[Any, ...], _REGIONS] = ()
     avoid: Annotated[tuple[Any, ...], _REGIONS] = ()
 

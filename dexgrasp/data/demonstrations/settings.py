@@ -13,7 +13,18 @@ from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.tasks.control import DIRECT_MODES
 from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.randomisation import Draws, ranges
-from dexgrasp_env.valid import CellFile, Count, Friction, Mount, Natural, Rule, number, one_of, read
+from dexgrasp_env.valid import (
+    CellFile,
+    Count,
+    Friction,
+    Mount,
+    Natural,
+    Rule,
+    number,
+    one_of,
+    read,
+    refuse_idle,
+)
 
 SCHEMA = 1
 ENV_ID = "DexGrasp/Lift-v2"
@@ -65,10 +76,7 @@ class DemoSettings:
             InputError: for a cell or a mount that there is not, or `observe` where nothing looks.
         """
         make_cell(self.robot, self.mount)
-        if self.obs_mode == "state" and self.observe != "reset":
-            raise InputError(
-                f"observe={self.observe!r} changes nothing here: valid is an obs_mode of cameras, or leave it out"
-            )
+        refuse_idle(self, {"observe": (self.obs_mode != "state", "an obs_mode of cameras")})
 
     @classmethod
     def of(cls, objects: Sequence[str], **rest: Any) -> "DemoSettings":
