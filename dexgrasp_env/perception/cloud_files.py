@@ -17,7 +17,6 @@ from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import check_bytes, check_file, read_npz
 from dexgrasp_env.perception.cloud import check_count
-from dexgrasp_env.ply_file import load_ply
 from dexgrasp_env.texts import plain_text, rows_of
 
 _LINES = 1_000  # of a header
@@ -119,6 +118,8 @@ def _header(file: IO[bytes], path: Path) -> dict[str, list[str]]:
 
 
 def _read_ply(path: Path) -> Array:
+    from dexgrasp_env.ply_file import load_ply
+
     loaded = load_ply(path.read_bytes())
     vertices = getattr(loaded, "vertices", None)
     if vertices is None or not len(vertices):
