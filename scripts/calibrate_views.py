@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.special import expit, logit
 
 from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
@@ -49,10 +50,10 @@ class CalibrateViews(Script):
             )
         said = np.array([row["details"]["holds_probability"]["lifted"]["value"] for row in known])
         held = np.array([row["success"] and not row["details"].get("regrasps") for row in known])
-        odds = np.log(said / (1.0 - said))
+        odds = logit(said)
         if self.judge:
             offset, slope = model["guessed"]
-            said = 1.0 / (1.0 + np.exp(-(offset + slope * odds)))
+            said = expit(offset + slope * odds)
             for least in (0.0, 0.8, 0.9, 0.95):
                 sure = said >= least
                 k, n = int(held[sure].sum()), int(sure.sum())

@@ -13,6 +13,7 @@ import contextlib
 import json
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any
 
 import gymnasium as gym
@@ -33,6 +34,7 @@ from dexgrasp_env.arrays import Array, Fields, Index
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import one_of
 
+_KEY = ("protocol", "agent", "object", "trial")
 _HOLD = 2.8  # s at the end in which the object has to be up: a trial ends when it has been so for 3
 
 
@@ -97,17 +99,23 @@ class CompareEngines(Script):
                 )
         self.out.mkdir(parents=True, exist_ok=True)
         path = self.out / "rows.jsonl"
-        rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-        known = {(row["protocol"], row["agent"], row["object"], row["trial"]) for row in rows}
-        runner = TrialRunner(settings)
-        left = [spec for spec in plan_trials(settings) if spec.key not in known]
+        runner, specs = TrialRunner(settings), {spec.key: spec for spec in plan_trials(settings)}
+        rows = {key: row for key, row in self._played(path).items() if key in specs}
         with path.open("a") as file:
-            for spec in tqdm(left, unit="trial"):
-                row = dict(zip(("protocol", "agent", "object", "trial"), spec.key, strict=True))
-                rows.append(row | self._outcomes(runner, spec))
-                print(json.dumps(rows[-1]), file=file, flush=True)
-        print("\n".join(report(rows, self.engines)))
+            for key in tqdm([key for key in specs if key not in rows], unit="trial"):
+                row = dict(zip(_KEY, key, strict=True)) | {"seed": self.seed}
+                rows[key] = row | self._outcomes(runner, specs[key])
+                print(json.dumps(rows[key]), file=file, flush=True)
+        print("\n".join(report(list(rows.values()), self.engines)))
         return 0
+
+    def _played(self, path: Path) -> dict[Any, Fields]:
+        """Return the rows of a file that are of this seed and have all engines, by the key of their trial."""
+        lines = path.read_text().splitlines() if path.exists() else []
+        rows = [row for row in map(json.loads, lines) if row["seed"] == self.seed]
+        return {
+            tuple(row[name] for name in _KEY): row for row in rows if {*self.engines} <= row["held"].keys()
+        }
 
     def _outcomes(self, runner: TrialRunner, spec: Any) -> Fields:
         """Run a trial, then play its set-points in every engine; return who held and how far up."""

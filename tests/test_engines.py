@@ -107,5 +107,9 @@ def test_trials_are_compared_and_what_pushes_is_refused(tmp_path, capsys):
     arguments = [str(tmp_path), "--agents=random", "--objects=pear", "--engines=mujoco"]
     assert run_script(CompareEngines, arguments) == 0
     assert "| mujoco | 1 of 1 " in capsys.readouterr().out
+    for _ in range(2):  # rows of another seed are no rows of this one
+        assert run_script(CompareEngines, [*arguments, "--seed=1"]) == 0
+        assert "| mujoco | 1 of 1 " in capsys.readouterr().out
+    assert len((tmp_path / "rows.jsonl").read_text().splitlines()) == 2
     assert run_script(CompareEngines, [*arguments, "--protocol=pushed@1"]) == 2
     assert run_script(CompareEngines, [*arguments, "--engines=havok"]) == 2

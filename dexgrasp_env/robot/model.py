@@ -219,11 +219,12 @@ def swept(model: mujoco.MjModel, postures: Iterable[Array]) -> Iterator[mujoco.M
 def bodies_apart(data: mujoco.MjData, a: int, b: int, most: float) -> float:
     """Return how far what collides of two bodies is apart, m, but `most` at most; less than 0 where they overlap."""
     model, nothing = data.model, np.zeros(6)
-    pairs = itertools.product(_colliding(model, a), _colliding(model, b))
+    pairs = itertools.product(colliding(model, a), colliding(model, b))
     return min((mujoco.mj_geomDistance(model, data, *pair, most, nothing) for pair in pairs), default=most)
 
 
-def _colliding(model: mujoco.MjModel, body: int) -> list[int]:
+def colliding(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the geoms of a body that collide."""
     return [g for g in np.flatnonzero(model.geom_bodyid == body).tolist() if model.geom_contype[g]]
 
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import inverse, matrix_to_quat, pose_matrix, quat_to_matrix
-from engines.scene import colliding, excluded_pairs, mesh_file
+from dexgrasp_env.robot.model import colliding
+from engines.scene import mesh_file, pairs_apart
 
 # No drag, no bounce, and convex hulls as they are: Bullet would swell them by a millimetre. NB: with drag or margin
 # named, `changeDynamics` sets the base, whatever link it is given.
@@ -153,15 +154,14 @@ def _add_robot(client: Any, model: mujoco.MjModel, end: int, folder: Path) -> in
         if model.body_jntnum[body]:
             lower, upper = model.jnt_range[model.body_jntadr[body]].tolist()
             client.changeDynamics(robot, body - 2, jointLowerLimit=lower, jointUpperLimit=upper)
-    for first, second in excluded_pairs(model, end):
+    for first, second in pairs_apart(model, end):
         client.setCollisionFilterPair(robot, robot, first - 2, second - 2, 0)
     return int(robot)
 
 
 def _friction(model: mujoco.MjModel, body: int) -> float:
     """Sliding coefficient of what collides of a body."""
-    colliding = (model.geom_bodyid == body) & (model.geom_contype > 0)
-    return float(model.geom_friction[colliding][0, 0])
+    return float(model.geom_friction[colliding(model, body)[0], 0])
 
 
 def _axis(model: mujoco.MjModel, body: int) -> Array:

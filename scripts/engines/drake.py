@@ -9,7 +9,8 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import pose_matrix, quat_to_matrix
-from engines.scene import colliding, excluded_pairs, mesh_file
+from dexgrasp_env.robot.model import colliding
+from engines.scene import mesh_file, pairs_apart
 
 STEP = 0.001
 """s, of the physics; contacts, servos and torque limits are solved implicitly."""
@@ -149,7 +150,7 @@ class Drake:
     def _exclude(self, scene: Any) -> None:
         """Exclude contacts of the pairs of bodies that pass through each other in the model."""
         drake, manager = self._drake, scene.collision_filter_manager()
-        for a, b in excluded_pairs(self._model, self._model.body("table").id):
+        for a, b in pairs_apart(self._model, self._model.body("table").id):
             sets = [
                 drake.GeometrySet(self._plant.GetCollisionGeometriesForBody(self._bodies[k])) for k in (a, b)
             ]

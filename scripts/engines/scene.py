@@ -8,10 +8,11 @@ from typing import Protocol
 
 import mujoco
 import numpy as np
-import trimesh
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.model import excluded_pairs
+from dexgrasp_env.scene.shapes import geom_mesh
 
 PACKAGES = {"mujoco": "mujoco", "bullet": "pybullet", "drake": "pydrake"}
 """Engine -> the module that it needs."""
@@ -120,20 +121,15 @@ def play(world: World, points: SetPoints) -> float:
     return float(least)
 
 
-def colliding(model: mujoco.MjModel, body: int) -> list[int]:
-    """Return the geoms of a body that collide."""
-    return [int(g) for g in np.flatnonzero(model.geom_bodyid == body) if model.geom_contype[g]]
-
-
-def excluded_pairs(model: mujoco.MjModel, end: int) -> list[tuple[int, int]]:
+def pairs_apart(model: mujoco.MjModel, end: int) -> list[tuple[int, int]]:
     """Return the pairs of bodies 1 to `end` - 1 that never touch: excluded, neighbours, welded together."""
-    excluded = {(int(code) >> 16, int(code) & 0xFFFF) for code in model.exclude_signature}
+    excluded = excluded_pairs(model)
     weld, above = model.body_weldid, model.body_weldid[model.body_parentid[model.body_weldid]]
 
     def apart(a: int, b: int) -> bool:
         """Return True for two bodies that are not to collide."""
         near = weld[a] and weld[b] and (weld[a] == above[b] or weld[b] == above[a])
-        return bool(weld[a] == weld[b] or near or (a, b) in excluded or (b, a) in excluded)
+        return bool(weld[a] == weld[b] or near or frozenset((a, b)) in excluded)
 
     return [(a, b) for a in range(1, end) for b in range(a + 1, end) if apart(a, b)]
 
@@ -142,9 +138,6 @@ def mesh_file(model: mujoco.MjModel, geom: int, folder: Path) -> str:
     """Write a mesh, of which every engine takes the convex hull; return its file's path, '' for other shapes."""
     if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
         return ""
-    mesh, path = int(model.geom_dataid[geom]), folder / f"{geom}.obj"
-    corner, face = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
-    corners = model.mesh_vert[corner : corner + model.mesh_vertnum[mesh]]
-    faces = model.mesh_face[face : face + model.mesh_facenum[mesh]]
-    trimesh.Trimesh(corners, faces, process=False).export(path)
+    path = folder / f"{geom}.obj"
+    geom_mesh(model, geom).export(path)
     return str(path)
