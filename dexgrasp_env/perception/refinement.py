@@ -129,9 +129,14 @@ def _touch(one: Array, other: Array) -> bool:
     from scipy.spatial import cKDTree
 
     one, other = (points[thinned(points, _CELL)] for points in (one, other))
-    spacing = float(np.median(cKDTree(one).query(one, k=[2])[0]))
-    near = np.isfinite(cKDTree(one).query(other, distance_upper_bound=max(0.005, 1.5 * spacing))[0])  # m
+    tree = cKDTree(one)
+    near = np.isfinite(tree.query(other, distance_upper_bound=max(0.005, 1.5 * _spacing(tree)))[0])  # m
     return bool(near.sum() >= min(12, 0.2 * len(one), 0.2 * len(other)))
+
+
+def _spacing(tree: Any) -> float:
+    """Return the median distance, m, of a point of a k-d tree from the next one."""
+    return float(np.median(tree.query(tree.data, k=[2])[0]))
 
 
 def deep_share(points: Array) -> float:
@@ -274,8 +279,11 @@ def _with_parts(points: Array, labels: Index, heights: Array, everything: Array)
         for j in (j for j in objects_in(points, labels) if j != k):
             one, two = points[labels == k], points[labels == j]
             both = np.concatenate([one, two])
-            near = 1.7 * np.median(cKDTree(two).query(two, k=[2])[0])  # as close as points of one thing lie
-            if longest_side(both) > MOST_EXTENT or cKDTree(two).query(one)[0].min() > max(0.006, near):
+            if longest_side(both) > MOST_EXTENT:
+                continue
+            tree = cKDTree(two)
+            near = 1.7 * _spacing(tree)  # as close as points of one thing lie
+            if tree.query(one)[0].min() > max(0.006, near):
                 continue
             upper, lower = (k, j) if one[:, 2].min() > two[:, 2].min() else (j, k)
             stands = foot_of(points, labels == upper, heights) > 0.0
