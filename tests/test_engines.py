@@ -107,7 +107,5 @@ def test_trials_are_compared_and_what_pushes_is_refused(tmp_path, capsys):
     for _ in range(2):  # what is there is not run again
         assert run_script(CompareEngines, arguments) == 0
         assert "| mujoco | 1 of 1 " in capsys.readouterr().out
-    assert len((tmp_path / "trials.jsonl").read_text().splitlines()) == 1
     assert run_script(CompareEngines, [*arguments, "--seed=1"]) == 2  # trials of another seed
     assert run_script(CompareEngines, [*arguments, "--protocol=pushed@1"]) == 2
-    assert run_script(CompareEngines, [*arguments, "--engines=havok"]) == 2
