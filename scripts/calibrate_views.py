@@ -38,19 +38,18 @@ class CalibrateViews(Script):
     judge: bool = False
 
     def run(self) -> int:
-        model = json.loads(self.model.read_text())
-        known = [
-            row
-            for row in read_rows(self.views)
-            if (row["details"].get("holds_probability") or {}).get("guessed")
-        ]
+        model, known = json.loads(self.model.read_text()), list[tuple[float, bool]]()
+        for row in read_rows(self.views):
+            stated = row["details"].get("holds_probability") or {}
+            if stated.get("guessed"):
+                first = row["success"] and not row["details"].get("regrasps")
+                known.append((stated["lifted"]["value"], first))
         if not known:
             raise InputError(
                 f"{self.views} has no trial in which a grasp was foretold on a side that no camera saw"
             )
-        said = np.array([row["details"]["holds_probability"]["lifted"]["value"] for row in known])
-        held = np.array([row["success"] and not row["details"].get("regrasps") for row in known])
-        odds = logit(said)
+        said, held = map(np.array, zip(*known, strict=True))
+        odds, lost = logit(said), int((~held).sum())
         if self.judge:
             offset, slope = model["guessed"]
             said = expit(offset + slope * odds)
@@ -62,11 +61,9 @@ class CalibrateViews(Script):
         sign = np.where(held, -1.0, 1.0)
         line = minimize(lambda x: np.logaddexp(0.0, sign * (x[0] + x[1] * odds)).sum(), [0.0, 1.0]).x
         model["guessed"] = [round(float(number), 4) for number in line]
-        model["card"]["guessed"] = {"trials": len(held), "failed": int((~held).sum())}
+        model["card"]["guessed"] = {"trials": len(held), "failed": lost}
         write_atomically(self.model, json.dumps(model, separators=(",", ":")).encode())
-        print(
-            f"wrote {self.model}: line {model['guessed']} by {len(held)} trials, {int((~held).sum())} of them lost"
-        )
+        print(f"wrote {self.model}: line {model['guessed']} by {len(held)} trials, {lost} of them lost")
         return 0
 
 

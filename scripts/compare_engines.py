@@ -1,16 +1,20 @@
-"""Compares engines: the set-points of agents' trials in MuJoCo, played again in MuJoCo, Bullet and Drake.
+"""Compares engines: set-points played again in MuJoCo, Bullet and Drake, whose solvers and contacts share no code.
 
     pip install -c constraints.txt pybullet drake
-    python scripts/compare_engines.py OUT --agents bilevel hardcoded bc --objects all20 --trials 1 --seed 0
+    dexgrasp export grasps/pear/grasp.json --format mjcf --out robot/pear
+    python scripts/compare_engines.py trajectory robot/pear --engine drake --replay 5
+    python scripts/compare_engines.py trials OUT --agents bilevel hardcoded bc --objects all20 --trials 1 --seed 0
 
-Each trial starts from the same scene, varied as its protocol has it, and is played open loop. The object has to be
-10 cm up in the end. Prints in how many trials each engine has MuJoCo's outcome, where they differ, and, over agents,
-Pearson's correlation of success rates and the mean maximum rank violation (Li et al. 2024, "Evaluating real-world robot
-manipulation policies in simulation", Eq. 1). Rows go to OUT/rows.jsonl; a run that was stopped goes on.
+The bodies are those of the scene as MuJoCo compiles it: shapes, inertias, joints, friction, servos, torque limits.
+All is played open loop, and the object has to be 10 cm up in the end. `trajectory` plays what was exported, some ten
+seconds each time; its exit code is 0 if every replay holds. `trials` runs those of agents, from scenes varied as
+their protocol has it, and plays the set-points of each. It prints in how many trials each engine has MuJoCo's
+outcome, where they differ, and, over agents, Pearson's correlation of success rates and the mean maximum rank
+violation (Li et al. 2024, "Evaluating real-world robot manipulation policies in simulation", Eq. 1). OUT is an
+evaluation's folder; what was stopped goes on.
 """
 
 import contextlib
-import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,20 +26,78 @@ import numpy as np
 from engines.scene import PACKAGES, SetPoints, make_world, play
 from tqdm import tqdm
 
-from dexgrasp.cli.command import Argument, Folder, Script
+from dexgrasp.agent import Env
+from dexgrasp.cli.command import Argument, Folder, InCell, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.evaluation.protocol import get_protocol, trial_seeds
-from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
+from dexgrasp.evaluation.protocol import get_protocol
+from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
 from dexgrasp.evaluation.statistics import wilson_interval
-from dexgrasp.evaluation.trial import run_trial
+from dexgrasp.evaluation.store import TrialStore
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.export.replay import HEIGHT
+from dexgrasp.export.read import Recording, read_trajectory
+from dexgrasp.export.replay import HEIGHT, HOLD, displace, load_scene, set_points
 from dexgrasp_env.arrays import Array, Fields, Index
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import one_of
+from dexgrasp_env.valid import Count, Natural, one_of
 
-_KEY = ("protocol", "agent", "object", "trial")
+Engine = Annotated[str, one_of(PACKAGES)]
 _HOLD = 2.8  # s at the end in which the object has to be up: a trial ends when it has been so for 3
+
+
+# -- what was exported -------------------------------------------------------------------------------------------------
+
+
+def replay(recording: Recording, scene: Path, engine: str, rng: np.random.Generator | None = None) -> float:
+    """Play a trajectory in an engine; return the object's least height, m, after the lift.
+
+    Args:
+        recording: as read.
+        scene: `scene.xml` of `export --format mjcf`; the object starts at the keyframe `start`.
+        engine: mujoco, bullet or drake.
+        rng: draws the object's error; None leaves the object where it is.
+
+    Raises:
+        InputError: if the scene is none, or the engine is not installed.
+    """
+    model, data = load_scene(scene, recording)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    pose = data.qpos[int(model.joint("object").qposadr[0]) :][:7].copy()
+    if rng is not None:
+        displace(pose, rng)
+    times, end = np.union1d(recording.arm.times, recording.hand.times), float(recording.arm.times[-1])
+    points = SetPoints(times, np.array([set_points(recording, t) for t in times.tolist()]), end, end + HOLD)
+    with contextlib.closing(make_world(engine, model, points.rows[0], pose)) as world:
+        return play(world, points)
+
+
+class ReplayTrajectory(Script, InCell):
+    """Replays, prints how often it held; 1 unless always, 2 for bad input.
+
+    Attributes:
+        trajectory: a folder of `dexgrasp export --format mjcf`.
+        engine: that plays it.
+        replay: times.
+        seed: of the object's errors: 3 mm and 1 degree.
+    """
+
+    trajectory: Argument[Folder]
+    engine: Engine = "bullet"
+    replay: Count = 1
+    seed: Natural = 0
+
+    def run(self) -> int:
+        recording, scene = read_trajectory(self.trajectory, self.cell), self.trajectory / "scene.xml"
+        held = 0
+        for k in tqdm(range(self.replay), unit="replay", leave=False):
+            rng = np.random.default_rng([self.seed, k])
+            held += replay(recording, scene, self.engine, rng) >= HEIGHT
+        print(
+            f"held in {held} of {self.replay} open-loop replays in {self.engine}, the object 3 mm and 1 deg off"
+        )
+        return int(held < self.replay)
+
+
+# -- trials of agents --------------------------------------------------------------------------------------------------
 
 
 class Recorder(gym.Wrapper[Any, Any, Any, Any]):
@@ -60,18 +122,40 @@ class Recorder(gym.Wrapper[Any, Any, Any, Any]):
         scene.physics = self
         return warnings
 
-    def points(self) -> SetPoints:
-        """Return what was recorded."""
+    def height_in(self, engine: str) -> float:
+        """Play what was recorded in an engine; return the object's least height, m, at the end."""
+        if not self.rows:
+            return 0.0
         dt = self.model.opt.timestep
         end = len(self.rows) * dt
-        return SetPoints(np.arange(len(self.rows)) * dt, np.array(self.rows), end - _HOLD, end)
+        points = SetPoints(np.arange(len(self.rows)) * dt, np.array(self.rows), end - _HOLD, end)
+        with contextlib.closing(make_world(engine, self.model, self.start, self.pose)) as world:
+            return play(world, points)
+
+
+class EngineRunner(TrialRunner):
+    """Runs trials, then plays each in engines; a trial's line has the object's heights, m, in `engines`."""
+
+    def __init__(self, settings: EvaluationSettings, engines: tuple[str, ...]) -> None:
+        super().__init__(settings)
+        self.engines = engines
+
+    def make_env(self, spec: TrialSpec) -> Env:
+        """Return the protocol's environment, recorded."""
+        return Recorder(super().make_env(spec))
+
+    def run(self, spec: TrialSpec) -> tuple[Fields, Fields | None]:
+        """Run one trial; return its line and its grasp."""
+        row, grasp = super().run(spec)
+        recorder: Any = self._env(spec)
+        return row | {"engines": {engine: recorder.height_in(engine) for engine in self.engines}}, grasp
 
 
 class CompareEngines(Script):
     """Plays, prints the tables; 2 for bad input.
 
     Attributes:
-        out: folder of the rows.
+        out: folder of the trials.
         agents: names (dexgrasp list agents), or those that `evaluate` takes.
         objects: objects, sets, mesh files.
         trials: of each agent on each object.
@@ -83,10 +167,10 @@ class CompareEngines(Script):
     out: Argument[Folder]
     agents: Annotated[tuple[str, ...], "AGENT"] = ("bilevel", "hardcoded", "bc")
     objects: Annotated[tuple[str, ...], "OBJECT"] = ("all20",)
-    trials: int = 1
-    seed: int = 0
+    trials: Count = 1
+    seed: Natural = 0
     protocols: Annotated[tuple[str, ...], "--protocol", "PROTOCOL"] = ("lift",)
-    engines: tuple[Annotated[str, one_of(PACKAGES)], ...] = tuple(PACKAGES)
+    engines: tuple[Engine, ...] = tuple(PACKAGES)
 
     def run(self) -> int:
         settings = EvaluationSettings.of(
@@ -97,65 +181,40 @@ class CompareEngines(Script):
                 raise InputError(
                     f"protocol {name!r} does more than set-points say: take lift or slippery@0.35"
                 )
-        self.out.mkdir(parents=True, exist_ok=True)
-        path = self.out / "rows.jsonl"
-        runner, specs = TrialRunner(settings), {spec.key: spec for spec in plan_trials(settings)}
-        rows = {key: row for key, row in self._played(path).items() if key in specs}
-        with path.open("a") as file:
-            for key in tqdm([key for key in specs if key not in rows], unit="trial"):
-                row = dict(zip(_KEY, key, strict=True)) | {"seed": self.seed}
-                rows[key] = row | self._outcomes(runner, specs[key])
-                print(json.dumps(rows[key]), file=file, flush=True)
-        print("\n".join(report(list(rows.values()), self.engines)))
+        runner = EngineRunner(settings, self.engines)
+        store = TrialStore(self.out, settings.identity() | {"engines": list(self.engines)})
+        with contextlib.closing(store):
+            left = [spec for spec in plan_trials(settings) if spec.key not in store.finished]
+            for spec in tqdm(left, unit="trial"):
+                store.append(*runner.run(spec))
+        print("\n".join(report(store.rows, self.engines)))
         return 0
-
-    def _played(self, path: Path) -> dict[Any, Fields]:
-        """Return the rows of a file that are of this seed and have all engines, by the key of their trial."""
-        lines = path.read_text().splitlines() if path.exists() else []
-        rows = [row for row in map(json.loads, lines) if row["seed"] == self.seed]
-        return {
-            tuple(row[name] for name in _KEY): row for row in rows if {*self.engines} <= row["held"].keys()
-        }
-
-    def _outcomes(self, runner: TrialRunner, spec: Any) -> Fields:
-        """Run a trial, then play its set-points in every engine; return who held and how far up."""
-        env = Recorder(runner.make_env(spec))
-        seeds = trial_seeds(self.seed, spec.target, spec.trial)
-        with contextlib.closing(env):
-            outcome, _ = run_trial(env, runner.agent(spec), seeds, name=spec.agent)
-            heights = dict.fromkeys(self.engines, 0.0)
-            if env.rows:
-                points = env.points()
-                for engine in self.engines:
-                    with contextlib.closing(make_world(engine, env.model, env.start, env.pose)) as world:
-                        heights[engine] = play(world, points)
-        held = {engine: height >= HEIGHT for engine, height in heights.items()}
-        return {"env": outcome.success, "held": held, "height": heights}
 
 
 def report(rows: list[Fields], engines: tuple[str, ...]) -> Iterator[str]:
     """Yield the tables of agreement, of differences, and of agents' rates."""
     agents = sorted({row["agent"] for row in rows})
-    env = np.array([np.mean([r["env"] for r in rows if r["agent"] == a]) for a in agents])
+    of, env = np.array([row["agent"] for row in rows]), np.array([row["success"] for row in rows])
+    held = {engine: np.array([row["engines"][engine] >= HEIGHT for row in rows]) for engine in engines}
+    real, *others = (np.array([won[of == a].mean() for a in agents]) for won in (env, *held.values()))
     yield "| engine | same outcome | Pearson | MMRV | " + " | ".join(f"`{a}`" for a in agents) + " |"
     yield "|---" * (4 + len(agents)) + "|"
-    for engine in engines:
-        same = sum(row["held"][engine] == row["env"] for row in rows)
+    for engine, rates in zip(engines, others, strict=True):
+        same = int((held[engine] == env).sum())
         low, high = wilson_interval(same, len(rows))
-        rates = np.array([np.mean([r["held"][engine] for r in rows if r["agent"] == a]) for a in agents])
-        spread = len(agents) > 1 and env.std() > 0 and rates.std() > 0
-        pearson = f"{np.corrcoef(env, rates)[0, 1]:.3f}" if spread else "-"
+        spread = len(agents) > 1 and real.std() > 0 and rates.std() > 0
+        pearson = f"{np.corrcoef(real, rates)[0, 1]:.3f}" if spread else "-"
         told = " | ".join(f"{100 * rate:.1f}" for rate in rates)
         yield (
             f"| {engine} | {same} of {len(rows)} [{100 * low:.0f}, {100 * high:.0f}] | {pearson} | "
-            f"{rank_violation(env, rates):.3f} | {told} |"
+            f"{rank_violation(real, rates):.3f} | {told} |"
         )
-    yield "environment: " + ", ".join(f"{a} {100 * rate:.1f} %" for a, rate in zip(agents, env, strict=True))
-    for row in rows:
-        if other := [engine for engine in engines if row["held"][engine] != row["env"]]:
-            heights = ", ".join(f"{engine} {100 * row['height'][engine]:.1f} cm" for engine in engines)
+    yield "environment: " + ", ".join(f"{a} {100 * rate:.1f} %" for a, rate in zip(agents, real, strict=True))
+    for k, row in enumerate(rows):
+        if other := [engine for engine in engines if held[engine][k] != env[k]]:
+            heights = ", ".join(f"{engine} {100 * row['engines'][engine]:.1f} cm" for engine in engines)
             place = f"{row['protocol']} {row['agent']} {row['object']} {row['trial']}"
-            yield f"{place}: environment {'held' if row['env'] else 'lost'}, not so {', '.join(other)} ({heights})"
+            yield f"{place}: environment {'held' if env[k] else 'lost'}, not so {', '.join(other)} ({heights})"
 
 
 def rank_violation(real: Array, other: Array) -> float:
@@ -166,4 +225,4 @@ def rank_violation(real: Array, other: Array) -> float:
 
 
 if __name__ == "__main__":
-    sys.exit(run_script(CompareEngines))
+    sys.exit(run_script({"trajectory": ReplayTrajectory, "trials": CompareEngines}))

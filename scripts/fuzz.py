@@ -18,6 +18,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from random import Random
 from typing import Annotated, Any
 
 import hypothesis
@@ -36,7 +37,8 @@ from dexgrasp_env.valid import Count, Natural, one_of
 
 LONGEST = 300.0  # s a case may take on a busy machine: more is a hang
 ALLOWED = (0, 1, 2, 3)
-EVALUATE = str.split("evaluate --agents random hardcoded --objects sugar_box --trials 2 --out")
+EVALUATE = "evaluate --agents random hardcoded --objects sugar_box --trials 2 --out"
+COMPARE, REPLAY = "compare run random hardcoded", "replay run --agent random --object sugar_box --trial 0"
 STRANGE = [
     None, True, False, 0, -1, 1, 2**31, 2**63, -(2**70), 0.5, -0.0, 1e-300, 1e308, -1e9, float("nan"), float("inf"),
     "", " ", "x", "\x00", "é\u2603", "../../up", "/", "~nosuchuser/x.obj", "a" * 300, "\udcff", [], {}, [[]],
@@ -54,51 +56,32 @@ COMMANDS = (
 )  # fmt: skip
 
 
-class Draw:
-    """Choices that hypothesis makes, and shrinks."""
+def damaged(draw: Random, data: bytes) -> bytes:
+    """Return bytes with pieces left out, repeated or overwritten, short ones mostly."""
+    raw = bytearray(data)
+    for _ in range(draw.randint(1, 4)):
+        at, size = draw.randint(0, len(raw)), draw.choice((1, 4, 30, 300))
+        piece, noise = bytes(raw[at : at + size]), draw.randbytes(size)
+        raw[at : at + size] = draw.choice(
+            (b"", piece * 2, noise, b"\xff" * 4, b"\0" * 4, b"nan ", b"1e99", b"-1 \n")
+        )
+    return bytes(raw)
 
-    def __init__(self, data: Any) -> None:
-        """Take what `strategies.data()` gives."""
-        self._draw = data.draw
 
-    def upto(self, most: int, least: int = 0) -> int:
-        """Return a number of `least` to `most`."""
-        return int(self._draw(strategies.integers(least, most)))
-
-    def one(self, things: Any) -> Any:
-        """Return one of some things."""
-        return things[self.upto(len(things) - 1)]
-
-    def rng(self) -> np.random.Generator:
-        """Return a generator for what is too large to draw."""
-        return np.random.default_rng(self.upto(2**32 - 1))
-
-    def bytes(self, data: bytes) -> bytes:
-        """Return bytes with pieces left out, repeated or overwritten, short ones mostly."""
-        raw = bytearray(data)
-        for _ in range(self.upto(4, 1)):
-            at, size = self.upto(len(raw)), self.one((1, 4, 30, 300))
-            piece = bytes(raw[at : at + size])
-            noise = self._draw(strategies.binary(max_size=size))
-            raw[at : at + size] = self.one(
-                (b"", piece * 2, noise, b"\xff" * 4, b"\0" * 4, b"nan ", b"1e99", b"-1 \n")
-            )
-        return bytes(raw)
-
-    def tree(self, content: Any) -> bytes:
-        """Return a tree as JSON with some values changed, or its text."""
-        content = copy.deepcopy(content)
-        if self.upto(4) == 0:
-            return self.bytes(json.dumps(content).encode())
-        for _ in range(self.upto(3, 1)):
-            holder, key = self.one([({0: content}, 0), *_places(content)])
-            if type(holder[key]) in (int, float) and self.upto(1):
-                holder[key] *= self.one((0.0, -1.0, 1.01, 1e3, 1e-9, 1e200))
-            elif self.upto(3) == 0:
-                del holder[key]
-            else:
-                holder[key] = copy.deepcopy(self.one(STRANGE))
-        return json.dumps(content).encode()
+def damaged_json(draw: Random, text: bytes) -> bytes:
+    """Return JSON with some values changed, or its text."""
+    if draw.randint(0, 4) == 0:
+        return damaged(draw, text)
+    content = json.loads(text)
+    for _ in range(draw.randint(1, 3)):
+        holder, key = draw.choice([({0: content}, 0), *_places(content)])
+        if type(holder[key]) in (int, float) and draw.randint(0, 1):
+            holder[key] *= draw.choice((0.0, -1.0, 1.01, 1e3, 1e-9, 1e200))
+        elif draw.randint(0, 3) == 0:
+            del holder[key]
+        else:
+            holder[key] = copy.deepcopy(draw.choice(STRANGE))
+    return json.dumps(content).encode()
 
 
 def _places(content: Any) -> Iterator[tuple[Any, Any]]:
@@ -108,14 +91,16 @@ def _places(content: Any) -> Iterator[tuple[Any, Any]]:
         yield from _places(value)
 
 
-# -- cases: each writes its files, from the good ones, to a folder of its own, and returns arguments -----------------
+# -- cases: each writes its files, from the good ones, to the current folder, and returns arguments ------------------
 
 
-def _arguments(draw: Draw, good: Path, here: Path) -> list[str]:
-    words = draw.one(COMMANDS).split() or [""]
-    for _ in range(draw.upto(3, 1)):
-        at = draw.upto(len(words), 1)
-        words[at : at + draw.upto(1)] = [draw.one([*WORDS, "", " ", "\n", "9" * 5000, "a" * 300, "\udcff"])]
+def _arguments(draw: Random, good: Path) -> list[str]:
+    words = draw.choice(COMMANDS).split() or [""]
+    for _ in range(draw.randint(1, 3)):
+        at = draw.randint(1, len(words))
+        words[at : at + draw.randint(0, 1)] = [
+            draw.choice([*WORDS, "", " ", "\n", "9" * 5000, "a" * 300, "\udcff"])
+        ]
     return words
 
 
@@ -132,65 +117,59 @@ MOVES: tuple[Callable[[Array, np.random.Generator], Array], ...] = (
 """What happens to points (N, 3) and triangles (N, 3, 3): not finite, noisy, of another unit, flat, few, doubled."""
 
 
-def _moved(draw: Draw, points: Array) -> Array:
-    rng = draw.rng()
-    for _ in range(draw.upto(3)):
-        points = draw.one(MOVES)(points, rng)
+def _moved(draw: Random, points: Array) -> Array:
+    rng = np.random.default_rng(draw.getrandbits(32))
+    for _ in range(draw.randint(0, 3)):
+        points = draw.choice(MOVES)(points, rng)
     return points
 
 
-def _mesh(draw: Draw, good: Path, here: Path) -> list[str]:
-    solid = draw.one((trimesh.creation.box((0.06, 0.08, 0.1)), trimesh.creation.torus(0.05, 0.015, 16, 8)))
+def _mesh(draw: Random, good: Path) -> list[str]:
+    solid = draw.choice((trimesh.creation.box((0.06, 0.08, 0.1)), trimesh.creation.torus(0.05, 0.015, 16, 8)))
     triangles = _moved(draw, solid.triangles)
-    path = here / f"thing.{draw.one(('obj', 'stl', 'ply', 'glb', 'off', '3mf'))}"
+    path = Path(f"thing.{draw.choice(('obj', 'stl', 'ply', 'glb', 'off', '3mf'))}")
     try:
         trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles), process=False).export(path)
     except Exception:  # what cannot be written is a fault of the input, not of the reader
         path.write_bytes(b"")
-    if draw.upto(3) == 0:
-        path.write_bytes(draw.bytes(path.read_bytes()))
-    return ["plan" if draw.upto(24) == 0 else "doctor", str(path)]
+    if draw.randint(0, 3) == 0:
+        path.write_bytes(damaged(draw, path.read_bytes()))
+    return ["plan" if draw.randint(0, 24) == 0 else "doctor", str(path)]
 
 
-def _cloud(draw: Draw, good: Path, here: Path) -> list[str]:
-    rng = draw.rng()
+def _cloud(draw: Random, good: Path) -> list[str]:
+    rng = np.random.default_rng(draw.getrandbits(32))
     table = np.column_stack(
         [rng.uniform([0.25, -0.45], [0.80, 0.45], (6000, 2)), rng.normal(0.0, 0.001, 6000)]
     )
     solid = trimesh.creation.box(rng.uniform(0.02, 0.15, 3)).sample(2000, seed=0)
     points = _moved(draw, np.concatenate([table, solid - [-0.5, 0.0, solid[:, 2].min()]]))
-    np.save(here / "cloud.npy", points)
-    masks = (
-        rng.integers(-1, 4, len(points)),
-        np.zeros(len(points), bool),
-        np.ones(3, bool),
-        np.array("mask"),
-    )
-    np.save(here / "mask.npy", draw.one(masks))
-    at = draw.one(([0.5, 0.0, 0.05], [9.0, 0.0, np.nan]))
+    np.save("cloud.npy", points)
+    count = len(points)
+    masks = (rng.integers(-1, 4, count), np.zeros(count, bool), np.ones(3, bool), np.array("mask"))
+    np.save("mask.npy", draw.choice(masks))
+    at = draw.choice(([0.5, 0.0, 0.05], [9.0, 0.0, np.nan]))
     ways = ([], ["--objects"], ["--object-near", *map(str, at)], ["--box", *map(str, [*at, *np.add(at, 0.1)])],
-            ["--mask", str(here / "mask.npy"), "--label", str(draw.upto(4, -1))])  # fmt: skip
-    return ["plan", "--cloud", str(here / "cloud.npy"), *draw.one(ways), "--json"]
+            ["--mask", "mask.npy", "--label", str(draw.randint(-1, 4))])  # fmt: skip
+    return ["plan", "--cloud", "cloud.npy", *draw.choice(ways), "--json"]
 
 
-def _grasp(draw: Draw, good: Path, here: Path) -> list[str]:
-    (here / "grasp.json").write_bytes(draw.tree(json.loads((good / "grasp" / "grasp.json").read_text())))
-    return ["verify", str(here / "grasp.json")]
+def _grasp(draw: Random, good: Path) -> list[str]:
+    Path("grasp.json").write_bytes(damaged_json(draw, (good / "grasp" / "grasp.json").read_bytes()))
+    return ["verify", "grasp.json"]
 
 
-def _run(draw: Draw, good: Path, here: Path) -> list[str]:
-    folder = Path(shutil.copytree(good / "run", here / "run"))
-    path = folder / draw.one(("trials.jsonl", "trials.jsonl", "trials.jsonl", "run.json", "summary.json"))
-    if path.suffix == ".jsonl" and draw.upto(4):
+def _run(draw: Random, good: Path) -> list[str]:
+    folder = shutil.copytree(good / "run", Path("run"))
+    path = folder / draw.choice(("trials.jsonl", "trials.jsonl", "trials.jsonl", "run.json", "summary.json"))
+    if path.suffix == ".jsonl" and draw.randint(0, 4):
         lines = path.read_bytes().splitlines()
-        at = draw.upto(len(lines) - 1)
-        lines[at] = draw.tree(json.loads(lines[at]))
+        at = draw.randint(0, len(lines) - 1)
+        lines[at] = damaged_json(draw, lines[at])
         path.write_bytes(b"\n".join(lines) + b"\n")
     else:
-        path.write_bytes(draw.bytes(path.read_bytes()))
-    compare, report = ["compare", str(folder), "random", "hardcoded"], ["report", str(folder)]
-    replay = ["replay", str(folder), *str.split("--agent random --object sugar_box --trial 0")]
-    return list(draw.one((compare, compare, compare, report, [*EVALUATE, str(folder)], replay)))
+        path.write_bytes(damaged(draw, path.read_bytes()))
+    return draw.choice((COMPARE, COMPARE, COMPARE, "report run", f"{EVALUATE} run", REPLAY)).split()
 
 
 KINDS = {
@@ -222,9 +201,9 @@ def unphysical(path: str) -> str | None:
 
 def prepare(good: Path) -> None:
     """Make the good inputs that cases are damaged from: a grasp and an evaluation."""
-    steps = {"grasp/grasp.json": ["plan", "pear", "--seed", "1", "--out"], "run/summary.json": EVALUATE}
-    for made, argv in steps.items():
-        if not (good / made).exists() and main([*argv, str((good / made).parent)]) != 0:
+    steps = {"grasp/grasp.json": "plan pear --seed 1 --out", "run/summary.json": EVALUATE}
+    for made, words in steps.items():
+        if not (good / made).exists() and main([*words.split(), str((good / made).parent)]) != 0:
             raise InputError(f"cannot prepare {made}")
 
 
@@ -236,17 +215,17 @@ def fuzz(kind: str, count: int, seed: int, good: Path, out: Path, codes: Counter
     @hypothesis.settings(
         max_examples=count, deadline=None, database=examples, suppress_health_check=list(HealthCheck)
     )
-    @hypothesis.given(strategies.data())
-    def case(data: Any) -> None:
+    @hypothesis.given(strategies.randoms(use_true_random=False))
+    def case(draw: Random) -> None:
         shutil.rmtree(here, ignore_errors=True)
         here.mkdir(parents=True)
-        argv = KINDS[kind][1](Draw(data), good, here)
-        faulthandler.dump_traceback_later(LONGEST, exit=True)
         with contextlib.chdir(here):
+            argv = KINDS[kind][1](draw, good)
+            faulthandler.dump_traceback_later(LONGEST, exit=True)
             code, said = answered(argv)
-        faulthandler.cancel_dump_traceback_later()
+            faulthandler.cancel_dump_traceback_later()
+            fault = unphysical(argv[1]) if argv[0] == "doctor" and kind == "mesh" and code == 0 else None
         codes[f"{kind} {code}"] += 1
-        fault = unphysical(argv[1]) if argv[0] == "doctor" and kind == "mesh" and code == 0 else None
         if code not in ALLOWED or fault:
             raise AssertionError(f"{argv}: {code}: {fault or said}")
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from clouds import written
 from numpy.random import Generator
-from table_scenes import written
 
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.cli.command import Answer, Argument, Folder, Script
@@ -28,7 +28,7 @@ from dexgrasp.geometry.request import Approach, GraspRequest, Region
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
-from dexgrasp.planning.scene_setup import look_at
+from dexgrasp.planning.scene_setup import Look, look_at
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
@@ -43,8 +43,7 @@ FAR = 1.0  # m
 def drawn(k: int, surface: Array, rng: Generator) -> tuple[str, GraspRequest]:
     """Return the kind of request number `k`, and one for an object with a surface (N, 3) m."""
     if k % 3 == 2:
-        way = CONES[k // 3 % len(CONES)]
-        return "approach", GraspRequest(approach=Approach.of_text(way))
+        return "approach", GraspRequest(approach=Approach.of_text(CONES[k // 3 % len(CONES)]))
     axis, share = int(rng.integers(3)), rng.uniform(0.2, 0.6)
     low, high = np.full(3, -FAR), np.full(3, FAR)
     if rng.random() < 0.5:
@@ -57,13 +56,23 @@ def drawn(k: int, surface: Array, rng: Generator) -> tuple[str, GraspRequest]:
 
 def tip_contacts(lift: Any, start: Array) -> Array:
     """Return where bodies of the robot touch the object (N, 3) m, moved with it to where it was at the start."""
-    model, data = lift.model, lift.data
-    held = data.body("object")
-    robot = {model.body(name).id for name in lift.settings.cell.robot.bodies}
-    pairs = [(contact.pos.copy(), set(model.geom_bodyid[contact.geom].tolist())) for contact in data.contact]
-    found = [place for place, bodies in pairs if held.id in bodies and bodies & robot]
+    model, contacts, held = lift.model, lift.data.contact, lift.data.body("object")
+    robot = [model.body(name).id for name in lift.settings.cell.robot.bodies]
+    bodies = model.geom_bodyid[contacts.geom]
+    touching = (bodies == held.id).any(1) & np.isin(bodies, robot).any(1)
     now = pose_matrix(held.xpos, held.xquat)
-    return placed(start @ np.linalg.inv(now), np.array(found).reshape(-1, 3))
+    return placed(start @ np.linalg.inv(now), contacts.pos[touching])
+
+
+def is_possible(look: Look, request: GraspRequest) -> bool:
+    """Search at length for a grasp that meets a request."""
+    settings = replace(PlannerSettings().broadened(DENSER), patience=8)
+    for own in range(SEARCHES):
+        other = BilevelAgent("surface", settings, request=request, regrasps=0)
+        other.seed(own)
+        if other.plan(look.observation, look.info).success:
+            return True
+    return False
 
 
 def trial(k: int, seed: int) -> Fields:
@@ -72,7 +81,6 @@ def trial(k: int, seed: int) -> Fields:
     target = OBJECT_SETS["all20"][k % 20]
     scene = int(rng.integers(2**31))
     look = look_at(target, BilevelAgent(), scene)
-    assert look.subject.pose is not None
     pose, solid = look.subject.pose.T_world_object, look.subject.pose.surface
     surface = placed(pose, triangle_samples(solid.vertices[solid.faces], 400, rng).points)
     kind, request = drawn(k // 20, surface, rng)
@@ -83,16 +91,11 @@ def trial(k: int, seed: int) -> Fields:
         "lifted": outcome.success,
     }  # fmt: skip
     if grasp is None:
-        settings = replace(PlannerSettings().broadened(DENSER), patience=8)
-        for own in range(SEARCHES):
-            other = BilevelAgent("surface", settings, request=request, regrasps=0)
-            other.seed(own)
-            if other.plan(look.observation, look.info).success:
-                return row | {"possible": True}
-        return row | {"possible": False}
+        return row | {"possible": is_possible(look, request)}
     checks = [check.name for check in verify(record_of(grasp)) if not check.holds]
-    mujoco.mj_forward(look.env.unwrapped.model, look.env.unwrapped.data)  # type: ignore[attr-defined]
-    touching = tip_contacts(look.env.unwrapped, pose)
+    lift: Any = look.env.unwrapped
+    mujoco.mj_forward(lift.model, lift.data)
+    touching = tip_contacts(lift, pose)
     outside = request.outside(touching).max(initial=-FAR) if kind != "approach" else -FAR
     return row | {"possible": True, "refused": checks, "outside_mm": 1000.0 * float(outside)}
 

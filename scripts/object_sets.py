@@ -52,17 +52,13 @@ def write_set(path: Path, members: Sequence[Member]) -> None:
     print(f"wrote {path}: {len(read_set(str(path)))} objects")
 
 
-def obj_of(corners: Any, faces: Any) -> bytes:
-    """Return a mesh as an obj file; corners to a hundredth of a millimetre, so that rounding changes no bit."""
-    lines = [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in corners]
-    lines += [f"f {a} {b} {c}" for a, b, c in faces + 1]
-    return "\n".join([*lines, ""]).encode()
-
-
 def solid_obj(solid: Manifold) -> bytes:
-    """Return a solid as an obj file."""
+    """Return a solid as an obj file; corners to a hundredth of a millimetre, so that rounding changes no bit."""
     mesh = solid.to_mesh()
-    return obj_of(np.asarray(mesh.vert_properties)[:, :3] + 0.0, np.asarray(mesh.tri_verts))
+    corners = np.asarray(mesh.vert_properties)[:, :3] + 0.0
+    lines = [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in corners]
+    lines += [f"f {a} {b} {c}" for a, b, c in np.asarray(mesh.tri_verts) + 1]
+    return "\n".join([*lines, ""]).encode()
 
 
 def member_of(
@@ -210,16 +206,17 @@ class Ycb(Script):
             if name not in masses:
                 raise unknown_name("object", name, masses)
         if not self.yes:
-            print(f"{len(names)} archives of a few MB each would be fetched from {self.publisher}")
             print(
+                f"{len(names)} archives of a few MB each would be fetched from {self.publisher}\n"
                 f"into {cache_dir() / 'ycb'}; their terms: https://www.ycbbenchmarks.com. Give --yes to do it."
             )
             return 0
         meshes = {name: str(fetch(name, self.publisher)) for name in tqdm(names, unit="mesh", disable=None)}
-        about = {"source": self.publisher}
-        write_set(
-            self.out, [{"name": f"ycb_{k}", "mesh": v, "mass": masses[k], **about} for k, v in meshes.items()]
-        )
+        members = [
+            {"name": f"ycb_{name}", "mesh": mesh, "mass": masses[name], "source": self.publisher}
+            for name, mesh in meshes.items()
+        ]
+        write_set(self.out, members)
         return 0
 
 

@@ -17,6 +17,8 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.cli.command import Argument, File, Script
 from dexgrasp.cli.commands import run_script
+from dexgrasp.evaluation.protocol import TrialSeeds
+from dexgrasp.evaluation.trial import run_trial
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.valid import Count, Natural
@@ -61,19 +63,12 @@ class PreGraspFile(Script):
 
 def _way(env: gym.Env, agent: BilevelAgent, seed: int) -> tuple[Array, Array] | None:
     """Return the object's pose and the joints on the way to a pre-grasp that holds; None where none is found."""
-    observation, info = env.reset(seed=seed)
+    env.reset(seed=seed)
     pose = env.unwrapped.simulation.object_pose()
-    agent.seed(seed)
-    agent.reset(observation, info)
-    if agent.report.failure or agent.result is None or agent.result.found[0].script is None:
+    outcome, _ = run_trial(env, agent, TrialSeeds(seed, seed))
+    if not outcome.success or outcome.details.get("regrasps") or agent.result.found[0].script is None:
         return None
     way = agent.result.found[0].script.way("approach")
-    over = held = False
-    while not (over or held):
-        observation, _, terminated, truncated, info = env.step(agent.act(observation))
-        over, held = terminated or truncated, info["is_success"]
-    if not held or agent.report.details.get("regrasps"):
-        return None
     knots = np.linspace(0.0, len(way) - 1.0, _KNOTS)
     return pose, np.stack([np.interp(knots, np.arange(len(way)), column) for column in way.T], axis=1)
 

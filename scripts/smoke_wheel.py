@@ -83,33 +83,27 @@ def step_environment() -> str:
     return f"reward {float(reward):.3f}, {int(observation['cloud_mask'].sum())} points seen"
 
 
-SCRIPT = str(Path(sys.executable).with_name("dexgrasp"))
-
-
 def miss_the_planner() -> str:
     """The console script answers, and says in one line which extra planning needs."""
-    module = [sys.executable, "-m", "dexgrasp_env"]
-    assert _output([SCRIPT, "--version"]).split() == ["dexgrasp", version("dexgrasp")]
-    assert _output([SCRIPT, "--help"])
-    assert _output([*module, "list", "agents"])
-    objects = json.loads(_output([SCRIPT, "list", "objects", "--json"]))["objects"]
-    said = [
-        _refusal([SCRIPT, *words])
-        for words in (["plan", "sugar_box"], ["train", "cvae", "--data", "a", "--out", "b"])
-    ]
-    assert "pip install 'dexgrasp[planner]'" in said[0], said
-    assert "pip install 'dexgrasp[learning]'" in said[1], said
-    return f"{len(objects)} objects; {said[0]}"
+    assert said("--version").split() == ["dexgrasp", version("dexgrasp")]
+    assert said("--help")
+    subprocess.run([sys.executable, "-m", "dexgrasp_env", "list", "agents"], check=True, capture_output=True)
+    objects = json.loads(said("list", "objects", "--json"))["objects"]
+    plan = said("plan", "sugar_box", code=2)
+    assert "pip install 'dexgrasp[planner]'" in plan, plan
+    train = said("train", "cvae", "--data", "a", "--out", "b", code=2)
+    assert "pip install 'dexgrasp[learning]'" in train, train
+    return f"{len(objects)} objects; {plan}"
 
 
 def plan_without_torch() -> str:
     """A grasp is planned and verified, and a wrong name is answered in one line."""
-    wrong = _refusal([SCRIPT, "plan", "no_such_object"])
+    wrong = said("plan", "no_such_object", code=2)
     assert wrong.startswith("dexgrasp plan: unknown object"), wrong
-    plan: dict[str, Any] = json.loads(_output([SCRIPT, "plan", "sugar_box", "--json", "--out", "plan"]))
+    plan: dict[str, Any] = json.loads(said("plan", "sugar_box", "--json", "--out", "plan"))
     assert plan["success"], plan
     assert plan["certificate"]["holds"], plan
-    assert _output([SCRIPT, "verify", "plan/grasp.json"])
+    assert said("verify", "plan/grasp.json")
     assert importlib.util.find_spec("torch") is None
     return f"sugar_box planned in {plan['planning_seconds']:.2f} s"
 
@@ -130,17 +124,13 @@ def keep_names_apart() -> str:
     return f"{len(ours)} files installed, `agents` is of {' '.join(owners) or 'nobody'}"
 
 
-def _refusal(command: list[str]) -> str:
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 2, f"{' '.join(command)} exited {done.returncode}:\n{done.stdout}{done.stderr}"
+def said(*words: str, code: int = 0) -> str:
+    """Run the console script, which is to end with a code; return what it printed, of a refusal the last line."""
+    script = Path(sys.executable).with_name("dexgrasp")
+    done = subprocess.run([script, *words], capture_output=True, text=True)
+    assert done.returncode == code, f"{words} exited {done.returncode}:\n{done.stdout}{done.stderr}"
     assert "Traceback" not in done.stderr, done.stderr
-    return done.stderr.splitlines()[-1]
-
-
-def _output(command: list[str]) -> str:
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, f"{' '.join(command)} exited {done.returncode}:\n{done.stdout}{done.stderr}"
-    return done.stdout
+    return done.stderr.splitlines()[-1] if code else done.stdout
 
 
 if __name__ == "__main__":

@@ -94,11 +94,10 @@ def test_extras_say_what_they_bring(project):
     for extra, modules in EXTRAS.items():
         brought = names(extras[extra]) - names(project["dependencies"])
         assert {normal(OWNERS.get(module, [module])[0]) for module in modules} <= brought, extra
-    assert set(extras) == {*EXTRAS, "docs", "dev", "fit", "all"}
+    assert set(extras) == {*EXTRAS, "docs", "dev", "all"}
     (everything,) = extras["all"]
     assert set(everything.removeprefix("dexgrasp[").removesuffix("]").split(",")) == set(extras) - {
         "all",
-        "fit",
         "engines",
         "gpu",
         "lerobot",

@@ -12,6 +12,7 @@ from trial_rows import row as trial_row
 from trial_rows import write_run
 
 from dexgrasp.evaluation.report.build import write_report
+from dexgrasp.evaluation.report.figures import success
 from dexgrasp.evaluation.report.origin import commands, describe_run
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
@@ -90,6 +91,11 @@ def test_one_page_that_needs_no_other_file(folder):
         "planning_times.png", "report.html", "report.md", "success_by_object.png", "success_by_protocol.png",
         "success_by_set.png",
     ]  # fmt: skip
+
+
+def test_plots_have_the_intervals_of_the_tables():
+    cell = {"trials": 4, "successes": 2, "rate": 0.5, "ci95": (0.1, 0.9), "by_set": {}}
+    assert success("by_set", "set", {"a": cell}, ["all"]).agents["a"]["all"] == [50.0, 10.0, 90.0]
 
 
 def test_commands_are_those_that_made_it(folder):

@@ -28,10 +28,7 @@ _FIGURES = (
 _QUARTILES = {"median": 0.5, "p25": 0.25, "p75": 0.75}
 
 
-def summarise(
-    settings: EvaluationSettings,
-    rows: Trials,
-) -> Fields:
+def summarise(settings: EvaluationSettings, rows: Trials) -> Fields:
     """Return the summary of the trials that are there; `complete` says whether these are all.
 
     Args:
@@ -41,7 +38,7 @@ def summarise(
     rows = judged(rows)
     place = {name: k for k, name in enumerate(settings.parts)}
     ordered = sorted(rows, key=lambda row: (place.get(row["protocol"], 0), row["object"], row["trial"]))
-    by_agent = {agent: [row for row in ordered if row["agent"] == agent] for agent in settings.agents}
+    by_agent = grouped(ordered, "agent")
     asked = len(settings.agents) * len(settings.objects) * len(settings.parts) * settings.trials
     return {
         "schema": 1,
@@ -49,7 +46,7 @@ def summarise(
         "seed": settings.seed,
         "versions": versions(),
         "complete": len(rows) == asked,
-        "agents": {agent: summarise_agent(own) for agent, own in by_agent.items()},
+        "agents": {agent: summarise_agent(by_agent.get(agent, [])) for agent in settings.agents},
     }
 
 

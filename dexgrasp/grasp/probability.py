@@ -1,4 +1,4 @@
-"""The probability that a grasp holds, by a model that was fitted on episodes (`scripts/fit_probability.py`).
+"""The probability that a grasp holds, by a model that was fitted on episodes (`assets/weights/README.md`).
 
 The model is an ensemble of boosted trees on the figures of `probability_features`, each member fitted on shapes drawn
 anew, so that how far they disagree says how much hangs on which shapes were met. Their mean is calibrated on shapes
@@ -9,7 +9,6 @@ than any it was fitted on it says nothing.
 
 import json
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -104,12 +103,7 @@ def probability_of(record: GraspRecord, guessed: float = 0.0) -> HoldsProbabilit
 @lru_cache(maxsize=1)
 def shipped_model() -> Model:
     """Return the model that comes with the package."""
-    return read_model(asset_path("weights/probability.json"))
-
-
-def read_model(path: Path) -> Model:
-    """Return the model of a file that `scripts/fit_probability.py` wrote."""
-    content = read_file(path)
+    content = read_file(asset_path("weights/probability.json"))
     stated = json.loads(content)
     outcomes = {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES}
     features = tuple(stated["features"])

@@ -26,7 +26,7 @@ from dexgrasp_env.perception.levels import cells_at
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.viewpoint import find_viewpoint, hidden_in_part
 
-# Figures of this file were set on scenes of the catalogue by `scripts/parted_clouds.py`, other seeds than published.
+# Figures of this file were set on scenes of the catalogue by `scripts/clouds.py parted`, other seeds than published.
 _CELL = 0.004  # m, to which points are thinned
 _TOUCH = 0.004  # m between points of one thing
 _HIGH = 0.02  # m over the table of what hangs, or was seen from above alone

@@ -14,7 +14,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import inverse, matrix_to_quat, pose_matrix, quat_to_matrix
 from dexgrasp_env.robot.model import colliding
-from engines.scene import mesh_file, pairs_apart
+from engines.scene import World, mesh_file, pairs_apart
 
 # No drag, no bounce, and convex hulls as they are: Bullet would swell them by a millimetre. NB: with drag or margin
 # named, `changeDynamics` sets the base, whatever link it is given.
@@ -27,7 +27,7 @@ _PENETRATION_TIME = 0.02
 _ITERATIONS = 100
 
 
-class Bullet:
+class Bullet(World):
     """A scene in Bullet: the robot under its servos, the object free; the joints in the order of the model's."""
 
     step_seconds = STEP
@@ -44,7 +44,8 @@ class Bullet:
         )  # fmt: skip
         self.robot, self.object = add_bodies(client, model)
         self._joints = [int(body) - 2 for body in model.jnt_bodyid[: len(start)]]
-        self.place(start)
+        for joint, angle in zip(self._joints, start.tolist(), strict=True):
+            client.resetJointState(self.robot, joint, angle)
         zero = [0.0] * len(start)
         client.setJointMotorControlArray(self.robot, self._joints, client.VELOCITY_CONTROL, forces=zero)
         body = model.body("object").id
@@ -55,16 +56,6 @@ class Bullet:
     def close(self) -> None:
         """Give its memory back."""
         self.client.disconnect(self._world)
-
-    def place(self, angles: Array) -> None:
-        """Put the robot's joints at angles (23,), rad, at rest."""
-        for joint, angle in zip(self._joints, angles.tolist(), strict=True):
-            self.client.resetJointState(self.robot, joint, angle)
-
-    def weight(self, angles: Array) -> Array:
-        """Joint torques (23,), Nm, that bear the links."""
-        zero = [0.0] * len(angles)
-        return np.array(self.client.calculateInverseDynamics(self.robot, angles.tolist(), zero, zero))
 
     def position(self) -> Array:
         """Return the place of the object's frame (3,), m."""
@@ -83,7 +74,9 @@ class Bullet:
         angles, speeds = np.array([state[0] for state in states]), np.array([state[1] for state in states])
         servo = model.actuator_gainprm[:, 0] * target + model.actuator_biasprm[:, 1] * angles
         servo += model.actuator_biasprm[:, 2] * speeds
-        servo = np.clip(servo, *model.actuator_forcerange.T) + self.weight(angles)
+        still = [0.0] * len(angles)
+        weight = np.array(client.calculateInverseDynamics(self.robot, angles.tolist(), still, still))
+        servo = np.clip(servo, *model.actuator_forcerange.T) + weight
         torque = np.clip(servo, *model.jnt_actfrcrange[: len(angles)].T)
         client.setJointMotorControlArray(
             self.robot, self._joints, client.TORQUE_CONTROL, forces=torque.tolist()

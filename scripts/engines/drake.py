@@ -10,7 +10,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import pose_matrix, quat_to_matrix
 from dexgrasp_env.robot.model import colliding
-from engines.scene import mesh_file, pairs_apart
+from engines.scene import World, mesh_file, pairs_apart
 
 STEP = 0.001
 """s, of the physics; contacts, servos and torque limits are solved implicitly."""
@@ -24,7 +24,7 @@ _NO_SLIP = 1e6
 """Friction of the object: Drake takes 2 mu1 mu2 / (mu1 + mu2), which is then twice that of what it meets."""
 
 
-class Drake:
+class Drake(World):
     """A scene in Drake: the robot under its servos, the object free; the joints in the order of the model's."""
 
     step_seconds = STEP
@@ -55,10 +55,7 @@ class Drake:
         self._context = self._plant.GetMyMutableContextFromRoot(self._simulator.get_mutable_context())
         self._robot, self.object = self._bodies[1].model_instance(), self._bodies[-1]
         self._plant.SetPositions(self._context, self._robot, start)
-        w, x, y, z = pose[3:]
-        placed = drake.RigidTransform(
-            drake.Quaternion(np.array([w, x, y, z]) / np.linalg.norm(pose[3:])), pose[:3]
-        )
+        placed = drake.RigidTransform(drake.Quaternion(pose[3:] / np.linalg.norm(pose[3:])), pose[:3])
         self._plant.SetFreeBodyPose(self._context, self.object, placed)
         self._desired = self._plant.get_desired_state_input_port(self._robot)
         self._simulator.Initialize()
@@ -71,16 +68,11 @@ class Drake:
 
     def position(self) -> Array:
         """Return the place of the object's frame (3,), m."""
-        place: Array = self._plant.EvalBodyPoseInWorld(self._context, self.object).translation()
-        return place
+        return np.asarray(self._plant.EvalBodyPoseInWorld(self._context, self.object).translation())
 
     def joints(self) -> Array:
         """Return the robot's joint angles (n,), rad."""
-        angles: Array = self._plant.GetPositions(self._context, self._robot)
-        return angles
-
-    def close(self) -> None:
-        """Drake frees its memory by itself."""
+        return np.asarray(self._plant.GetPositions(self._context, self._robot))
 
     def _add_body(self, body: int, folder: Path) -> None:
         """Add a body of the model with its joint, servo and shapes."""

@@ -38,10 +38,10 @@ class World(Protocol):
         """Return the robot's joint angles (n,), rad."""
 
     def close(self) -> None:
-        """Give its memory back."""
+        """Give back what is not freed by itself."""
 
 
-class Mujoco:
+class Mujoco(World):
     """A scene in MuJoCo, played open loop."""
 
     def __init__(self, model: mujoco.MjModel, start: Array, pose: Array) -> None:
@@ -64,9 +64,6 @@ class Mujoco:
     def joints(self) -> Array:
         """Return the robot's joint angles (n,), rad."""
         return self._data.qpos[: self._model.nu].copy()
-
-    def close(self) -> None:
-        """MuJoCo frees its memory by itself."""
 
 
 def make_world(engine: str, model: mujoco.MjModel, start: Array, pose: Array) -> World:

@@ -46,10 +46,11 @@ def planning_times(agents: Agents) -> list[Figure]:
 
 
 def _rates(cells: Mapping[Any, Fields], keys: Iterable[Any]) -> Points:
-    """Return success rates with the ends of Wilson's interval, percent, of those cells that were tried."""
+    """Return success rates with the ends of the tables' intervals, percent; Wilson's of cells that are counts alone."""
     rates = {}
     for key in keys:
         if key in cells and (n := cells[key]["trials"]):
             k = cells[key]["successes"]
-            rates[key] = [100.0 * value for value in (k / n, *wilson_interval(k, n))]
+            cell = {"rate": k / n, "ci95": wilson_interval(k, n)} | cells[key]
+            rates[key] = [100.0 * value for value in (cell["rate"], *cell["ci95"])]
     return rates
