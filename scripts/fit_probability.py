@@ -204,7 +204,6 @@ def write_model(path: Path, rows: Rows, robot: str, judgement: dict[str, Any]) -
         "schema": 1,
         "robot": robot,
         "features": names,
-        "least_friction": FRICTIONS[0],
         "guessed": [0.0, 1.0],
         "outcomes": {
             name: Ensemble(rows.matrix, rows.held[name], rows.shapes, names).as_json() for name in OUTCOMES
