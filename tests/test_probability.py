@@ -53,13 +53,15 @@ def test_a_file_states_what_the_model_says_of_it(found, record):
     assert record_of(again).holds_probability == stated
 
 
-def test_nothing_is_said_of_what_no_episode_was_of(record):
+def test_nothing_is_said_of_what_no_trials_have_tested(record):
     other = replace(record, robot=replace(record.robot, hash="00000000"))
-    slippery = replace(record, thresholds=replace(record.thresholds, friction=0.1, friction_hold=0.12))
+    slippery = replace(record, thresholds=replace(record.thresholds, friction=0.4, friction_hold=0.5))
+    gentle = replace(record, request=GraspRequest(max_force=8.0))
     content = as_json(record)
     some = {"name": None, "pose": np.eye(4).tolist(), "parts": content["parts"]}
     among = record_of(content | {"neighbours": [some]})
-    assert [probability_of(one) for one in (other, slippery, among)] == [None, None, None]
+    assert [probability_of(one) for one in (other, slippery, gentle, among)] == [None] * 4
+    assert probability_of(replace(record, request=GraspRequest(mass=0.2))) is not None
 
 
 def test_a_side_that_no_camera_saw_is_less_sure(record):

@@ -10,6 +10,7 @@ from dexgrasp.agent import Agent, Env, complete, public_info, renew_report, repo
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.store import Outcome
 from dexgrasp.evaluation.video import Video
+from dexgrasp.grasp.probability import LEAST_FRICTION
 from dexgrasp.planning.result import PlansGrasps
 from dexgrasp.planning.scene_setup import Subject, subject_of
 from dexgrasp_env.arrays import Fields
@@ -52,7 +53,7 @@ def run_trial(
     outcome, start, report_before = Outcome(), time.perf_counter(), agent.report
     subject: Subject | None = None
     try:
-        observation, subject = _begin(env, agent, seeds, outcome, frames)
+        observation, subject, friction = _begin(env, agent, seeds, outcome, frames)
         _go_on(env, agent, observation, outcome, frames)
     except AgentError as error:
         cause = error.__cause__ or error
@@ -67,15 +68,16 @@ def run_trial(
     outcome.seconds = time.perf_counter() - start
     # A grasp that was found at a later look is of the same pose: nothing was touched before.
     grasp = _certified(agent, name, subject) if subject else None
-    if grasp and grasp["holds_probability"] is not None:
-        outcome.details["holds_probability"] = grasp["holds_probability"]
+    said = grasp["holds_probability"] if grasp else None
+    if said is not None and friction >= LEAST_FRICTION:
+        outcome.details["holds_probability"] = said
     return outcome, grasp
 
 
 def _begin(
     env: Env, agent: Agent, seeds: TrialSeeds, outcome: Outcome, frames: Video | None
-) -> tuple[Any, Subject]:
-    """Reset the agent on the scene and plan; return the observation and the object's pose."""
+) -> tuple[Any, Subject, float]:
+    """Reset the agent on the scene and plan; return the observation, the object's pose and the scene's friction."""
     observation, info = env.reset(seed=seeds.scene)
     if frames:
         frames.add(env)
@@ -83,7 +85,7 @@ def _begin(
     _note_neighbours(outcome, info)
     _ask(agent.seed, seeds.agent)
     _ask(agent.reset, observation, public_info(env, info))
-    return observation, subject
+    return observation, subject, info["variation"]["friction"]
 
 
 def _certified(agent: Agent, name: str, subject: Subject) -> Fields | None:

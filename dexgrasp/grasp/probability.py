@@ -3,8 +3,8 @@
 The model is an ensemble of boosted trees on the figures of `probability_features`, each member fitted on shapes drawn
 anew, so that how far they disagree says how much hangs on which shapes were met. Their mean is calibrated on shapes
 that a member had not met, and once more on single views for grasps whose contacts no camera saw
-(`scripts/calibrate_views.py`). It knows one robot; of grasps of another, among neighbours, or on surfaces more slippery
-than any it was fitted on it says nothing.
+(`scripts/calibrate_views.py`). It knows one robot. Of grasps of another, among neighbours, made for surfaces more
+slippery than 0.7 or under a request's constraints it says nothing: no trials have tested what it says there.
 """
 
 import json
@@ -15,13 +15,15 @@ import numpy as np
 
 from dexgrasp.grasp.probability_features import features_of
 from dexgrasp.grasp.record import Chance, GraspRecord, HoldsProbability
-from dexgrasp.grasp.thresholds import HOLD_SHARE
+from dexgrasp.grasp.thresholds import FROZEN, HOLD_SHARE
 from dexgrasp_env.arrays import Array, Fields, Index
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.files import content_hash, read_file
 
 OUTCOMES = ("lifted", "pushed")
 """What is foretold: lifted and held for 3 s (`lift`); and through pushes by the weight from six sides (`pushed@1`)."""
+LEAST_FRICTION = 0.5
+"""True friction down to which trials have shown what is said of grasps that count on more."""
 
 
 class Trees(NamedTuple):
@@ -51,7 +53,6 @@ class Model(NamedTuple):
         hash: of its file.
         robot: hash of the robot that it was fitted with.
         features: names, in the order of the trees.
-        least_friction: that it was fitted on.
         outcomes: trees of each, and the line that calibrates the log odds: offset and slope.
         guessed: the line that calibrates those of lifting once more where contacts are on a side that no camera saw.
     """
@@ -59,7 +60,6 @@ class Model(NamedTuple):
     hash: str
     robot: str
     features: tuple[str, ...]
-    least_friction: float
     outcomes: dict[str, tuple[Trees, tuple[float, float]]]
     guessed: tuple[float, float]
 
@@ -89,12 +89,14 @@ def probability_of(record: GraspRecord, guessed: float = 0.0) -> HoldsProbabilit
         guessed: m, mean error expected of the surface at the contacts where no camera saw it; else 0.
 
     Returns:
-        What the shipped model says; None of a grasp that it does not know the like of.
+        What the shipped model says; None of a grasp of a kind that no trials have tested it on.
     """
     model = shipped_model()
     friction, mass = round(record.thresholds.friction_hold / HOLD_SHARE, 9), record.certificate.mass
     of_others = record.robot.hash != model.robot or record.neighbours
-    if of_others or friction < model.least_friction or not mass > 0.0:  # no such was met
+    slippery = record.thresholds.friction_hold < FROZEN.friction_hold
+    asked = record.request is not None and record.request.constrains
+    if of_others or slippery or asked or not mass > 0.0:
         return None
     chances = model.chances(features_of(record, friction, mass, guessed))
     return HoldsProbability(model.hash, friction, mass, guessed, **chances)
@@ -111,7 +113,6 @@ def shipped_model() -> Model:
         content_hash(content),
         stated["robot"],
         features,
-        stated["least_friction"],
         outcomes,
         tuple(stated["guessed"]),
     )

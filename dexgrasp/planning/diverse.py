@@ -198,6 +198,6 @@ def chances_of(planned: Planned, result: PlanResult) -> HoldsProbability:
     if known is None:
         raise InputError(
             "at_least: how likely a grasp holds is known of the Panda with the Allegro hand alone, of objects without "
-            "neighbours, on surfaces of friction 0.3 or more"
+            "neighbours, on surfaces of friction 0.7 or more, where nothing else is asked for"
         )
     return known

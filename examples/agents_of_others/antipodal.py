@@ -7,53 +7,25 @@ al. (2017), "Dex-Net 2.0": pairs of points whose normals lie in each other's fri
 line between them. Written from the papers; none of their code.
 """
 
-import time
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
-from dexgrasp import Agent, Report
-from dexgrasp.agent import BY_CLOUD, Observation
-from dexgrasp.motion.motion import NoPath
-from dexgrasp.motion.to_pose import Pinch, plan_to_pose
-from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.tasks.control import normalise
+from dexgrasp.motion.to_pose import Pinch
+
+from .two_pads import Pads, TwoPadAgent
 
 
-class Antipodal(Agent):
+class Antipodal(TwoPadAgent):
     """Closes two pads on the pair of points that opposes best, from the approach nearest to the vertical."""
 
-    env_settings = BY_CLOUD
-
-    def reset(self, observation: Observation, info: dict[str, Any]) -> None:
-        """Sample pairs and take the first that the arm carries out."""
-        began = time.perf_counter()
-        seen = observation["cloud_mask"].astype(bool)
-        points, normals = (observation[key][seen].astype(float) for key in ("cloud", "cloud_normals"))
-        self.cell: Cell = info["cell"]
-        self.start = observation["joint_targets"].astype(float)
-        self.report, self.script, self.steps = Report(failure="no_antipodal_pair"), None, 0
-        self._plan(points, normals)
-        self.report.planning_seconds = time.perf_counter() - began
-
-    def _plan(self, points: np.ndarray, normals: np.ndarray) -> None:
-        pinch = Pinch(self.cell)
+    def grasps(
+        self, points: np.ndarray, normals: np.ndarray, plane: np.ndarray, pinch: Pinch
+    ) -> Iterator[Pads]:
+        """Yield the best pairs, each from several approaches."""
         for a, b in best_pairs(points, normals, pinch.widest):
-            axis, middle, width = b - a, 0.5 * (a + b), float(np.linalg.norm(b - a))
-            for palm in palms(pinch, middle, axis / width, width):
-                try:
-                    self.script = plan_to_pose(palm, pinch.hands(width), points, self.start, self.cell)
-                    self.report.failure = None
-                    return
-                except NoPath as blocked:
-                    self.report.failure = blocked.reason
-
-    def act(self, observation: Observation) -> np.ndarray:
-        """Return the next set-points."""
-        targets = self.start if self.script is None else self.script.at(self.steps)
-        self.steps += 1
-        return normalise(targets, self.cell.robot).astype(np.float32)
+            width = float(np.linalg.norm(b - a))
+            yield from approaches(0.5 * (a + b), (b - a) / width, width)
 
 
 def best_pairs(points: np.ndarray, normals: np.ndarray, widest: float) -> Iterator[np.ndarray]:
@@ -76,10 +48,8 @@ def best_pairs(points: np.ndarray, normals: np.ndarray, widest: float) -> Iterat
             yield points[[i, j]]
 
 
-def palms(
-    pinch: Pinch, middle: np.ndarray, axis: np.ndarray, width: float
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield poses of the palm that close on a pair: approaches across `axis` (3,), steepest first, both turns."""
+def approaches(middle: np.ndarray, axis: np.ndarray, width: float) -> Iterator[Pads]:
+    """Yield grasps that close along `axis` (3,): approaches across it, steepest first, both turns."""
     down = np.array([0.0, 0.0, -1.0])
     steep = down - axis * (down @ axis)
     if np.linalg.norm(steep) < 0.2:
@@ -88,4 +58,4 @@ def palms(
     across = np.cross(axis, steep)
     for angle in np.radians([0.0, 30.0, -30.0, 60.0, -60.0]):
         for along in (axis, -axis):
-            yield pinch.palm(middle, np.cos(angle) * steep + np.sin(angle) * across, along, width)
+            yield Pads(middle, np.cos(angle) * steep + np.sin(angle) * across, along, width)
