@@ -17,14 +17,14 @@ from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import progress_bar, warn
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import write_json
+from dexgrasp_env.files import expand, write_json
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import load_target
 
 
 def evaluate(
     settings: EvaluationSettings,
-    folder: Path,
+    folder: str | Path,
     *,
     backend: Backend = Backend(),
     videos: int | Literal["failures"] = 0,
@@ -47,7 +47,7 @@ def evaluate(
         KeyboardInterrupt: as it comes; finished trials and their summary are kept.
         WorkerDiedError: likewise.
     """
-    identity = settings.identity()
+    identity, folder = settings.identity(), expand(folder)
     check_folder(folder, identity)
     runner, planned = TrialRunner(settings), plan_trials(settings)
     _check(planned, runner)
