@@ -146,10 +146,11 @@ def test_exceptions_and_interrupts(monkeypatch, capsys):
     assert "a b\n" in capsys.readouterr().err
 
 
-def test_closed_pipe_is_no_error():
-    command = f"{sys.executable} -m dexgrasp.cli.main list objects | head -n 1; exit ${{PIPESTATUS[0]}}"
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
-    assert done.stderr == ""
+@pytest.mark.parametrize(("words", "code", "lines"), table("streams"))
+def test_streams_may_be_closed_or_full(words, code, lines):
+    command = ["bash", "-c", f"{sys.executable} -m dexgrasp list {words}"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout.count("\n"), done.stderr) == (code, lines, "")
 
 
 def test_json_output_keeps_the_stream_clean(capfd):
