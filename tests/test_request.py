@@ -112,7 +112,11 @@ def test_too_gentle_is_said():
     heavy = plan_cloud(block(), seed=2, request=GraspRequest(mass=2.0, max_force=4.0))
     assert not heavy.success or not heavy.grasp.certificate.holds
     gentle = {"request": {"max_force": 2.0}}  # as GraspRequest(max_force=2.0)
-    for wrong, words in ((gentle, "fingers press with 2.5 N"), ({"seed": -1}, "seed"), ({"label": 1}, "mask")):
+    for wrong, words in (
+        (gentle, "fingers press with 2.5 N"),
+        ({"seed": -1}, "seed"),
+        ({"label": 1}, "mask"),
+    ):
         with refused(words):
             plan_cloud(block(), **wrong)
 
