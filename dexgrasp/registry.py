@@ -50,7 +50,7 @@ def make_agent(name: str | os.PathLike[str], **kwargs: Any) -> Agent:
     Raises:
         InputError: for an unknown name, or a class that cannot be had or is no agent.
     """
-    name = check("agent", name, NAMED)
+    name = str(check("agent", name, NAMED))
     if name in AGENTS:
         return _load(AGENTS[name])(**kwargs)
     if is_server(name):

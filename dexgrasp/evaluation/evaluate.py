@@ -20,6 +20,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, write_json
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import load_target
+from dexgrasp_env.robot.cell import whole_path
 
 
 def evaluate(
@@ -53,7 +54,8 @@ def evaluate(
     _check(planned, runner)
     if videos:
         check_rendering()
-    run = _Run(planned, TrialStore(folder, identity, robot=settings.robot_path), runner, backend, progress)
+    robot = settings.robot and whole_path(settings.robot)
+    run = _Run(planned, TrialStore(folder, identity, robot=robot), runner, backend, progress)
     run.check_rows()
     try:
         run.play()

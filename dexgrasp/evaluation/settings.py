@@ -174,12 +174,6 @@ class EvaluationSettings:
             "versions": versions(),
         }
 
-    @property
-    def robot_path(self) -> str | None:
-        """Return the path of the cell's file from any folder; the name of one of ours as it is."""
-        own = self.robot is not None and expand(self.robot).is_file()
-        return str(expand(self.robot).resolve()) if self.robot is not None and own else self.robot
-
     def _own_wrappers(self) -> list[str]:
         """Return the wrappers that are somebody's own, as agents are called: `module:Class`."""
         named = [text.partition("(")[0].rpartition(".") for text in self.wrappers]

@@ -44,7 +44,7 @@ def load_object(
     Raises:
         InputError: for an unknown name, a file that cannot be used, a scale or a mass that is not positive.
     """
-    target = check("object", target, NAMED)
+    target = str(check("object", target, NAMED))
     scale = check("scale", scale, number(gt=0))
     mass = None if mass is None else check("mass", mass, MASS)
     if is_ours(target):

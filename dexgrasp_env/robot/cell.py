@@ -233,7 +233,7 @@ def make_cell(robot: Given = None, mount: str | None = None) -> Cell:
         InputError: for a file that is neither a cell nor a robot, an unknown name, or an unknown mount.
     """
     if not isinstance(robot, Cell | Robot | None):
-        name = check("robot", robot, NAMED)
+        name = str(check("robot", robot, NAMED))
         path = robot_files().get(name) or expand(name)
         if not path.suffix and not path.exists():
             raise unknown_name("robot", name, [*robot_files(), "the path of a robot's or a cell's file"])
@@ -241,6 +241,13 @@ def make_cell(robot: Given = None, mount: str | None = None) -> Cell:
     if isinstance(robot, Robot):
         robot = replace(default_cell(), name=robot.name, robot=robot)
     return (robot or default_cell()).mounted(mount)
+
+
+def whole_path(robot: Any) -> str:
+    """Return a robot's name as it is, or the path of a file so that it is found from any folder, by any worker."""
+    name = str(NAMED.validate(robot))
+    path = expand(name)
+    return str(path.resolve()) if name not in robot_files() and path.exists() else name
 
 
 @lru_cache(maxsize=1)
