@@ -23,10 +23,10 @@ _ENTRY = re.compile(r"data|[\w.]+\.pth|_stable_baselines3_version|system_info\.t
 _NEEDED = ("policy_class", "observation_space", "action_space", "policy_kwargs")
 _REPLACED = {"learning_rate": 0.0, "clip_range": 0.2, "lr_schedule": 0.0, "train_freq": 1}
 _CLASSES = re.compile(
-    r"(stable_baselines3|sb3_contrib)\.((common|\w+)\.policies|common\.(recurrent\.)?"
-    r"(buffers|policies|utils|type_aliases|torch_layers|noise))"
+    r"(stable_baselines3|sb3_contrib)\.((common|\w+)\.policies|common\.((recurrent|sb2_compat)\.)?"
+    r"(buffers|policies|utils|type_aliases|torch_layers|noise|rmsprop_tf_like))"
     r"|stable_baselines3\.common\.(running_mean_std|vec_env\.vec_normalize)"
-    r"|gymnasium\.spaces\.\w+|torch\.nn\.modules\.activation|torch\.optim\.(adam|adamw)|(dexgrasp|dexgrasp_env)\.[\w.]+"
+    r"|gymnasium\.spaces\.\w+|torch\.nn\.modules\.activation|torch\.optim\.(adam\w*|[nr]adam|rmsprop|sgd)|(dexgrasp|dexgrasp_env)\.[\w.]+"
 )
 """Modules of which classes may be made."""
 _NAMES = {

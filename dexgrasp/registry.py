@@ -13,6 +13,7 @@ from dexgrasp.runs.policy_folder import is_policy, policy_files
 from dexgrasp.runs.reading import files_read
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
+from dexgrasp_env.valid import NAMED, check
 
 AGENTS: dict[str, str] = {
     "random": "dexgrasp.agents.floors:RandomAgent",
@@ -36,7 +37,7 @@ _CONNECTED: dict[str, Agent] = {}
 """Address of a policy server that was asked what it is -> the agent that is connected to it."""
 
 
-def make_agent(name: str, **kwargs: Any) -> Agent:
+def make_agent(name: str | os.PathLike[str], **kwargs: Any) -> Agent:
     """Make an agent.
 
     Args:
@@ -49,6 +50,7 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     Raises:
         InputError: for an unknown name, or a class that cannot be had or is no agent.
     """
+    name = str(check("agent", name, NAMED))
     if name in AGENTS:
         return _load(AGENTS[name])(**kwargs)
     if is_server(name):
@@ -169,7 +171,6 @@ def _load(spec: str) -> Any:
 
 
 def _look_here() -> None:
-    """Add the current directory to the path of modules, as `python -m` does."""
-    here = os.getcwd()
-    if here not in sys.path and "" not in sys.path:
-        sys.path.append(here)
+    """Add the current directory, wherever that is, to the path of modules, as `python -c` does."""
+    if "" not in sys.path:
+        sys.path.append("")

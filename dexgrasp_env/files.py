@@ -291,6 +291,8 @@ def expand(path: str | os.PathLike[str]) -> Path:
         return Path(path).expanduser()
     except RuntimeError:
         raise InputError(f"{str(path)!r}: there is no such user here") from None
+    except TypeError:
+        raise InputError(f"{path!r} is no path") from None
 
 
 def parse_json(text: str | bytes) -> Any:

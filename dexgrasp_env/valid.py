@@ -7,6 +7,7 @@
 
 import math
 import numbers
+import os
 import types
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
@@ -144,11 +145,12 @@ Friction = Annotated[float, number(gt=0, le=2)]
 MASS = number(ge=1e-4, le=100)
 """kg: lighter bodies vanish in the solver's tolerance, heavier ones are no objects for a hand."""
 Mass = Annotated[float, MASS]
-CellFile = Annotated[str | None, "--robot", "FILE|NAME", {"variable": "DEXGRASP_CELL"}]
+TEXT = instance(str, "text")
+NAMED = Rule("a name, or the path of a file", lambda value: TEXT.validate(os.fspath(value)))
+CellFile = Annotated[str | None, NAMED, "--robot", "FILE|NAME", {"variable": "DEXGRASP_CELL"}]
 """Of a cell or of a robot alone, or a robot's name; None for the simulated cell. See `robot.cell.make_cell`."""
 Mount = Annotated[str | None, "MOUNT"]
 """How the hand sits on the arm, by name; None for the robot's own."""
-TEXT = instance(str, "text")
 
 _PLAIN = {
     bool: instance(bool, "true or false"), int: number(whole=True), float: number(), str: TEXT,

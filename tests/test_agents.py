@@ -119,7 +119,7 @@ def test_a_checkpoint_acts_and_is_told_by_a_file_beside_it(tmp_path):
     path = tmp_path / "learned.zip"
     trained = library.SAC("MultiInputPolicy", env, device="cpu", buffer_size=10)
     trained.save(path)
-    for spec in (str(path), f"sac:{path}"):
+    for spec in (path, f"sac:{path}"):
         agent = make_agent(spec)
         observation, _ = env.reset(seed=0)
         agent.reset(observation, {})

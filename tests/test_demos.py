@@ -213,7 +213,7 @@ class Hopeless(HardcodedAgent):
 def test_where_nothing_succeeds_it_is_said_why(tmp_path):
     settings = DemoSettings.of(["sugar_box"], agent=f"{__name__}:Hopeless", episodes=3)
     with refused("not one demonstration succeeded: no_grasp 2, no_path 1"):
-        generate(settings, tmp_path)
+        generate(settings, str(tmp_path))
 
 
 def test_scenes_draw_what_is_asked_for_and_replays_draw_the_same(tmp_path):

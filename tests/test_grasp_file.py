@@ -26,7 +26,7 @@ from dexgrasp.planning.scene_setup import subject_of
 def test_round_trip(contents, tmp_path):
     content = contents["pear"]
     write_grasp(tmp_path / "g.json", content)
-    record = read_grasp(tmp_path / "g.json")
+    record = read_grasp(f"{tmp_path}/g.json")
     for name in ("q", "pregrasp", "grasp", "squeeze"):
         assert_array_equal(getattr(record, name), content[name])
     for name, rows in (("point", record.points), ("normal", record.normals), ("force", record.forces)):

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FLOORS = (
     "dexgrasp_env", "runs agent", "geometry", "mechanics", "grasp", "motion export viewer", "planning", "registry",
-    "evaluation", "data", "learning", "agents", "cli",
+    "evaluation", "data", "learning", "agents", "cli", "__main__",
 )  # fmt: skip
 """Rooms from the ground up: a room imports from its own and from those below, whatever stands beside it on a floor."""
 

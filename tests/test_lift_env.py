@@ -212,14 +212,19 @@ def test_wrong_actions_and_options():
     env = make().unwrapped
     with refused("reset"):
         env.step(np.zeros(23))
-    env.reset(seed=0)
-    with refused("shape"):
-        env.step(np.zeros(22))
-    with refused("NaN"):
-        env.step(np.full(23, np.nan))
-    for options in ({"colour": 1}, {"object": "soda"}, {"object_pose": [0, 0, 1]}, {"object_pose": [0] * 7}):
+    env.reset(seed=np.int64(0))
+    for action, word in ((np.zeros(22), "shape"), (np.full(23, np.nan), "NaN"), (["1"] * 23, "numbers")):
+        with refused(word):
+            env.step(action)
+    places = {"object_pose": [0, 0, 1]}, {"object_pose": [0] * 7}
+    for options in ({"colour": 1}, {"object": "soda"}, {"object": ["soda"]}, ["object"], *places):
         with refused():
             env.reset(options=options)
+    with refused("a list of names"):
+        LiftEnv(objects={"pear"})  # another order in another process
+    for seed in (-1, 1.0):
+        with refused("seed"):
+            env.reset(seed=seed)
     env.reset(seed=0)
     with refused("beside state"):
         env.reset(options={"state": env.get_state(), "object": "sugar_box"})

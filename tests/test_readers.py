@@ -107,7 +107,7 @@ def test_lerobot_eval_and_evaluate_have_the_same_outcomes(folder, tmp_path):
         "--env.type=dexgrasp", "--env.objects=soda,pear", "--env.render_mode=none", "--eval.n_episodes=2",
         "--eval.batch_size=1", "--seed=0", f"--output_dir={tmp_path / 'theirs'}",
     ]  # fmt: skip
-    subprocess.run([sys.executable, "-c", script, *options], check=True, capture_output=True, timeout=600)
+    subprocess.run([sys.executable, "-c", script, *options], check=True, capture_output=True, timeout=1800)
     ask = (
         f"evaluate --agents lerobot:{path} --objects soda pear --trials 2 --seed 0 --out {tmp_path / 'ours'}"
     )

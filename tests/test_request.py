@@ -111,8 +111,14 @@ def test_fingers_press_no_harder_than_is_asked(most):
 def test_too_gentle_is_said():
     heavy = plan_cloud(block(), seed=2, request=GraspRequest(mass=2.0, max_force=4.0))
     assert not heavy.success or not heavy.grasp.certificate.holds
-    with refused(r"max_force is 2 N, and fingers press with 2.5 N"):
-        plan_cloud(block(), request=GraspRequest(max_force=2.0))
+    gentle = {"request": {"max_force": 2.0}}  # as GraspRequest(max_force=2.0)
+    for wrong, words in (
+        (gentle, "fingers press with 2.5 N"),
+        ({"seed": -1}, "seed"),
+        ({"label": 1}, "mask"),
+    ):
+        with refused(words):
+            plan_cloud(block(), **wrong)
 
 
 def test_a_budget_ends_the_search_with_what_it_has():

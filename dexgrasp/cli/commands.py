@@ -8,6 +8,7 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -182,8 +183,11 @@ def _stopped(name: str, error: BaseException) -> int:
         said = missing_extra(error)
     elif isinstance(error, OSError) and error.errno in _SURROUNDINGS:
         said = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    elif isinstance(error, FileNotFoundError) and not error.filename:
+        said = "the current folder is gone: change to another"
     if said is None:
         traceback.print_exception(error)
         code, said = INTERNAL_ERROR, "this is a fault of dexgrasp's, please report it"
-    note(f"{name}: {' '.join(str(said).split())}")
+    with suppress(OSError):  # of a full disk, say
+        note(f"{name}: {' '.join(str(said).split())}")
     return code

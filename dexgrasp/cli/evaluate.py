@@ -74,6 +74,6 @@ class Evaluate(Command):
         path = folder / "summary.json"
         if not path.is_file():
             return code
-        summary = json.loads(path.read_text())
+        summary = json.loads(path.read_bytes())
         floors = [get_protocol(name).floor_line for name in settings.parts]
         return Answer(summary, "\n".join([render_summary(summary), *filter(None, floors)]), code)

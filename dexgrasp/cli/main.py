@@ -18,6 +18,7 @@ def main(argv: "list[str] | None" = None) -> int:
         return _run(argv)
     try:
         try:
+            _open_closed_streams()
             interrupt.catch()
             _keep_blas_to_one_thread()
             code = _run(sys.argv[1:])
@@ -27,6 +28,13 @@ def main(argv: "list[str] | None" = None) -> int:
     except KeyboardInterrupt:  # raised in between
         code = INTERRUPTED
     return INTERRUPTED if interrupt.requested() else code
+
+
+def _open_closed_streams() -> None:
+    """Open to nothing what the caller has closed: files would take its number, and what is printed would go to them."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        setattr(sys, ("stdin", "stdout", "stderr")[number], os.fdopen(number, "w" if number else "r"))
+    os.close(number)
 
 
 def _keep_blas_to_one_thread() -> None:

@@ -13,12 +13,13 @@ from dexgrasp.evaluation.summary import grouped, judged, present_sets, scene_of
 from dexgrasp.runs.text import text_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.files import expand
 
 _SCENE = ("protocol", "object", "trial", "scene_seed")
 """What makes two trials the same scene."""
 
 
-def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[str] = ()) -> Fields:
+def compare_agents(folders: Sequence[str | Path], a: str, b: str, protocols: Sequence[str] = ()) -> Fields:
     """Compare two agents of evaluations on the scenes that both have tried.
 
     Args:
@@ -35,7 +36,7 @@ def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[
         InputError: if a folder holds no evaluation, or none a trial of one of the agents, or not two protocols are
             given.
     """
-    rows = [row for folder in folders for row in judged(read_rows(folder))]
+    rows = [row for folder in folders for row in judged(read_rows(expand(folder)))]
     run, names = " ".join(map(str, folders)), list(grouped(rows, "agent"))
     for name in (a, b):
         if name not in names:

@@ -17,14 +17,15 @@ from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import progress_bar, warn
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import write_json
+from dexgrasp_env.files import expand, write_json
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import load_target
+from dexgrasp_env.robot.cell import whole_path
 
 
 def evaluate(
     settings: EvaluationSettings,
-    folder: Path,
+    folder: str | Path,
     *,
     backend: Backend = Backend(),
     videos: int | Literal["failures"] = 0,
@@ -47,13 +48,14 @@ def evaluate(
         KeyboardInterrupt: as it comes; finished trials and their summary are kept.
         WorkerDiedError: likewise.
     """
-    identity = settings.identity()
+    identity, folder = settings.identity(), expand(folder)
     check_folder(folder, identity)
     runner, planned = TrialRunner(settings), plan_trials(settings)
     _check(planned, runner)
     if videos:
         check_rendering()
-    run = _Run(planned, TrialStore(folder, identity, robot=settings.robot_path), runner, backend, progress)
+    robot = settings.robot and whole_path(settings.robot)
+    run = _Run(planned, TrialStore(folder, identity, robot=robot), runner, backend, progress)
     run.check_rows()
     try:
         run.play()

@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import yaml
 
 from dexgrasp.agent import Agent
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import seed_name
-from dexgrasp_env.yaml_file import parse_yaml
+from dexgrasp_env.yaml_file import parse_yaml, read_yaml
 
 AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode", "frame_skip", "action_scale", "hold")
 """The settings that an agent may choose; everything else belongs to the protocol."""
@@ -90,8 +89,8 @@ DEFAULT_PROTOCOL = "lift"
 OTHER_PHYSICS = "lift@warp"
 """Stands beside the others' figures, and is averaged into none."""
 
-_CONTENT = yaml.safe_load(asset_path("protocols.yaml").read_text())
-_FIGURES = yaml.safe_load(asset_path("figures.yaml").read_text())
+_CONTENT = read_yaml(asset_path("protocols.yaml"))
+_FIGURES = read_yaml(asset_path("figures.yaml"))
 
 PROTOCOLS: dict[str, Protocol] = {
     name: Protocol(name, **words, figures=tuple(Figure(**figure) for figure in _FIGURES.get(name, ())))

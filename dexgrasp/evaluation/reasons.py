@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
+from dexgrasp_env.yaml_file import read_yaml
 
 
 class Reason(NamedTuple):
@@ -25,7 +25,7 @@ class Reason(NamedTuple):
 
 REASONS: dict[str, Reason] = {
     code: Reason(**words)
-    for code, words in yaml.safe_load(Path(__file__).with_name("reasons.yaml").read_text())["reasons"].items()
+    for code, words in read_yaml(Path(__file__).with_name("reasons.yaml"))["reasons"].items()
 }
 """Code -> what it means, from reasons.yaml."""
 

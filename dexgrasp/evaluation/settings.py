@@ -19,15 +19,27 @@ from dexgrasp_env.files import check_file, content_hash, expand, file_hash, json
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import Objects, object_name, target_files
 from dexgrasp_env.robot.cell import make_cell
-from dexgrasp_env.valid import TEXT, CellFile, Count, Friction, Mass, Mount, Natural, Positive, Rule, read
+from dexgrasp_env.valid import (
+    NAMED,
+    TEXT,
+    CellFile,
+    Count,
+    Friction,
+    Mass,
+    Mount,
+    Natural,
+    Positive,
+    Rule,
+    read,
+)
 
 _CHECKPOINTS = {".zip": ("env_kwargs", "wrappers"), "lerobot:": ("env_kwargs",)}
 """Kind of checkpoint -> settings that apply to it."""
 
 
 def _unique(names: Iterable[str]) -> tuple[str, ...]:
-    found = () if isinstance(names, str) else tuple(dict.fromkeys(names))
-    if not found or not all(isinstance(name, str) for name in found):
+    found = () if isinstance(names, str) else tuple(dict.fromkeys(map(NAMED.validate, names)))
+    if not found:
         raise ValueError
     return found
 
@@ -161,12 +173,6 @@ class EvaluationSettings:
             "code": code_hash((*self.agents, *self._own_wrappers())),
             "versions": versions(),
         }
-
-    @property
-    def robot_path(self) -> str | None:
-        """Return the path of the cell's file from any folder; the name of one of ours as it is."""
-        own = self.robot is not None and expand(self.robot).is_file()
-        return str(expand(self.robot).resolve()) if self.robot is not None and own else self.robot
 
     def _own_wrappers(self) -> list[str]:
         """Return the wrappers that are somebody's own, as agents are called: `module:Class`."""

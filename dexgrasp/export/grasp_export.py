@@ -14,7 +14,7 @@ from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.files import jsonable
+from dexgrasp_env.files import expand, jsonable
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat, placed, rigid
@@ -28,7 +28,11 @@ _PRESSING = (
 
 
 def export_grasp(
-    record: GraspRecord, folder: Path, kind: str, stiffness: float | None = None, rejected: Sequence[str] = ()
+    record: GraspRecord,
+    folder: str | Path,
+    kind: str,
+    stiffness: float | None = None,
+    rejected: Sequence[str] = (),
 ) -> list[Path]:
     """Write a grasp's trajectory, or its scene, into a folder.
 
@@ -50,7 +54,7 @@ def export_grasp(
     formats = ("csv", "json", "ros2", "mjcf")
     if kind not in formats:
         raise unknown_name("format", kind, formats)
-    cell = record.check_cell()
+    cell, folder = record.check_cell(), expand(folder)
     stiffness = cell.robot.hand.joints.stiffness[0] if stiffness is None else stiffness
     check("stiffness", stiffness, POSITIVE)
     if record.script is None:

@@ -7,17 +7,17 @@ from typing import Any
 from dexgrasp.grasp.record import SCHEMA, GraspRecord
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import read_json_object, write_json
+from dexgrasp_env.files import expand, read_json_object, write_json
 from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.valid import read
 
 
-def write_grasp(path: Path, content: Fields) -> None:
+def write_grasp(path: str | Path, content: Fields) -> None:
     """Write a grasp file, whole or not at all."""
-    write_json(path, content)
+    write_json(expand(path), content)
 
 
-def read_grasp(path: Path, cell: Cell | None = None) -> GraspRecord:
+def read_grasp(path: str | Path, cell: Cell | None = None) -> GraspRecord:
     """Read a grasp file.
 
     Args:
@@ -27,7 +27,7 @@ def read_grasp(path: Path, cell: Cell | None = None) -> GraspRecord:
     Raises:
         InputError: if it is missing, not JSON, of another schema, or a field is missing or malformed.
     """
-    return record_of(read_json_object(path, "it is no grasp file"), str(path), cell)
+    return record_of(read_json_object(expand(path), "it is no grasp file"), str(path), cell)
 
 
 def record_of(content: Any, source: str = "this object", cell: Cell | None = None) -> GraspRecord:

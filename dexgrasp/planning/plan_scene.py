@@ -29,7 +29,7 @@ from dexgrasp_env.perception.selection import TargetSelector, mask_of
 from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.valid import check
+from dexgrasp_env.valid import NATURAL, check, read
 
 
 def plan_scene(
@@ -128,13 +128,14 @@ def plan_cloud(
         InputError: for something that is no cloud, a point, box or mask that is none, or fingers that make no grasp of
             the hand.
     """
-    planner = (planner or default_planner(make_cell(robot))).asking(request)
+    asked = read(GraspRequest, request, "request")
+    planner = (planner or default_planner(make_cell(robot))).asking(asked)
     home = planner.cell.robot.home
     q = check("start", home if start is None else start, array(len(home)))
     corners = None if box is None else check("box", box, array(6)).reshape(2, 3)
     where = None if near is None else check("near", near, array(3))
-    selector = TargetSelector(where, corners, None if mask is None else mask_of(mask, label))
-    scene = scene_of(points, selector, seed=seed, start=q, cell=planner.cell)
+    selector = TargetSelector(where, corners, None if mask is label is None else mask_of(mask, label))
+    scene = scene_of(points, selector, seed=check("seed", seed, NATURAL), start=q, cell=planner.cell)
     return plan_scene(planner, scene, seed, q, relax=True)
 
 

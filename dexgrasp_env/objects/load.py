@@ -2,7 +2,7 @@
 
 import difflib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -27,7 +27,7 @@ from dexgrasp_env.objects.sets import (
     set_member,
     set_targets,
 )
-from dexgrasp_env.valid import MASS, Rule, check, number
+from dexgrasp_env.valid import MASS, NAMED, Rule, check, number
 
 
 def load_object(
@@ -44,7 +44,7 @@ def load_object(
     Raises:
         InputError: for an unknown name, a file that cannot be used, a scale or a mass that is not positive.
     """
-    target = os.fspath(target)
+    target = str(check("object", target, NAMED))
     scale = check("scale", scale, number(gt=0))
     mass = None if mass is None else check("mass", mass, MASS)
     if is_ours(target):
@@ -104,11 +104,12 @@ def resolve_targets(targets: Sequence[str]) -> list[str]:
 
 
 def _resolved(value: Any) -> tuple[str, ...]:
-    given = [value] if isinstance(value, str | os.PathLike) else list(value)
-    names = [os.fspath(name) for name in given]
-    if not all(isinstance(name, str) for name in names):
+    if isinstance(
+        value, set | frozenset | Iterator
+    ):  # of no order that is the same tomorrow, or to be read once
         raise TypeError
-    return tuple(resolve_targets(names))
+    given = [value] if isinstance(value, str | os.PathLike) else value
+    return tuple(resolve_targets([NAMED.validate(name) for name in given]))
 
 
 Objects = Annotated[tuple[str, ...], Rule("a name, or a list of names", _resolved)]

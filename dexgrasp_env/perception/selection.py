@@ -153,7 +153,8 @@ def mask_of(values: Any, label: int | None = None) -> Mask:
     if array.dtype == bool:
         array = array.astype(int)
     if array.dtype.kind not in "iu":
-        raise InputError(f"a mask holds bool or whole numbers, not {array.dtype}")
+        kind = "nothing" if values is None else array.dtype
+        raise InputError(f"a mask holds bool or whole numbers, not {kind}")
     found = np.unique(array[array != 0]).tolist()
     if label is None and len(found) == 1:
         label = found[0]

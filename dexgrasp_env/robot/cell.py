@@ -23,7 +23,7 @@ from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.robot.robot import Hand, Mount, Numbers, Robot, Vector
 from dexgrasp_env.robot.robot_file import find_beside, narrowed, read_content, read_robot, said_of
 from dexgrasp_env.robot.table import SeenTable
-from dexgrasp_env.valid import Names, Rule, Word, number, read, several
+from dexgrasp_env.valid import NAMED, Names, Rule, Word, check, number, read, several
 
 
 def _rows(value: Any) -> Numbers:
@@ -232,16 +232,22 @@ def make_cell(robot: Given = None, mount: str | None = None) -> Cell:
     Raises:
         InputError: for a file that is neither a cell nor a robot, an unknown name, or an unknown mount.
     """
-    if isinstance(robot, str | os.PathLike):
-        path = robot_files().get(str(robot)) or expand(robot)
+    if not isinstance(robot, Cell | Robot | None):
+        name = str(check("robot", robot, NAMED))
+        path = robot_files().get(name) or expand(name)
         if not path.suffix and not path.exists():
-            raise unknown_name(
-                "robot", str(robot), [*robot_files(), "the path of a robot's or a cell's file"]
-            )
+            raise unknown_name("robot", name, [*robot_files(), "the path of a robot's or a cell's file"])
         robot = _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_cell(path)
     if isinstance(robot, Robot):
         robot = replace(default_cell(), name=robot.name, robot=robot)
     return (robot or default_cell()).mounted(mount)
+
+
+def whole_path(robot: Any) -> str:
+    """Return a robot's name as it is, or the path of a file so that it is found from any folder, by any worker."""
+    name = str(NAMED.validate(robot))
+    path = expand(name)
+    return str(path.resolve()) if name not in robot_files() and path.exists() else name
 
 
 @lru_cache(maxsize=1)

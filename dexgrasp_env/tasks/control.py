@@ -6,10 +6,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.arrays import Array, Single, numbers
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
+from dexgrasp_env.valid import check
 
 DIRECT_MODES = ("joint_position", "joint_delta", "ee_delta")
 """Those whose actions say at once where set-points go."""
@@ -78,12 +79,12 @@ def check_actions(action: Single, shape: tuple[int, ...] | None) -> Array:
     """Return a copy of actions of the right shape, in double precision.
 
     Raises:
-        InputError: if their shape is wrong.
+        InputError: if they are no numbers, or their shape is wrong.
     """
-    actions = np.array(action, dtype=np.float64)
+    actions = check("action", action, numbers(f"numbers of shape {shape}"))
     if actions.shape != shape:
-        raise InputError(f"action has shape {tuple(actions.shape)}: valid is {shape}")
-    return actions
+        raise InputError(f"action has shape {actions.shape}: valid is {shape}")
+    return np.array(actions, np.float64)
 
 
 def check_finite(actions: NDArray[Any]) -> None:

@@ -161,7 +161,7 @@ class Episodes(EpisodeInfos):
             simulation = self.set_state(i, options["state"], copy.deepcopy(rng))
             self.records[i]["elapsed"] = 0
             return simulation
-        target = options.get("object", names[int(rng.integers(len(names)))])
+        target = str(options.get("object", names[int(rng.integers(len(names)))]))
         simulation = self.simulations[target]
         variation = settings.randomisation.sample(rng, settings.mass, settings.friction_of(simulation.object))
         pose = self._draw_pose(simulation.object, variation, rng)

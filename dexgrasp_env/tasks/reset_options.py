@@ -8,7 +8,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Fields, array
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.valid import check
+from dexgrasp_env.valid import check, instance
 
 
 def check_options(
@@ -25,7 +25,8 @@ def check_options(
         InputError: for an unknown option or object, or two that contradict each other.
     """
     # LeRobot's rollouts give options of their own.
-    options = {key: value for key, value in (options or {}).items() if not str(key).startswith("lerobot_")}
+    given = check("options", options or {}, instance(Mapping, "a mapping"))
+    options = {key: value for key, value in given.items() if not str(key).startswith("lerobot_")}
     for key in options:
         if key not in known:
             raise unknown_name("reset option", key, known)
@@ -33,7 +34,7 @@ def check_options(
         raise InputError(
             "reset option joints is for where the hand is about an object: give object_pose beside it"
         )
-    if "object" in options and options["object"] not in objects:
+    if "object" in options and str(options["object"]) not in objects:
         raise unknown_name("object", options["object"], objects)
     if "state" in options and (beside := sorted({"object", "object_pose", "joints"} & options.keys())):
         raise InputError(

@@ -16,6 +16,7 @@ from dexgrasp_env.tasks.member import EpisodeAccess
 from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
+from dexgrasp_env.valid import NATURAL, check
 
 
 class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
@@ -64,7 +65,7 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
         Raises:
             InputError: for an unknown option or object, or a pose that cannot be.
         """
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else check("seed", seed, NATURAL))
         # The limit is a wrapper's: where the last episode ended shows it.
         self.settings.warn_of_limit(int(self._episodes.records["elapsed"][0]))
         self._over = True  # options may be refused

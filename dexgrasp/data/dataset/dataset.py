@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from dexgrasp.data.dataset.rest_scene import RestScene
 from dexgrasp.data.dataset.sampler import COUNTS, Found
@@ -15,12 +14,13 @@ from dexgrasp.data.dataset.settings import SCHEMA
 from dexgrasp.runs.shards import bytes_of, read_shard, text_of
 from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import file_hash, read_json_object
+from dexgrasp_env.files import expand, file_hash, read_json_object
 from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.yaml_file import read_yaml
 
 MANIFEST = "manifest.json"
 
-FIELDS: dict[str, Fields] = yaml.safe_load(Path(__file__).with_name("fields.yaml").read_text())
+FIELDS: dict[str, Fields] = read_yaml(Path(__file__).with_name("fields.yaml"))
 """Field -> shape of one grasp, type, meaning, from fields.yaml."""
 
 
@@ -154,12 +154,13 @@ class PoseGrasps:
         return len(np.unique(nearest)) / len(points)
 
 
-def read_dataset(folder: Path) -> list[PoseGrasps]:
+def read_dataset(folder: str | Path) -> list[PoseGrasps]:
     """Read all rest poses of a complete dataset, in the order of their names.
 
     Raises:
         InputError: no dataset, not complete, files missing, cut off or changed.
     """
+    folder = expand(folder)
     manifest = read_manifest(folder)
     if not manifest["complete"]:
         raise InputError(

@@ -23,7 +23,7 @@ from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
 from dexgrasp.runs.shards import check_names, make_missing, write_shard
 from dexgrasp_env.arrays import Fields
-from dexgrasp_env.files import content_hash, file_hash, write_json
+from dexgrasp_env.files import content_hash, expand, file_hash, write_json
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.objects.rest_poses import rest_poses
 
@@ -44,7 +44,7 @@ class Job:
 
 
 def generate(
-    settings: DatasetSettings, folder: Path, backend: Backend = Backend(), progress: Show = silent
+    settings: DatasetSettings, folder: str | Path, backend: Backend = Backend(), progress: Show = silent
 ) -> Fields:
     """Make a dataset, or what is missing of it; the files do not depend on the backend or on interruptions.
 
@@ -60,7 +60,7 @@ def generate(
     Raises:
         InputError: other settings or another process in `folder`; no cluster.
     """
-    identity, robot = _identity(settings), settings.cell.robot
+    identity, robot, folder = _identity(settings), settings.cell.robot, expand(folder)
     key = content_hash(json.dumps(identity, sort_keys=True))
     about = {"schema": SCHEMA, "key": key, **identity}
     with RunFolder(folder, MANIFEST, "dataset").claim(about, complete=False):

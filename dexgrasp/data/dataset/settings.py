@@ -8,20 +8,13 @@ from typing import Annotated, Any
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.arrays import Fields
-from dexgrasp_env.files import expand
 from dexgrasp_env.objects.load import Objects, object_name
-from dexgrasp_env.robot.cell import Cell, make_cell, robot_files
+from dexgrasp_env.robot.cell import Cell, make_cell, whole_path
 from dexgrasp_env.valid import CellFile, Count, Mass, Natural, Positive, Rule, read
 
 SCHEMA = 1
 MU = 0.4
 """Friction coefficient of Eq. 4 in the dataset (the original's, as far as we know)."""
-
-
-def _whole_path(robot: Any) -> str:
-    """Name a file so that it is found from any folder, and by workers elsewhere."""
-    path = expand(robot)
-    return str(path.resolve() if str(robot) not in robot_files() and path.exists() else robot)
 
 
 @dataclass(frozen=True)
@@ -50,7 +43,7 @@ class DatasetSettings:
     least_load: float = 0.8
     mesh_scale: Annotated[Positive, "F"] = 1.0
     mesh_mass: Annotated[Mass | None, "KG"] = None
-    robot: Annotated[CellFile, Rule("the path of a file, or a robot's name", _whole_path)] = None
+    robot: Annotated[CellFile, Rule("the path of a file, or a robot's name", whole_path)] = None
     # 256 candidate contact points a rest pose (section 1.3, step 2).
     planner: PlannerSettings = field(default_factory=lambda: PlannerSettings(friction=MU, surface_points=256))
 

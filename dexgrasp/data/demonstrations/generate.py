@@ -28,7 +28,7 @@ from dexgrasp.runs.shards import (
 )
 from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import content_hash, read_json_object, write_json
+from dexgrasp_env.files import content_hash, expand, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
 
 FORMATS = {"minari": write_minari, "lerobot": write_lerobot, "robomimic": write_robomimic}
@@ -50,7 +50,7 @@ class Job:
 
 
 def generate(
-    settings: DemoSettings, folder: Path, formats: tuple[str, ...] = ("minari",), backend: Backend = Backend(),
+    settings: DemoSettings, folder: str | Path, formats: tuple[str, ...] = ("minari",), backend: Backend = Backend(),
     progress: Show = silent,
 ) -> Fields:  # fmt: skip
     """Make demonstrations, or what is missing of them; they do not depend on the backend or on interruptions.
@@ -73,6 +73,7 @@ def generate(
         if name not in FORMATS:
             raise InputError(f"format {name!r}: valid are {', '.join(FORMATS)}")
     check_names(settings.objects)
+    folder = expand(folder)
     key = content_hash(json.dumps(settings.as_json(), sort_keys=True))
     about = {"schema": SCHEMA, "settings": settings.as_json(), "formats": list(formats)}
     with RunFolder(folder, ABOUT, "set of demonstrations").claim(about, complete=False):

@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-import yaml
-
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
+from dexgrasp_env.yaml_file import read_yaml
 
-PRINTED = yaml.safe_load(Path(__file__).with_name("paper.yaml").read_text())
+PRINTED = read_yaml(Path(__file__).with_name("paper.yaml"))
 """`tables`: set -> the table of its successes (1 to 3). By set `distances_cm`: median, least, greatest, greatest
 violation (4); `ratios` of force and torque, percent (5), `seconds` by stage (6): median, 25th and 75th percentile."""
 

@@ -71,10 +71,9 @@ class LeRobotEnv(gym.Wrapper[Any, Any, Any, Any]):
         self.observation_space = _space(env.observation_space)
 
     def reset(self, *, seed: int | None = None, options: Fields | None = None) -> tuple[Fields, Fields]:
-        """Start trial `seed`, or any; LeRobot's own options are passed over."""
+        """Start trial `seed`, or any."""
         scene = None if seed is None else trial_seeds(self._evaluation_seed, self._target, int(seed)).scene
-        own = {key: value for key, value in (options or {}).items() if not key.startswith("lerobot_")}
-        observation, info = self.env.reset(seed=scene, options=own or None)
+        observation, info = self.env.reset(seed=scene, options=options)
         return lerobot_observation(observation), _passed_on(info)
 
     def step(self, action: Any) -> tuple[Fields, float, bool, bool, Fields]:

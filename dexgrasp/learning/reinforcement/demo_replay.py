@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.data.demonstrations.resets import DemoResets
+from dexgrasp.learning.reinforcement.env_record import attribute_of
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.tasks.lift import LiftEnv
-from dexgrasp_env.tasks.vector import LiftVectorEnv
 
 
 def add_demonstrations(model: Any, folder: str | Path) -> int:
@@ -33,7 +32,10 @@ def add_demonstrations(model: Any, folder: str | Path) -> int:
         raise InputError(
             f"{type(model).__name__} has no replay buffer: valid are SAC, TD3, DDPG and the like"
         )
-    own = _inner(model.get_env()).twin()
+    twin = attribute_of(model.get_env(), "twin")
+    if twin is None:
+        raise InputError("demonstrations are of DexGrasp environments: this learner's is another")
+    own = twin()
     added, resets = 0, DemoResets(folder)
     steps = resets.transitions(own)
     # The buffer takes as many at a time as there are environments.
@@ -45,15 +47,6 @@ def add_demonstrations(model: Any, folder: str | Path) -> int:
     if not added:
         raise InputError("no demonstration succeeds in this environment: give those of its objects")
     return added
-
-
-def _inner(envs: Any) -> LiftEnv | LiftVectorEnv:
-    """Return an environment of ours within a learner's."""
-    single = getattr(envs, "envs", None)
-    inner = single if isinstance(single, LiftVectorEnv) else single[0].unwrapped if single else envs
-    if not isinstance(inner, LiftEnv | LiftVectorEnv):
-        raise InputError(f"demonstrations are of DexGrasp environments, not of {type(inner).__name__}")
-    return inner
 
 
 def _stacked(values: Any) -> Any:

@@ -142,7 +142,7 @@ def record_environment(env: Any, path: str | Path) -> Path:
     while hasattr(env, "venv"):
         vec_wrappers.insert(0, vec_wrapper(env))
         env = env.venv
-    settings, spec = _attribute(env, "settings"), _attribute(env, "spec")
+    settings, spec = attribute_of(env, "settings"), attribute_of(env, "spec")
     if settings is None or spec is None:
         raise InputError(
             "the environment is none of DexGrasp's, or was not made by gym.make: it is not recorded"
@@ -184,7 +184,8 @@ def _acting(records: Sequence[WrapperRecord | None]) -> tuple[WrapperRecord, ...
     return tuple(record for record in records if record and record.short not in _IDLE)
 
 
-def _attribute(env: Any, name: str) -> Any:
+def attribute_of(env: Any, name: str) -> Any:
+    """Return an attribute of the first of a learner's environments, whatever wraps it; None where it has none."""
     try:
         return env.get_attr(name)[0]
     except (AttributeError, EOFError):  # the latter of another process
@@ -201,7 +202,7 @@ def _wrapper(spec: Any, env: Any) -> WrapperRecord:
         kwargs = json.loads(json.dumps(kwargs, default=_packed))
     except AttributeError:  # a function, say
         kwargs = None
-    counted = spec.name == "NormalizeObservation" and _attribute(env, "obs_rms")
+    counted = spec.name == "NormalizeObservation" and attribute_of(env, "obs_rms")
     return WrapperRecord(spec.entry_point, kwargs, _statistics({"": counted}) if counted else {})
 
 
