@@ -56,7 +56,7 @@ def near_base(cloud: Cloud) -> Cloud:
     """
     if len(cloud) < MIN_POINTS:
         raise NoTargetError("empty_cloud", f"{len(cloud)} points")
-    if np.median(np.abs(cloud.points).max(axis=1)) > 5.0:  # m
+    if np.median(np.abs(cloud.points.T).max(axis=0)) > 5.0:  # m
         raise NoTargetError(
             "unit_is_not_metres", f"median distance from the base {np.median(np.abs(cloud.points)):.0f}"
         )
