@@ -35,7 +35,9 @@ def first_of_each(numbers: Index) -> Index:
     size, count, kept = 2, 0, np.empty(len(numbers), np.int64)
     while size < 2 * len(numbers):
         size *= 2
-    table = np.full(size, -1)  # of indices, by the numbers' hashes (Fibonacci's); what is taken is looked for beside
+    table = np.full(
+        size, -1
+    )  # of indices, by the numbers' hashes (Fibonacci's); what is taken is looked for beside
     for i in range(len(numbers)):
         at = (numbers[i] * 0x9E3779B1 >> 15) & (size - 1)
         while table[at] >= 0 and numbers[table[at]] != numbers[i]:
