@@ -90,8 +90,16 @@ class _Library(codegen.JITCodeLibrary):
         return int(super().get_pointer_to_function(name)) if self._for_python else 0
 
     def serialize_using_object_code(self) -> Any:
-        """Return what is kept on disk."""
-        return super().serialize_using_object_code() if self._for_python else self.serialize_using_bitcode()
+        """Return what is kept on disk: bitcode, or the machine's code and in place of bitcode its functions' names.
+
+        Nothing is linked with what Python calls, and the bitcode takes longer to load than the code.
+        """
+        if not self._for_python:
+            return self.serialize_using_bitcode()
+        self._ensure_finalized()
+        names = [one.name for one in self._final_module.functions if not one.is_declaration]
+        stub = llvm.parse_assembly("\n".join(f'define void @"{name}"() {{ ret void }}' for name in names))
+        return self.name, "object", (self._get_compiled_object(), stub.as_bitcode())
 
     def _optimize_functions(self, ll_module: Any) -> None:
         """Simplify: all of LLVM's passes follow where Python calls it."""

@@ -13,7 +13,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import IO, Any, NoReturn
@@ -361,20 +361,18 @@ def printable_stem(path: Path) -> str:
 
 def jsonable(value: Any) -> Any:
     """Return a value as JSON can hold it: arrays as lists, NaN and infinities as None, the unknown as text."""
-    if isinstance(value, bool | str | None):
+    if value is None or isinstance(value, (bool, str)):
         return value
-    if isinstance(value, np.generic | np.ndarray):
+    if isinstance(value, (np.generic, np.ndarray)):
         plain = value.tolist()
         of_numbers = value.dtype.kind in "biu" or (value.dtype.kind == "f" and bool(np.isfinite(value).all()))
-        return (
-            plain if of_numbers else jsonable(plain)
-        )  # to walk through all of them takes as long as a plan's stage
-    if isinstance(value, int | float):
+        return plain if of_numbers else jsonable(plain)
+    if isinstance(value, (int, float)):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
         return {str(key): jsonable(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | set):
-        return [jsonable(item) for item in value]
+    if isinstance(value, (list, tuple, set)):  # of an array that was made plain before: thousands of numbers
+        return [item if type(item) is float and math.isfinite(item) else jsonable(item) for item in value]
     if is_dataclass(value) and not isinstance(value, type):
-        return jsonable(asdict(value))
+        return {field.name: jsonable(getattr(value, field.name)) for field in fields(value)}
     return str(value)

@@ -209,7 +209,7 @@ def draw_scan(
                 rest,
                 scene.plane,
                 None if target is None else target.distance.triangles,
-                {} if grasp is None else {"hand, where it grasps": hand_triangles(cell, grasp.q)},
+                {} if grasp is None else {"hand, where it grasps": hand_triangles(grasp.cell, grasp.q)},
                 scene.sentence or (found and found.reason) or ("a grasp" if grasp else ""),
             ),
         )

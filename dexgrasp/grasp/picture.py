@@ -1,7 +1,7 @@
 """Pictures of a grasp, hand, table, hull, contacts, friction cones and forces, and of what a hand can do."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -91,15 +91,22 @@ def found_picture(path: Path, cell: Cell) -> Path:
 
 def hand_triangles(cell: Cell, q: Array) -> Array:
     """Return the hand's collision shapes in a posture (n,) rad, triangles (N, 3, 3) m in the world frame."""
+    data = posed(compiled_robot(cell), q)
+    return np.concatenate([
+        triangles @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        for geom, triangles in _shapes(cell).items()
+    ])  # fmt: skip
+
+
+@lru_cache(maxsize=2)  # a plan is drawn twice
+def _shapes(cell: Cell) -> dict[int, Array]:
+    """Return the triangles (N, 3, 3) m, in their own frames, of the geoms of the hand that collide."""
     from dexgrasp_env.scene.shapes import geom_mesh
 
     model = compiled_robot(cell)
-    data = posed(model, q)
     of_hand = np.isin(model.geom_bodyid, [model.body(name).id for name in cell.robot.hand.bodies])
-    return np.concatenate([
-        geom_mesh(model, geom).triangles @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-        for geom in np.flatnonzero(of_hand & (model.geom_contype > 0)).tolist()
-    ])  # fmt: skip
+    geoms = np.flatnonzero(of_hand & (model.geom_contype > 0)).tolist()
+    return {geom: geom_mesh(model, geom).triangles for geom in geoms}
 
 
 def _draw_grasp(grasp: Grasp, target: GraspTarget, hand: Array, box: Array, axes: Any) -> None:

@@ -183,7 +183,9 @@ def cells_of(points: Array, side: float) -> Index:
 
 def thinned(points: Array, side: float) -> Index:
     """Return the indices, in order, of the first of points (M, n) in each cell, `side` m wide."""
-    return np.sort(np.unique(cells_of(points, side), return_index=True)[1])
+    from dexgrasp_env.perception.kernels import first_of_each
+
+    return first_of_each(cells_of(points, side))
 
 
 def pad(rows: NDArray[Any], count: int) -> NDArray[Any]:

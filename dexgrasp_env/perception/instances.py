@@ -135,9 +135,9 @@ def _seams(
     """Return pairs of patches (S, 2) that lie close, the sum of what parts them, and over how many pairs of points."""
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(points)
-    pairs = tree.query_pairs(_LINK * cell, output_type="ndarray")
-    near = tree.query_pairs(1.47 * cell, output_type="ndarray")
+    pairs = cKDTree(points).query_pairs(_LINK * cell, output_type="ndarray")
+    x, y, z = (points[pairs[:, 0]] - points[pairs[:, 1]]).T
+    near = pairs[x * x + y * y + z * z <= (1.47 * cell) ** 2]
     dense, up = np.bincount(near.ravel(), minlength=len(points)), plane.heights(points)
     pairs = pairs[patches[pairs[:, 0]] != patches[pairs[:, 1]]]
     a, b = pairs.T

@@ -5,10 +5,8 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Index
 
 _AT_ONCE = 8192  # queries: the pairs of more would fill the memory
-_ROW, _COLUMN = (
-    np.array([0, 0, 1, 0, 1, 2]),
-    np.array([0, 1, 1, 2, 2, 2]),
-)  # of a symmetric matrix's six entries
+# Of a symmetric matrix's six entries, and which of these each of all nine is.
+_ROW, _COLUMN, _WHOLE = [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2], [0, 1, 3, 1, 2, 4, 3, 4, 5]
 
 
 def linked(points: Array, step: float) -> Index:
@@ -42,27 +40,27 @@ def local_planes(
     Returns:
         Centroids (Q, 3), unit normals (Q, 3; zero where no fit), RMS residuals (Q,).
     """
-    from scipy.sparse import csr_matrix
-    from scipy.spatial import cKDTree
+    from scipy.sparse import csc_matrix
+
+    from dexgrasp_env.perception.kernels import pairs_within
 
     x = points - points.mean(0)
     moments = np.column_stack([np.ones(len(x)), x, x[:, _ROW] * x[:, _COLUMN]])
-    tree, n = cKDTree(points), len(queries)
+    n = len(queries)
     sums, counts = np.zeros((n, 10)), np.zeros(n, np.int64)
     for start in range(0, n, _AT_ONCE):
         rows = np.arange(start, min(start + _AT_ONCE, n))
         for reach in (radius, 2.0 * radius):
-            pairs = cKDTree(queries[rows]).sparse_distance_matrix(tree, reach, output_type="ndarray")
-            weight = weights[pairs["j"]] * np.exp(-2.0 * (pairs["v"] / reach) ** 2)
-            near = csr_matrix((weight, (pairs["i"], pairs["j"])), shape=(len(rows), len(points)))
-            sums[rows], counts[rows] = near @ moments, np.diff(near.indptr)
+            within, begins, away = pairs_within(queries[rows], points, reach)
+            weight = np.repeat(weights, np.diff(begins)) * np.exp(-2.0 * (away / reach) ** 2)
+            near = csc_matrix((weight, within, begins), shape=(len(rows), len(points)))
+            sums[rows], counts[rows] = near @ moments, np.bincount(within, minlength=len(rows))
             rows = rows[counts[rows] < least]
             if not len(rows):
                 break
     fit = counts >= 3
     mean, squares = sums[fit, 1:4] / sums[fit, :1], sums[fit, 4:] / sums[fit, :1]
-    covariance = np.empty((len(mean), 3, 3))
-    covariance[:, _ROW, _COLUMN] = covariance[:, _COLUMN, _ROW] = squares - mean[:, _ROW] * mean[:, _COLUMN]
+    covariance = (squares - mean[:, _ROW] * mean[:, _COLUMN])[:, _WHOLE].reshape(-1, 3, 3)
     values, vectors = np.linalg.eigh(covariance)
     centres, normals, residuals = queries.copy(), np.zeros((n, 3)), np.zeros(n)
     centres[fit], normals[fit] = mean + points.mean(0), vectors[:, :, 0]

@@ -85,8 +85,8 @@ def fit_plane(
         return None
     normals = normals[fit] / (length * np.sign(normals[:, 2]))[fit, None]
     offsets = (normals * drawn[fit, 0]).sum(-1)
-    away = np.abs(pool @ normals.T - offsets)
-    scores = away < TOLERANCE if within is None else np.maximum(1.0 - (away / within) ** 2, 0.0)
+    away = pool @ normals.T - offsets
+    scores = np.abs(away) < TOLERANCE if within is None else np.maximum(1.0 - (away / within) ** 2, 0.0)
     best = scores.sum(0).argmax()
     return refine_plane(near, normals[best], float(offsets[best]), within or TOLERANCE, min_inliers)
 

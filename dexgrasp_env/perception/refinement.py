@@ -50,22 +50,23 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
         cloud.points, _with_rims(cloud.points, found.labels, heights), heights, everything.points
     )
     _, labels = np.unique(labels, return_inverse=True)
-    numbers = objects_in(cloud.points, labels)
-    odd = {k: may_be_two(cloud.points[labels == k], heights[labels == k]) for k in numbers}
-    for k in filter(odd.get, odd):
-        labels = _by_level(cloud.points, labels, labels == k, heights)
-    joined = set[int]()
+    whole, deep, joined = labels, _deep_shares(cloud.points, labels), set[int]()
+    for k, share in deep.items():
+        mine = labels == k
+        if may_be_two(share, cloud.points[mine], heights[mine]):
+            labels = _by_level(cloud.points, labels, mine, heights)
     if not pointed:
         labels, joined = _with_parts(cloud.points, labels, heights, everything.points)
-    numbers = objects_in(cloud.points, labels)
-    things = {k: (cloud.points[labels == k], heights[labels == k]) for k in numbers}
-    marked = np.where(np.isin(labels, numbers), labels, -1)
+    if labels is not whole:
+        deep = _deep_shares(cloud.points, labels)
+    things = {k: (cloud.points[labels == k], heights[labels == k]) for k in deep}
+    marked = np.where(np.isin(labels, list(deep)), labels, -1)
     hidden = _occluded(cloud, everything, plane, marked) if len(things) > 1 else set()
     doubts = [""] * (labels.max(initial=-1) + 1)
     for k, (points, high) in things.items():
         others = [other for j, (other, _) in things.items() if j != k]
         said = {
-            MAY_BE_TWO: k in joined or may_be_two(points, high, 0.03),
+            MAY_BE_TWO: k in joined or may_be_two(deep[k], points, high, 0.03),
             TOUCHES: any(_touch(points, other) for other in others),
             HIDDEN: k in hidden,
             # Half of its sides was not seen.
@@ -139,6 +140,11 @@ def _spacing(tree: Any) -> float:
     return float(np.median(tree.query(tree.data, k=[2])[0]))
 
 
+def _deep_shares(points: Array, labels: Index) -> dict[int, float]:
+    """Return the share of its points that lie deep of each object among points (N, 3) m, the largest object first."""
+    return {k: deep_share(points[labels == k]) for k in objects_in(points, labels)}
+
+
 def deep_share(points: Array) -> float:
     """Return the share of points (N, 3) m that lie deep, 1 cm, inside their convex hull."""
     points = points[thinned(points, _CELL)]
@@ -146,12 +152,12 @@ def deep_share(points: Array) -> float:
     return 0.0 if hull is None else float((_beyond(hull, points) < -0.010).mean())
 
 
-def may_be_two(points: Array, heights: Array, deep: float = 0.07) -> bool:
+def may_be_two(share: float, points: Array, heights: Array, most: float = 0.07) -> bool:
     """Return true for points (N, 3) m, as high over the table, of a shape that is neither convex nor hollow.
 
-    A share of more than `deep` of them lies deep inside the hull: of convex things alone none does.
+    A share of more than `most` of them lies deep inside the hull: of convex things alone none does.
     """
-    return deep_share(points) > deep and not is_hollow(points, heights)
+    return share > most and not is_hollow(points, heights)
 
 
 def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index:

@@ -17,6 +17,7 @@ from dexgrasp_env.perception.cloud import (
     Cloud,
     cells_of,
     crop,
+    inside,
     thinned,
 )
 from dexgrasp_env.perception.levels import Level, choose_level, find_levels
@@ -56,7 +57,7 @@ def near_base(cloud: Cloud) -> Cloud:
     """
     if len(cloud) < MIN_POINTS:
         raise NoTargetError("empty_cloud", f"{len(cloud)} points")
-    if np.median(np.abs(cloud.points).max(axis=1)) > 5.0:  # m
+    if np.median(np.abs(cloud.points.T).max(axis=0)) > 5.0:  # m
         raise NoTargetError(
             "unit_is_not_metres", f"median distance from the base {np.median(np.abs(cloud.points)):.0f}"
         )
@@ -105,15 +106,9 @@ def table_around(support: Support, target: Array) -> SeenTable:
 
     Points are averaged over squares, so that their noise is; none is nearer to what stands on the table than its foot.
     """
-    from scipy.spatial import cKDTree
-
     points, heights = support.cloud.points, support.cloud.points[:, 2]
     flat, standing = points[np.abs(heights) < TOLERANCE], points[(heights > TOLERANCE) & (heights < 0.05)]
-    free = flat
-    if len(standing):
-        feet = cKDTree(standing[:, :2]).query(flat[:, :2], distance_upper_bound=0.012)[0]
-        free = flat[feet == np.inf]
-    squares = _averaged(free)
+    squares = _averaged(flat[_away(flat[:, :2], standing[:, :2], 0.012)])
     if len(squares) <= _FEW_SQUARES:
         squares = _averaged(flat)
     away = np.linalg.norm(squares[:, :2] - middle(target)[:2], axis=1)
@@ -125,6 +120,17 @@ def table_around(support: Support, target: Array) -> SeenTable:
         noise = np.median(np.abs(off)) / 0.6745  # the standard deviation of normal noise
         held = squares[np.abs(off) < np.clip(3.0 * noise, 0.0015, 0.004)]
     return SeenTable.of(np.round(placed(support.cell.T_base_world, held), 5))
+
+
+def _away(points: Array, others: Array, reach: float) -> Mask:
+    """Return which points (M, 2) m have none of others (N, 2) m within `reach` m: few are near, and are looked up."""
+    from scipy.spatial import cKDTree
+
+    away = np.ones(len(points), bool)
+    if len(others):
+        near = inside(points, others.min(0) - 2.0 * reach, others.max(0) + 2.0 * reach)
+        away[near] = cKDTree(others).query(points[near], distance_upper_bound=reach)[0] == np.inf
+    return away
 
 
 def _averaged(points: Array) -> Array:
@@ -159,16 +165,13 @@ def _find_table(cloud: Cloud, rng: Generator, meant: Mask | None) -> tuple[Plane
 
 def _reaches_beyond(cloud: Cloud, plane: Plane) -> bool:
     """Return true for a plane that is seen beside what stands on it, as a table is, unlike the rim of an underside."""
-    from scipy.spatial import cKDTree
-
     heights = plane.heights(cloud.points)
     level, above = (
         cloud.points[where, :2]
         for where in (np.abs(heights) < TOLERANCE, (heights > 2.0 * TOLERANCE) & (heights < 0.08))
     )
     level = level[:: max(1, len(level) // 5000)]
-    far = cKDTree(above).query(level, distance_upper_bound=2.0 * TOLERANCE)[0] if len(above) else np.inf
-    free = level[np.broadcast_to(far == np.inf, len(level))]
+    free = level[_away(level, above, 2.0 * TOLERANCE)]
     area = TOLERANCE**2 * len(np.unique(cells_of(free, TOLERANCE)))
     return len(free) > 0.1 * len(level) and area > 0.02
 
