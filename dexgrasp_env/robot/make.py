@@ -11,9 +11,11 @@ import yaml
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
+from dexgrasp_env.poses import inverse, placed
 from dexgrasp_env.robot.description import bearers, pose_of
-from dexgrasp_env.robot.hand_maker import WRIST, HandMaker, NamedParts, stated
-from dexgrasp_env.robot.model import swept
+from dexgrasp_env.robot.hand_maker import PLATE, WRIST, HandMaker, NamedParts, stated
+from dexgrasp_env.robot.hulls import corners_of
+from dexgrasp_env.robot.model import posed, swept
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.postures import (
     always_near,
@@ -22,7 +24,7 @@ from dexgrasp_env.robot.postures import (
     open_posture,
     overlapping_links,
 )
-from dexgrasp_env.robot.rebuilt import about, compiled, frame_entry
+from dexgrasp_env.robot.rebuilt import FLANGE, about, compiled, frame_entry
 from dexgrasp_env.robot.recipes import Recipe
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 from dexgrasp_env.yaml_file import YAML_SUFFIXES
@@ -66,7 +68,20 @@ def hand_entry(path: Path, named: NamedParts | None = None) -> tuple[Fields, lis
     asides = free_asides(value, model, open_at)
     for finger in entry["fingers"]:
         finger |= stated({"aside": asides.get(finger["name"], ())})
+    position = entry["mounts"]["palm_normal"]["position"]
+    position[2] = max(position[2], round(FLANGE + PLATE + _behind(model, np.array(open_at), position), 6))
     return entry | stated({"excluded": near, "open": open_at}), maker.notes
+
+
+def _behind(model: mujoco.MjModel, q: Array, position: Array) -> float:
+    """Return how far behind its palm frame an open hand, mounted at `position` (3,) m, reaches near the flange, m."""
+    data, most = posed(model, q), 0.0
+    T_palm = inverse(pose_of(data.body(1)))
+    for g in np.flatnonzero(model.geom_contype).tolist():
+        x, y, z = placed(T_palm @ pose_of(data.geom(g)), corners_of(model, g)).T
+        near = np.hypot(z + position[0], y - position[1]) < 0.08  # m: as wide as an arm's last link
+        most = max(most, -float(x[near].min(initial=0.0)))
+    return most
 
 
 def parts_of(path: Path) -> tuple[bool, bool]:

@@ -168,6 +168,8 @@ class Part(Description):
         )
         if missing_rates:
             self.notes.append(f"{kind}: {self.path.name} states none, {missing_rates} assumed")
+        if endless := self.joint_names(j for j in numbers if kind != "arm" and not self.model.jnt_limited[j]):
+            self.notes.append(f"{kind} ranges: {', '.join(endless)} have none, a whole turn is assumed")
         low, high = self.ranges(numbers).round(6).T.tolist()
         stiffness = gains if kind == "arm" else gains[0]
         return {"lower": low, "upper": high, **rates, "torque": torque, "stiffness": stiffness}
@@ -208,6 +210,8 @@ class Part(Description):
             joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
             if not joints or self._is_one_drive(joints):
                 continue  # over pulleys, or the servo of joints that are coupled anyway
+            if max(coefs) < 0:
+                coefs = [-coef for coef in coefs]  # pulled the other way
             if min(coefs) <= 0:
                 name = m.tendon(m.actuator_trnid[a, 0]).name
                 raise InputError(f"{self.path}: tendon {name!r} is no sum of joints times positive coefs")
@@ -246,7 +250,7 @@ class Part(Description):
             joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
             gear = abs(float(m.actuator_gear[a, 0]))
             if a in tendons:
-                found |= dict.fromkeys(joints, (a, gear * max(coefs)))
+                found |= dict.fromkeys(joints, (a, gear * max(map(abs, coefs))))
             elif self._is_one_drive(joints):
                 found |= {joint: (a, gear * abs(coef)) for joint, coef in zip(joints, coefs, strict=True)}
         return found

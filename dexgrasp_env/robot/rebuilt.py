@@ -17,7 +17,7 @@ from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.couplings import has_loops, stated_lines, wrapped_joints
 from dexgrasp_env.robot.description import Description, bearers, pose_of
-from dexgrasp_env.robot.hulls import colour_of, cut, hull_of, mesh_of
+from dexgrasp_env.robot.hulls import colour_of, corners_of, cut, hull_of, mesh_of
 from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
 
 FLANGE = 0.107
@@ -211,7 +211,7 @@ class _Rebuilt(Description):
     def _add_geom(self, body: Any, g: int, name: str, collides: bool) -> None:
         local = np.linalg.inv(self.W[body.name]) @ pose_of(self.data.geom(g))
         look = {"name": name, "rgba": colour_of(self.model, g), **_LOOK[collides]}
-        kind, points = _GEOM(self.model.geom_type[g]), self.corners(g)
+        kind, points = _GEOM(self.model.geom_type[g]), corners_of(self.model, g)
         if kind == _GEOM.mjGEOM_MESH:
             points, faces = hull_of(points) if collides else mesh_of(self.model, g)
         points = points @ local[:3, :3].T + local[:3, 3]

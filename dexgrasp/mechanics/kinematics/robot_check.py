@@ -1,5 +1,6 @@
 """A robot tested before anything is planned with it: the faults of users' files, each with its mend."""
 
+import copy
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import product
@@ -137,10 +138,15 @@ def _authority(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Each servo alone moves its own joint and what follows it or shares its tendon, and no other."""
     robot, (C, _), unit = cell.robot, cell.robot.drive, robot_tree(cell).unit
     moving, faults = robot.free[0] @ C, []
+    free = copy.copy(home.model)
+    free.opt.disableflags |= (
+        mujoco.mjtDisableBit.mjDSBL_CONTACT
+    )  # fingers beside each other are no matter of servos
+    alone = _at(free, home.qpos)
     for j in np.flatnonzero(C.any(0)):  # the others follow
         name, push = robot.joints[j], 0.1 * unit[j]  # rad
-        ways = [_moved(home, C[:, j], way) for way in (push, -push)]
-        moved = max(ways, key=lambda way: way[j])  # an end of the range or a finger may be in the way
+        ways = [_moved(alone, C[:, j], way) for way in (push, -push)]
+        moved = max(ways, key=lambda way: way[j])  # an end of the range may be in the way
         strays = np.delete(np.abs(moved - moving[:, j]), j)
         if moved[j] < 0.8 * moving[j, j]:
             lags = f"joint {name} follows its servo by {100 * moved[j] / moving[j, j]:.0f} %"
