@@ -121,7 +121,10 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         raise InputError(
             f"{path}: the first body turns: valid is a base that stands still, and the arm on it"
         )
-    sites = np.flatnonzero(m.body_weldid[m.site_bodyid] == chain[-1])
+    own = [
+        b for b in range(m.nbody) if b and m.body_weldid[b] == chain[-1] and not _bears(part, b, chain[-1])
+    ]
+    sites = np.flatnonzero(np.isin(m.site_bodyid, own))  # of a palm are none of the flange's
     flange = pose_of(data.site(sites[-1]) if len(sites) else data.body(chain[-1]))
     if not len(sites):
         part.notes.append("arm frame: no site at the flange, the last body's frame assumed")
@@ -144,6 +147,12 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
             "arm home: none looks down on the table; state one, and look at the flange's frame and the ranges"
         )
     return entry | {"home": home}, part.notes
+
+
+def _bears(part: Part, body: int, last: int) -> bool:
+    """Tell whether a body on the last link of an arm, or what is between them, bears joints."""
+    above = bearers(part.model, body)
+    return any(part.below(b) for b in above[: above.index(last)])
 
 
 def _reach(part: Part, flange: Array, last: int, shoulder: int) -> float:

@@ -194,7 +194,8 @@ class Part(Description):
             return gains
         if min(gains) > 0 and max(np.divide(torque, gains)) <= 0.2 and len(set(gains)) == 1:
             return gains
-        assumed = 2000.0 if kind == "arm" else 10.0
+        # Set-points that press in full are 0.2 rad ahead of a finger at most.
+        assumed = 2000.0 if kind == "arm" else max(10.0, min(max(torque), _STRONGEST) / 0.2)
         self.notes.append(f"{kind} stiffness: {assumed} Nm/rad assumed")
         return [assumed] * len(numbers)
 

@@ -98,12 +98,21 @@ class _Rebuilt(Description):
             joints = [j for j in range(m.njnt) if last in bearers(m, m.jnt_bodyid[j])[1:]]
         return set(self.joint_names(joints)) - set(self.part.joints.names + self.held)
 
+    @cached_property
+    def _borne(self) -> set[int]:
+        """Return the bodies on an arm's last link that bear joints of a hand: its palm, and what is before it."""
+        m, last = self.model, self.model.body(self.part.bodies[-1]).id
+        above = {b for joint in self._beyond for b in bearers(m, m.joint(joint).bodyid[0])}
+        return set() if self.hand else {b for b in above if last in bearers(m, b)[1:]}
+
     def _owner(self, body: int) -> str:
         """The named body that a body is, or hangs on without a joint; empty for what the part does not begin with."""
         for above in bearers(self.model, body):
             name = self.model.body(above).name
             if name in self.part.bodies:
                 return str(name)
+            if above in self._borne:
+                return ""
             joints = set(self.joint_names(np.flatnonzero(self.model.jnt_bodyid == above)))
             if joints & self._beyond:
                 return ""

@@ -303,18 +303,11 @@ def _gather(root: Element) -> str:
         name = f"{name}_{BASE}"
     for key in root.findall("keyframe"):
         root.remove(key)
-    for world in root.findall("worldbody"):
-        own = [child for child in world if child.tag not in ("light", "camera")]
-        for child in own:
-            world.remove(child)
-        ElementTree.SubElement(world, "body", {"name": name}).extend(own)
-    first, *others = root.iterfind("worldbody/body")
-    for other in others:  # worldbodies of several files
-        if other.get("name") == name:
-            first.extend(list(other))
-            for world in root.findall("worldbody"):
-                if other in list(world):
-                    world.remove(other)
+    worlds = root.findall("worldbody")
+    own = [(world, child) for world in worlds for child in world if child.tag not in ("light", "camera")]
+    for world, child in own:
+        world.remove(child)
+    ElementTree.SubElement(worlds[0], "body", {"name": name}).extend(child for _, child in own)
     return name
 
 
