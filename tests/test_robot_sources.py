@@ -325,5 +325,6 @@ def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(tmp_path)
     make_robot(path, path, tmp_path / "both.yaml")
     robot = make_cell(str(tmp_path / "both.yaml")).robot
     assert robot.arm.joints.names == tuple(f"a{k}" for k in range(6))
+    assert compiled(robot.arm).body("l5").geomnum[0] == 2  # its own sphere, as it collides and as it is seen
     assert len(robot.hand.joints.names) == 9
     assert robot.hand.palm == "plate"

@@ -166,7 +166,7 @@ class HandMaker(Part):
         reach = max((float(np.linalg.norm(self.points(b) - at, axis=1).max()) for b in ends), default=0.1)
         if not 0.02 < reach < 0.45:  # m
             raise InputError(
-                f"{self.path}: what branches from {self._name(self.palm)} reaches {reach:.3g} m: no hand does"
+                f"{self.path}: what branches from {self._name(self.palm)} reaches {reach:.2f} m: no hand does"
             )
 
     def _find_palm(self) -> int:
