@@ -77,7 +77,12 @@ class Part(Description):
 
     def has_shape(self, body: int) -> bool:
         """Tell whether anything of a body, or of what it bears without a joint, collides."""
-        return any(self.hangs_on(b, body) for b in self.model.geom_bodyid[self.solid].tolist())
+        return bool(self._solid_of(body))
+
+    def _solid_of(self, body: int) -> list[int]:
+        """Return the geoms that collide of a body and of what it bears without a joint."""
+        solid = np.flatnonzero(self.solid).tolist()
+        return [g for g in solid if self.hangs_on(self.model.geom_bodyid[g], body)]
 
     def chain(self, body: int, branches: bool = False) -> list[int]:
         """Return the jointed bodies from a body to the end of its chain, or to where it branches if that may be.
@@ -125,11 +130,7 @@ class Part(Description):
 
     def shapes(self, body: int) -> list[Array]:
         """Return the points (n, 3) m of each shape that `points` returns together."""
-        found = [
-            self.shape_points(g)
-            for g in np.flatnonzero(self.solid).tolist()
-            if self.hangs_on(self.model.geom_bodyid[g], body)
-        ]
+        found = [self.shape_points(g) for g in self._solid_of(body)]
         if not found:
             raise InputError(f"nothing of body {self._name(body)} collides: give it a collision geom")
         return found

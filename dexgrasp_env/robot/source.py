@@ -180,7 +180,7 @@ def _check_joints(root: Element, path: Path) -> list[str]:
 
 
 def _show_ends(root: Element) -> list[str]:
-    """Let what is seen of last links collide, where nothing of them does; of all links, where nothing at all does."""
+    """Make visual shapes of last links collide where they have no others; of all links where none has."""
     fixed, bearing = dict[str, str](), set[str]()
     for joint in root.findall("joint"):
         parent, child = (
@@ -227,16 +227,14 @@ def _drop_others(root: Element) -> list[str]:
             joints = [joint for joint in body.iter("joint") if joint.get("type") != "free"]
             if (free or body.get("mocap") == "true") and not joints:
                 world.remove(body)
-                gone |= {str(own.get("name")) for own in body.iter("body")}
+                gone |= {own.get("name", "a body without a name") for own in body.iter("body")}
+    if not gone:
+        return []
     for section in [*root.findall("equality"), *root.findall("contact"), *root.findall("keyframe")]:
         for own in list(section):
-            if gone and (own.tag == "key" or gone & {*own.attrib.values()}):
+            if own.tag == "key" or gone & {*own.attrib.values()}:
                 section.remove(own)
-    return (
-        [f"{', '.join(sorted(gone))} has no joints and floats or is moved by hand: it is left out"]
-        if gone
-        else []
-    )
+    return [f"{', '.join(sorted(gone))} has no joints and floats or is moved by hand: it is left out"]
 
 
 def _drop_free_joints(root: Element) -> list[str]:
