@@ -182,8 +182,10 @@ def test_meshes_of_other_kinds_are_converted_and_noted(kind, meshed, tmp_path):
     assert_allclose(np.sort(source.model.geom_aabb[rod, 3:]), [0.01, 0.01, 0.025], atol=1e-5)
 
 
-def test_a_description_without_collision_shapes_collides_with_what_is_seen(tmp_path):
-    notes, _ = hand_of(tmp_path, written(tmp_path, tag="visual"))
+@pytest.mark.parametrize("links", [r"\w+", r"\w+_far"])
+def test_what_is_seen_collides_where_nothing_of_a_description_or_its_last_links_does(links, tmp_path):
+    text = re.sub(rf'(<link name="{links}">.*?<)collision(.*?</)collision', r"\1visual\2visual", urdf())
+    notes, _ = hand_of(tmp_path, written(tmp_path, text))
     assert any("visual shapes" in note for note in notes)
 
 
@@ -195,11 +197,16 @@ def test_inertias_that_no_body_has_are_mended_or_taken_from_the_shapes(tmp_path,
     assert not any("inertia" in note for note in read_source(written(tmp_path)).notes)
 
 
-def test_springs_that_are_left_out_are_noted(tmp_path):
-    def edit(text):
-        return text.replace('<joint name="fore_curl"', '<joint name="fore_curl" stiffness="0.2"')
-
-    assert any("springs of fore_curl" in note for note in HandMaker(mjcf(tmp_path, edit)).notes)
+@pytest.mark.parametrize(("pattern", "put", "said", "joints"), table("mended"))
+def test_what_makers_write_otherwise_is_mended_or_refused_in_a_line(pattern, put, said, joints, tmp_path):
+    path = mjcf(tmp_path, lambda text: re.sub(pattern, put, text, count=1))
+    if not joints:
+        with refused(said):
+            HandMaker(path)
+        return
+    maker = HandMaker(path)
+    assert any(said in note for note in maker.notes)
+    assert len(maker.entry()["torque"]) == joints
 
 
 AROUND = table("fingers_around")
@@ -279,21 +286,6 @@ def test_of_two_hands_in_one_file_the_palm_says_which_is_meant(tmp_path):
     assert len(hand.joints.names) == 9
 
 
-def test_attributes_of_another_version_floors_and_floating_roots_are_left_out(tmp_path):
-    def edit(text):
-        text = text.replace(
-            "<worldbody>", '<option apirate="20"/><worldbody><geom type="plane" size="1 1 1"/>'
-        )
-        return text.replace('<body name="plate">', '<body name="plate"><freejoint/>')
-
-    source = read_source(mjcf(tmp_path, edit))
-    assert not (source.model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE).any()
-    assert source.model.njnt == 9
-    assert [word for word in ("apirate", "floor", "floats") if any(word in n for n in source.notes)] == [
-        "apirate", "floor", "floats",
-    ]  # fmt: skip
-
-
 def test_a_palm_that_is_the_world_becomes_a_body(tmp_path):
     def edit(text):
         text = re.sub(r'<body name="plate">\s*<inertial[^>]*>', "", text, count=1)
@@ -333,5 +325,6 @@ def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(tmp_path)
     make_robot(path, path, tmp_path / "both.yaml")
     robot = make_cell(str(tmp_path / "both.yaml")).robot
     assert robot.arm.joints.names == tuple(f"a{k}" for k in range(6))
+    assert compiled(robot.arm).body("l5").geomnum[0] == 2  # its own sphere, as it collides and as it is seen
     assert len(robot.hand.joints.names) == 9
     assert robot.hand.palm == "plate"

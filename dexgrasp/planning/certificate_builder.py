@@ -74,8 +74,8 @@ def too_near(q: Array, problem: GraspProblem, least: float) -> Index:
     """Return the labels (K, 3), kind and bodies, of clearances below `least` m, the tips' from the object too; of
     neighbours, below 2 mm.
 
-    Beside a low object tips may be as near the table as they grasp; fingers that stand close at home may be as close
-    to each other as in a grasp.
+    Beside a low object tips may be as near the table as they grasp; fingers that stand close at home, and their first
+    links, may be as close to each other as in a grasp.
     """
     values, labels = clearances(q, problem.tree, problem.obstacles, least, False)
     # 2 mm between the hand, closed or open, and what stands around the object.
@@ -88,11 +88,16 @@ def too_near(q: Array, problem: GraspProblem, least: float) -> Index:
 
 
 def _close_at_home(labels: Index, problem: GraspProblem, least: float) -> Mask:
-    """Return which labels (K, 3) are of parts of the robot that are nearer to each other than `least` m at home."""
-    tree = problem.tree
+    """Return which labels (K, 3) are of parts of the robot that are nearer to each other than `least` m at home.
+
+    So are the first links of fingers, which spreading alone brings together.
+    """
+    tree, robot = problem.tree, problem.cell.robot
+    knuckles = [robot.bodies.index(finger.bodies[0]) for finger in robot.hand.fingers]
+    beside = (labels[:, 0] == SELF) & np.isin(labels[:, 1:], knuckles).all(1)
     found = clearances(tree.home, tree, problem.obstacles, least, True)[1]
     found = found[found[:, 0] == SELF]
-    return (labels[:, None] == found).all(2).any(1)
+    return beside | (labels[:, None] == found).all(2).any(1)
 
 
 def overlap(q: Array, problem: GraspProblem) -> float:

@@ -11,14 +11,15 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Fields, Mask
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.description import bearers
-from dexgrasp_env.robot.robot import Coupling
+from dexgrasp_env.robot.robot import SLIDE, Coupling
 
 Lines = dict[int, tuple[int, float, float]]
 """Follower: leader, ratio, offset."""
 
+_OFF = 0.15  # rad or a tenth of m that joints may be off a line
 DRIVES_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
 
@@ -40,6 +41,22 @@ def couplings(model: mujoco.MjModel, path: Path) -> Coupled:
     lines, still, notes = stated_lines(model), list[str](), list[str]()
     if has_loops(model):
         still, notes = _reduce_loops(model, path, lines)
+    for e in _equalities(model):
+        place, ratio, off = _line(model, e)
+        name = model.joint(int(model.eq_obj1id[e])).name
+        if off > _OFF:
+            raise InputError(f"{path} couples joint {name!r} by a curve: it is {off:.2g} off a line")
+        if off > 0.0:
+            notes.append(
+                f"hand couplings: {name} is on a curve, and on a line within {off:.2g} rad of it here"
+            )
+        elif ratio == 0.0 and abs(place) > 0.02:  # rad
+            raise InputError(
+                f"{path} holds joint {name!r} at {place:g} by an equality: make it a fixed one there"
+            )
+        elif ratio == 0.0:
+            still.append(name)
+            notes.append(f"hand held: {name} stands still at 0, as an equality says")
     found = []
     for follower, (leader, ratio, offset) in lines.items():
         for _ in lines:
@@ -60,10 +77,11 @@ def stated_lines(model: mujoco.MjModel) -> Lines:
     A servo's tendon between two fingers moves both by its coefficients.
     """
     lines, driven = Lines(), set(_driven(model))
-    for e in np.flatnonzero(_is_line(model)).tolist():
+    for e in _equalities(model):
         follower, leader = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
-        offset, ratio = map(float, model.eq_data[e, :2])
-        offset += float(model.qpos0[follower] - ratio * model.qpos0[leader])
+        offset, ratio, off = _line(model, e)
+        if ratio == 0.0 or off > _OFF:
+            continue
         if follower in driven and leader not in driven:
             follower, leader, ratio, offset = leader, follower, 1.0 / ratio, -offset / ratio
         lines[follower] = leader, ratio, offset
@@ -83,9 +101,8 @@ def stated_lines(model: mujoco.MjModel) -> Lines:
 
 
 def has_loops(model: mujoco.MjModel) -> bool:
-    """Tell whether active equalities couple joints otherwise than by straight lines."""
-    fixed = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id < 0)
-    return bool((model.eq_active0.astype(bool) & ~_is_line(model) & ~fixed).any())
+    """Tell whether active equalities couple bodies, not joints."""
+    return bool((model.eq_active0.astype(bool) & (model.eq_type != mujoco.mjtEq.mjEQ_JOINT)).any())
 
 
 def wrapped_joints(model: mujoco.MjModel, tendon: int) -> tuple[list[int], list[float]]:
@@ -135,10 +152,36 @@ def share(joints: list[str], torque: list[float], found: list[Coupling]) -> None
             torque[k] = float(f"{each:.6g}")
 
 
-def _is_line(model: mujoco.MjModel) -> Mask:
-    curved = np.abs(model.eq_data[:, 2:5]).max(1, initial=0.0) > 1e-6
-    line = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0) & ~curved
-    return np.asarray(line & (np.abs(model.eq_data[:, 1]) > 1e-9) & model.eq_active0.astype(bool), dtype=bool)
+def _equalities(model: mujoco.MjModel) -> list[int]:
+    """Return the active equalities of joints."""
+    return np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & model.eq_active0.astype(bool)).tolist()
+
+
+def _line(model: mujoco.MjModel, e: int) -> tuple[float, float, float]:
+    """Return offset and ratio of what an equality says of a joint by its leader, and how far off it is.
+
+    A curve gets the line that is nearest to it where both joints are in their ranges, from which it is some rad off, or
+    tenths of a metre.
+    """
+    follower, leader = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+    offset, ratio, *curved = model.eq_data[e, :5].tolist()
+    if leader < 0:
+        return offset + float(model.qpos0[follower]), 0.0, 0.0
+    at = float(model.qpos0[leader])
+    if max(map(abs, curved)) <= 1e-6:
+        ratio = ratio if abs(ratio) > 1e-9 else 0.0
+        return offset + float(model.qpos0[follower] - ratio * at), ratio, 0.0
+    u = np.linspace(
+        *(model.jnt_range[leader] if model.jnt_limited[leader] else (at - np.pi, at + np.pi)), 100
+    )
+    q = np.polynomial.Polynomial(model.eq_data[e, :5])(u - at) + model.qpos0[follower]
+    low, high = model.jnt_range[follower] if model.jnt_limited[follower] else (-np.inf, np.inf)
+    inside = (q >= low - 1e-6) & (q <= high + 1e-6)
+    if inside.sum() < 2:
+        return 0.0, 0.0, np.inf
+    ratio, offset = np.polyfit(u[inside], q[inside], 1).tolist()
+    unit = SLIDE if model.jnt_type[follower] == mujoco.mjtJoint.mjJNT_SLIDE else 1.0
+    return offset, ratio, float(np.abs(ratio * u + offset - q)[inside].max()) / unit
 
 
 def _driven(model: mujoco.MjModel) -> list[int]:
@@ -155,7 +198,7 @@ def _reduce_loops(model: mujoco.MjModel, path: Path, lines: Lines) -> tuple[list
         raise InputError(f"{path} closes loops of bodies that no actuator drives: add one to its <actuator>")
     if (model.jnt_type == mujoco.mjtJoint.mjJNT_BALL).any():
         raise InputError(f"{path} closes loops by ball joints: valid are loops of hinges and slides")
-    worst, unit = 0.0, np.where(model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE, 0.1, 1.0)
+    worst, unit = 0.0, np.where(model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE, SLIDE, 1.0)
     free = [j for j in range(model.njnt) if j not in drives and j not in lines]
     for drive in drives:
         u, q = _swept(model, drive, drives)
@@ -167,7 +210,7 @@ def _reduce_loops(model: mujoco.MjModel, path: Path, lines: Lines) -> tuple[list
                 raise InputError(f"{path}: loops move joint {name!r} with several drives: valid is one")
             ratio, offset = np.polyfit(u, q[:, j], 1)
             off = np.abs(ratio * u + offset - q[:, j]).max()
-            if off > 0.15 * unit[j]:  # rad
+            if off > _OFF * unit[j]:
                 raise InputError(f"{path} couples joint {name!r} by a curve: it is {off:.2g} off a line")
             lines[j], worst = (drive, float(ratio), float(offset)), max(worst, off)
     still = [model.joint(j).name for j in free if j not in lines]

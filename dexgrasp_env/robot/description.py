@@ -11,7 +11,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rigid
-from dexgrasp_env.robot.hulls import mesh_of
+from dexgrasp_env.robot.hulls import corners_of
 from dexgrasp_env.robot.source import read_source
 
 _GEOM = mujoco.mjtGeom
@@ -59,15 +59,21 @@ class Description:
         """Which geoms (ngeom,) collide; of a description in which nothing does, and of ends of chains, all."""
         m = self.model
         solid = (m.geom_contype | m.geom_conaffinity) != 0
-        for body in range(1, m.nbody):
-            own, ends = m.geom_bodyid == body, not (m.body_parentid == body).any()
-            if m.body_jntnum[body] and ends and not solid[own].any():
-                solid = solid | own
+        whole, bearing = (
+            m.body_weldid[m.geom_bodyid],
+            {*m.body_weldid[m.body_parentid[m.jnt_bodyid]].tolist()},
+        )
+        for body in {*m.jnt_bodyid.tolist()} - bearing:
+            if not solid[whole == body].any():
+                solid = solid | (whole == body)
         return solid if solid.any() else np.ones_like(solid)
 
     def shape_points(self, geom: int) -> Array:
         """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in the world of the file."""
-        return self.corners(geom) @ self.data.geom_xmat[geom].reshape(3, 3).T + self.data.geom_xpos[geom]
+        return (
+            corners_of(self.model, geom) @ self.data.geom_xmat[geom].reshape(3, 3).T
+            + self.data.geom_xpos[geom]
+        )
 
     def box_of(self, bodies: list[int]) -> Array:
         """Return the ends (2, 3) m of a box around all shapes of bodies; nan without any."""
@@ -85,14 +91,6 @@ class Description:
         """Tell whether a centre of mass (3,) m lies farther out of a box (2, 3) m than the box is long."""
         away = np.maximum(box[0] - centre, centre - box[1]).clip(0.0)
         return bool(np.linalg.norm(away) > np.linalg.norm(box[1] - box[0]))
-
-    def corners(self, geom: int) -> Array:
-        """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in its own frame."""
-        if self.model.geom_type[geom] == _GEOM.mjGEOM_MESH:
-            return mesh_of(self.model, geom)[0]
-        middle, half = np.split(self.model.geom_aabb[geom], 2)
-        cube = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
-        return middle + half * cube
 
 
 def pose_of(place: Any) -> Array:

@@ -15,6 +15,8 @@ from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.rebuilt import FLANGE, about, frame_entry
 
+PLATE = 0.0133
+"""m between flange and hand."""
 WRIST = 3
 """Joints before the palm: more are an arm's."""
 
@@ -158,11 +160,11 @@ class HandMaker(Part):
                 raise unknown_name("body", name, known)
 
     def _check_size(self) -> None:
-        """Refuse limbs: legs and arms branch as fingers do."""
+        """Refuse limbs, as legs and arms branch as fingers do, and lengths in other units than metres."""
         at = self.pose(self.palm)[:3, 3]
         ends = [b for chain in self.chains for b in chain[-1:] if self.has_shape(b)]
-        reach = max((float(np.linalg.norm(self.points(b) - at, axis=1).max()) for b in ends), default=0.0)
-        if reach > 0.45:  # m
+        reach = max((float(np.linalg.norm(self.points(b) - at, axis=1).max()) for b in ends), default=0.1)
+        if not 0.02 < reach < 0.45:  # m
             raise InputError(
                 f"{self.path}: what branches from {self._name(self.palm)} reaches {reach:.2f} m: no hand does"
             )
@@ -390,7 +392,6 @@ class HandMaker(Part):
         ]
         back = min(points[:, 0].min() for points in solids)
         _, y, z = middle(solids[0])
-        behind = 0.0133  # m: a plate
         # x of the palm along the flange, its z along the last link's x.
         quat = [0.0, 0.5**0.5, 0.0, 0.5**0.5]
-        return {"position": np.round([-z, y, FLANGE + behind - back], 6).tolist(), "quat_wxyz": quat}
+        return {"position": np.round([-z, y, FLANGE + PLATE - back], 6).tolist(), "quat_wxyz": quat}

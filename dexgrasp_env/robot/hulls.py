@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from dexgrasp_env.arrays import Array
@@ -12,6 +13,14 @@ def mesh_of(model: Any, geom: int) -> tuple[Array, Any]:
     mesh = model.mesh(int(model.geom_dataid[geom]))
     (vertex,), (face,) = mesh.vertadr, mesh.faceadr
     return model.mesh_vert[vertex : vertex + mesh.vertnum[0]], model.mesh_face[face : face + mesh.facenum[0]]
+
+
+def corners_of(model: Any, geom: int) -> Array:
+    """Return points (n, 3) m of a geom of a MuJoCo model, of the box around one that is no mesh, in its own frame."""
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        return mesh_of(model, geom)[0]
+    middle, half = np.split(model.geom_aabb[geom], 2)
+    return middle + half * np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
 
 
 def colour_of(model: Any, geom: int) -> Array:

@@ -11,9 +11,11 @@ import yaml
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
+from dexgrasp_env.poses import inverse, placed
 from dexgrasp_env.robot.description import bearers, pose_of
-from dexgrasp_env.robot.hand_maker import WRIST, HandMaker, NamedParts, stated
-from dexgrasp_env.robot.model import swept
+from dexgrasp_env.robot.hand_maker import PLATE, WRIST, HandMaker, NamedParts, stated
+from dexgrasp_env.robot.hulls import corners_of
+from dexgrasp_env.robot.model import posed, swept
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.postures import (
     always_near,
@@ -22,7 +24,7 @@ from dexgrasp_env.robot.postures import (
     open_posture,
     overlapping_links,
 )
-from dexgrasp_env.robot.rebuilt import about, compiled, frame_entry
+from dexgrasp_env.robot.rebuilt import FLANGE, about, compiled, frame_entry
 from dexgrasp_env.robot.recipes import Recipe
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 from dexgrasp_env.yaml_file import YAML_SUFFIXES
@@ -66,7 +68,20 @@ def hand_entry(path: Path, named: NamedParts | None = None) -> tuple[Fields, lis
     asides = free_asides(value, model, open_at)
     for finger in entry["fingers"]:
         finger |= stated({"aside": asides.get(finger["name"], ())})
+    position = entry["mounts"]["palm_normal"]["position"]
+    position[2] = max(position[2], round(FLANGE + PLATE + _behind(model, np.array(open_at), position), 6))
     return entry | stated({"excluded": near, "open": open_at}), maker.notes
+
+
+def _behind(model: mujoco.MjModel, q: Array, position: Array) -> float:
+    """Return how far behind its palm frame an open hand, mounted at `position` (3,) m, reaches near the flange, m."""
+    data, most = posed(model, q), 0.0
+    T_palm = inverse(pose_of(data.body(1)))
+    for g in np.flatnonzero(model.geom_contype).tolist():
+        x, y, z = placed(T_palm @ pose_of(data.geom(g)), corners_of(model, g)).T
+        near = np.hypot(z + position[0], y - position[1]) < 0.08  # m: as wide as an arm's last link
+        most = max(most, -float(x[near].min(initial=0.0)))
+    return most
 
 
 def parts_of(path: Path) -> tuple[bool, bool]:
@@ -106,7 +121,10 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         raise InputError(
             f"{path}: the first body turns: valid is a base that stands still, and the arm on it"
         )
-    sites = np.flatnonzero(m.body_weldid[m.site_bodyid] == chain[-1])
+    own = [
+        b for b in range(m.nbody) if b and m.body_weldid[b] == chain[-1] and not _bears(part, b, chain[-1])
+    ]
+    sites = np.flatnonzero(np.isin(m.site_bodyid, own))  # of a palm are none of the flange's
     flange = pose_of(data.site(sites[-1]) if len(sites) else data.body(chain[-1]))
     if not len(sites):
         part.notes.append("arm frame: no site at the flange, the last body's frame assumed")
@@ -129,6 +147,12 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
             "arm home: none looks down on the table; state one, and look at the flange's frame and the ranges"
         )
     return entry | {"home": home}, part.notes
+
+
+def _bears(part: Part, body: int, last: int) -> bool:
+    """Tell whether a body on the last link of an arm, or what is between them, bears joints."""
+    above = bearers(part.model, body)
+    return any(part.below(b) for b in above[: above.index(last)])
 
 
 def _reach(part: Part, flange: Array, last: int, shoulder: int) -> float:

@@ -77,7 +77,12 @@ class Part(Description):
 
     def has_shape(self, body: int) -> bool:
         """Tell whether anything of a body, or of what it bears without a joint, collides."""
-        return any(self.hangs_on(b, body) for b in self.model.geom_bodyid[self.solid].tolist())
+        return bool(self._solid_of(body))
+
+    def _solid_of(self, body: int) -> list[int]:
+        """Return the geoms that collide of a body and of what it bears without a joint."""
+        solid = np.flatnonzero(self.solid).tolist()
+        return [g for g in solid if self.hangs_on(self.model.geom_bodyid[g], body)]
 
     def chain(self, body: int, branches: bool = False) -> list[int]:
         """Return the jointed bodies from a body to the end of its chain, or to where it branches if that may be.
@@ -125,11 +130,7 @@ class Part(Description):
 
     def shapes(self, body: int) -> list[Array]:
         """Return the points (n, 3) m of each shape that `points` returns together."""
-        found = [
-            self.shape_points(g)
-            for g in np.flatnonzero(self.solid).tolist()
-            if self.hangs_on(self.model.geom_bodyid[g], body)
-        ]
+        found = [self.shape_points(g) for g in self._solid_of(body)]
         if not found:
             raise InputError(f"nothing of body {self._name(body)} collides: give it a collision geom")
         return found
@@ -168,6 +169,8 @@ class Part(Description):
         )
         if missing_rates:
             self.notes.append(f"{kind}: {self.path.name} states none, {missing_rates} assumed")
+        if endless := self.joint_names(j for j in numbers if kind != "arm" and not self.model.jnt_limited[j]):
+            self.notes.append(f"{kind} ranges: {', '.join(endless)} have none, a whole turn is assumed")
         low, high = self.ranges(numbers).round(6).T.tolist()
         stiffness = gains if kind == "arm" else gains[0]
         return {"lower": low, "upper": high, **rates, "torque": torque, "stiffness": stiffness}
@@ -192,7 +195,8 @@ class Part(Description):
             return gains
         if min(gains) > 0 and max(np.divide(torque, gains)) <= 0.2 and len(set(gains)) == 1:
             return gains
-        assumed = 2000.0 if kind == "arm" else 10.0
+        # Set-points that press in full are 0.2 rad ahead of a finger at most.
+        assumed = 2000.0 if kind == "arm" else max(10.0, min(max(torque), _STRONGEST) / 0.2)
         self.notes.append(f"{kind} stiffness: {assumed} Nm/rad assumed")
         return [assumed] * len(numbers)
 
@@ -208,6 +212,8 @@ class Part(Description):
             joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
             if not joints or self._is_one_drive(joints):
                 continue  # over pulleys, or the servo of joints that are coupled anyway
+            if max(coefs) < 0:
+                coefs = [-coef for coef in coefs]  # pulled the other way
             if min(coefs) <= 0:
                 name = m.tendon(m.actuator_trnid[a, 0]).name
                 raise InputError(f"{self.path}: tendon {name!r} is no sum of joints times positive coefs")
@@ -246,7 +252,7 @@ class Part(Description):
             joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
             gear = abs(float(m.actuator_gear[a, 0]))
             if a in tendons:
-                found |= dict.fromkeys(joints, (a, gear * max(coefs)))
+                found |= dict.fromkeys(joints, (a, gear * max(map(abs, coefs))))
             elif self._is_one_drive(joints):
                 found |= {joint: (a, gear * abs(coef)) for joint, coef in zip(joints, coefs, strict=True)}
         return found

@@ -151,7 +151,8 @@ def _dexterity(hand: Hand, data: mujoco.MjData) -> float:
 def home_posture(arm: Arm, model: mujoco.MjModel) -> tuple[list[float], bool]:
     """Return the posture (a,) rad with the flange over the table, looking down, that is farthest from its limits.
 
-    Without one, the middle of the ranges; whether there is one is returned beside it.
+    Of a short arm the flange is nearer to the base. Without one, the middle of the ranges; whether there is one is
+    returned beside it.
 
     Args:
         arm: whose limits count.
@@ -160,19 +161,22 @@ def home_posture(arm: Arm, model: mujoco.MjModel) -> tuple[list[float], bool]:
     data = mujoco.MjData(model)
     low, high = arm.joints.ranges
     low, high = np.maximum(low, -np.pi) + 0.05, np.minimum(high, np.pi) - 0.05  # rad from the limits
-    best, found = -np.inf, 0.5 * (low + high)
-    for start in np.random.default_rng(0).uniform(low, high, (300, len(low))):
-        q = _flange_down(arm, data, start, (low, high))
-        if q is not None and (merit := _room(arm, data) - _strain(q, low, high).max()) > best:
-            best, found = merit, q
+    for goal in ((0.4, 0.0, 0.55), (0.25, 0.0, 0.4)):  # m: where the flange is
+        best, found = -np.inf, 0.5 * (low + high)
+        for start in np.random.default_rng(0).uniform(low, high, (300, len(low))):
+            q = _flange_down(arm, data, start, (low, high), np.array(goal))
+            if q is not None and (merit := _room(arm, data) - _strain(q, low, high).max()) > best:
+                best, found = merit, q
+        if np.isfinite(best):
+            break
     return found.round(4).tolist(), bool(np.isfinite(best))
 
 
-def _flange_down(arm: Arm, data: mujoco.MjData, q: Array, limits: Any) -> Array | None:
-    """Return where damped least squares lead from `q`, None where that is not the goal."""
+def _flange_down(arm: Arm, data: mujoco.MjData, q: Array, limits: Any, flange: Array) -> Array | None:
+    """Return where damped least squares lead from `q` with the flange (3,) m as a goal, None where that is not it."""
     model = data.model
     body, J = model.body(arm.bodies[-1]).id, np.zeros((6, model.nv))
-    goal = np.array([0.4, 0.0, 0.55]) + np.array([0.0, 0.0, FLANGE])  # m: the flange over the table
+    goal = flange + np.array([0.0, 0.0, FLANGE])
     for _ in range(60):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)

@@ -17,7 +17,7 @@ from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.couplings import has_loops, stated_lines, wrapped_joints
 from dexgrasp_env.robot.description import Description, bearers, pose_of
-from dexgrasp_env.robot.hulls import colour_of, cut, hull_of, mesh_of
+from dexgrasp_env.robot.hulls import colour_of, corners_of, cut, hull_of, mesh_of
 from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
 
 FLANGE = 0.107
@@ -98,12 +98,21 @@ class _Rebuilt(Description):
             joints = [j for j in range(m.njnt) if last in bearers(m, m.jnt_bodyid[j])[1:]]
         return set(self.joint_names(joints)) - set(self.part.joints.names + self.held)
 
+    @cached_property
+    def _borne(self) -> set[int]:
+        """Return the bodies on an arm's last link that bear joints of a hand: its palm, and what is before it."""
+        m, last = self.model, self.model.body(self.part.bodies[-1]).id
+        above = {b for joint in self._beyond for b in bearers(m, m.joint(joint).bodyid[0])}
+        return set() if self.hand else {b for b in above if last in bearers(m, b)[1:]}
+
     def _owner(self, body: int) -> str:
         """The named body that a body is, or hangs on without a joint; empty for what the part does not begin with."""
         for above in bearers(self.model, body):
             name = self.model.body(above).name
             if name in self.part.bodies:
                 return str(name)
+            if above in self._borne:
+                return ""
             joints = set(self.joint_names(np.flatnonzero(self.model.jnt_bodyid == above)))
             if joints & self._beyond:
                 return ""
@@ -211,7 +220,7 @@ class _Rebuilt(Description):
     def _add_geom(self, body: Any, g: int, name: str, collides: bool) -> None:
         local = np.linalg.inv(self.W[body.name]) @ pose_of(self.data.geom(g))
         look = {"name": name, "rgba": colour_of(self.model, g), **_LOOK[collides]}
-        kind, points = _GEOM(self.model.geom_type[g]), self.corners(g)
+        kind, points = _GEOM(self.model.geom_type[g]), corners_of(self.model, g)
         if kind == _GEOM.mjGEOM_MESH:
             points, faces = hull_of(points) if collides else mesh_of(self.model, g)
         points = points @ local[:3, :3].T + local[:3, 3]

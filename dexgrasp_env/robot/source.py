@@ -5,6 +5,7 @@ changes is read by MuJoCo from its file.
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from math import inf, prod
@@ -22,6 +23,7 @@ from dexgrasp_env.robot.description_text import find_file
 
 BASE = "base"
 """Name of the body that everything hangs on where a description has its first links in the world itself."""
+_MOVING = ("revolute", "continuous", "prismatic")
 _MOST, _DEEPEST = 100_000, 150  # elements of a description, and how deep they nest
 
 
@@ -45,7 +47,7 @@ def read_source(path: Path) -> Source:
     if root.tag == "robot":
         notes = _as_urdf(root, path)
     else:
-        notes = [*_drop_floors(root), *_drop_free_joints(root), *_name_bodies(root)]
+        notes = [note for step in _BEFORE for note in step(root)]
     changed = bool(notes) or root.tag == "robot"
     model = _compile(root, path, changed, notes)
     if _begins_in_world(model) and root.tag != "robot":
@@ -139,10 +141,7 @@ def _as_urdf(root: Element, path: Path) -> list[str]:
     for joint in root.findall("joint[@type='floating']"):
         joint.set("type", "fixed")
         notes.append(f"joint {joint.get('name', '')!r} floats: it is fixed")
-    if not any(True for _ in root.iter("collision")):
-        for visual in root.iter("visual"):
-            visual.tag = "collision"
-        notes.append("nothing collides: the visual shapes are taken")
+    notes += [*_check_joints(root, path), *_show_ends(root)]
     for link in root.iter("link"):
         for shape in [*link.findall("visual"), *link.findall("collision")]:
             mesh = shape.find("geometry/mesh")
@@ -162,6 +161,53 @@ def _as_urdf(root: Element, path: Path) -> list[str]:
     return notes
 
 
+def _check_joints(root: Element, path: Path) -> list[str]:
+    """Refuse names of joints or links that are there twice; take out mimics of or by what does not move."""
+    for kind in ("joint", "link"):
+        (name, count), *_ = Counter(own.get("name") for own in root.findall(kind)).most_common(1) or [("", 0)]
+        if count > 1:
+            raise InputError(f"{path} has {count} {kind}s of the name {name!r}: give each one its own")
+    joints = root.findall("joint")
+    moving, notes = {joint.get("name") for joint in joints if joint.get("type") in _MOVING}, []
+    for joint in joints:
+        mimic, name = joint.find("mimic"), joint.get("name")
+        if mimic is not None and not {name, mimic.get("joint")} <= moving:
+            joint.remove(mimic)
+            notes.append(
+                f"joint {name!r} mimics {mimic.get('joint')!r}: one of them does not move, it is left out"
+            )
+    return notes
+
+
+def _show_ends(root: Element) -> list[str]:
+    """Make visual shapes of last links collide where they have no others; of all links where none has."""
+    fixed, bearing = dict[str, str](), set[str]()
+    for joint in root.findall("joint"):
+        parent, child = (
+            str(own.get("link")) for tag in ("parent", "child") for own in joint.findall(tag)[:1]
+        )
+        if joint.get("type") == "fixed":
+            fixed[child] = parent
+        else:
+            bearing.add(parent)
+
+    def whole(link: str) -> str:
+        """Return the link that one is fixed to in the end."""
+        for _ in fixed:
+            link = fixed.get(link, link)
+        return link
+
+    links = {str(link.get("name")): link for link in root.findall("link")}
+    solid = {whole(name) for name, link in links.items() if link.find("collision") is not None}
+    kept = solid | set(map(whole, bearing)) if solid else set()
+    found = [
+        name for name, link in links.items() if link.find("visual") is not None and whole(name) not in kept
+    ]
+    for visual in (own for name in found for own in links[name].findall("visual")):
+        visual.tag = "collision"
+    return [f"nothing of {', '.join(found)} collides: the visual shapes are taken"] if found else []
+
+
 def _drop_floors(root: Element) -> list[str]:
     """Take planes out: a floor is no part of a robot."""
     found = [
@@ -170,6 +216,25 @@ def _drop_floors(root: Element) -> list[str]:
     for body, geom in found:
         body.remove(geom)
     return [f"{len(found)} floors are left out"] if found else []
+
+
+def _drop_others(root: Element) -> list[str]:
+    """Leave out what floats or is moved by hand and has no joints, objects and goals of a scene, and what names it."""
+    gone = set[str]()
+    for world in root.findall("worldbody"):
+        for body in world.findall("body"):
+            free = body.find("freejoint") is not None or body.find("joint[@type='free']") is not None
+            joints = [joint for joint in body.iter("joint") if joint.get("type") != "free"]
+            if (free or body.get("mocap") == "true") and not joints:
+                world.remove(body)
+                gone |= {own.get("name", "a body without a name") for own in body.iter("body")}
+    if not gone:
+        return []
+    for section in [*root.findall("equality"), *root.findall("contact"), *root.findall("keyframe")]:
+        for own in list(section):
+            if own.tag == "key" or gone & {*own.attrib.values()}:
+                section.remove(own)
+    return [f"{', '.join(sorted(gone))} has no joints and floats or is moved by hand: it is left out"]
 
 
 def _drop_free_joints(root: Element) -> list[str]:
@@ -190,12 +255,43 @@ def _drop_free_joints(root: Element) -> list[str]:
     return list(dict.fromkeys(f"body {body.get('name', '')!r} floats: it is fixed" for body, _ in found))
 
 
-def _name_bodies(root: Element) -> list[str]:
-    """Name bodies that bear others and have no name."""
-    found = [body for body in root.iter("body") if not body.get("name") and body.find("body") is not None]
-    for k, body in enumerate(found):
-        body.set("name", f"{BASE}_{k}")
-    return [f"{len(found)} bodies without a name are called {BASE}_0 and so on"] if found else []
+def _name(root: Element) -> list[str]:
+    """Name bodies that bear others or have joints, and joints, where they have no name."""
+    bodies = [
+        body for body in root.iter("body") if body.find("body") is not None or body.find("joint") is not None
+    ]
+    notes = []
+    for what, all_of in (
+        (BASE, bodies),
+        ("joint", [joint for body in bodies for joint in body.findall("joint")]),
+    ):
+        found = [own for own in all_of if not own.get("name")]
+        for k, own in enumerate(found):
+            own.set("name", f"{what}_{k}")
+        notes += (
+            [f"{len(found)} {found[0].tag}s without a name are called {what}_0 and so on"] if found else []
+        )
+    return notes
+
+
+def _part_joints(root: Element) -> list[str]:
+    """Give each of several joints of a body a body of its own, all but the last ones of next to no mass."""
+    found = []
+    for body in list(root.iter("body")):
+        joints = [own for own in body.findall("joint") if own.get("type") != "ball"]
+        for k, joint in enumerate(joints[:-1]):
+            inner = Element("body", {key: own for key, own in body.items() if key in ("name", "gravcomp")})
+            inner.extend(own for own in list(body) if own is not joint)
+            for own in list(inner):
+                body.remove(own)
+            ElementTree.SubElement(
+                body, "inertial", {"pos": "0 0 0", "mass": "1e-4", "diaginertia": "1e-8 1e-8 1e-8"}
+            )
+            body.append(inner)
+            body.set("name", f"{body.get('name', BASE)}_{k}")
+            found.append(inner.get("name", ""))
+            body = inner
+    return [f"joints of {', '.join(map(repr, dict.fromkeys(found)))} get a body each"] if found else []
 
 
 def _gather(root: Element) -> str:
@@ -205,18 +301,11 @@ def _gather(root: Element) -> str:
         name = f"{name}_{BASE}"
     for key in root.findall("keyframe"):
         root.remove(key)
-    for world in root.findall("worldbody"):
-        own = [child for child in world if child.tag not in ("light", "camera")]
-        for child in own:
-            world.remove(child)
-        ElementTree.SubElement(world, "body", {"name": name}).extend(own)
-    first, *others = root.iterfind("worldbody/body")
-    for other in others:  # worldbodies of several files
-        if other.get("name") == name:
-            first.extend(list(other))
-            for world in root.findall("worldbody"):
-                if other in list(world):
-                    world.remove(other)
+    worlds = root.findall("worldbody")
+    own = [(world, child) for world in worlds for child in world if child.tag not in ("light", "camera")]
+    for world, child in own:
+        world.remove(child)
+    ElementTree.SubElement(worlds[0], "body", {"name": name}).extend(child for _, child in own)
     return name
 
 
@@ -362,4 +451,5 @@ def _drop_sensors(root: Element, message: str) -> Iterator[str]:
         yield "sensors are left out: one is of what is not in the file"
 
 
+_BEFORE = (_drop_floors, _drop_others, _drop_free_joints, _part_joints, _name)
 _AFTER = (_drop_sensors, _drop_actuator, _drop_attribute, _from_shapes)

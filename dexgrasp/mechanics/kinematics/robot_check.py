@@ -1,5 +1,6 @@
 """A robot tested before anything is planned with it: the faults of users' files, each with its mend."""
 
+import copy
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import product
@@ -137,10 +138,15 @@ def _authority(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Each servo alone moves its own joint and what follows it or shares its tendon, and no other."""
     robot, (C, _), unit = cell.robot, cell.robot.drive, robot_tree(cell).unit
     moving, faults = robot.free[0] @ C, []
+    free = copy.copy(home.model)
+    free.opt.disableflags |= (
+        mujoco.mjtDisableBit.mjDSBL_CONTACT
+    )  # fingers beside each other are no matter of servos
+    alone = _at(free, home.qpos)
     for j in np.flatnonzero(C.any(0)):  # the others follow
         name, push = robot.joints[j], 0.1 * unit[j]  # rad
-        ways = [_moved(home, C[:, j], way) for way in (push, -push)]
-        moved = max(ways, key=lambda way: way[j])  # an end of the range or a finger may be in the way
+        ways = [_moved(alone, C[:, j], way) for way in (push, -push)]
+        moved = max(ways, key=lambda way: way[j])  # an end of the range may be in the way
         strays = np.delete(np.abs(moved - moving[:, j]), j)
         if moved[j] < 0.8 * moving[j, j]:
             lags = f"joint {name} follows its servo by {100 * moved[j] / moving[j, j]:.0f} %"
@@ -277,21 +283,22 @@ def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
 
 def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Palms that look down on the middle of the table."""
-    found, total = len(_palms_down(cell)), len(_PALMS)
+    found, total, nearer = len(_palms_down(cell)), len(_PALMS), 0.2  # m
     mend = (
         f"a longer arm (this one reaches {cell.robot.arm.reach:.2f} m), its `home` or `starts`, or the mount"
     )
-    what = f"{found} of {total} palm poses over the table are reached"
-    yield _finding(found >= 0.5 * total, what, mend)
+    if found < 0.5 * total <= (near := len(_palms_down(cell, nearer))):
+        mend += f"; {near} are reached {nearer} m nearer: scans of objects there can be planned, tasks cannot"
+    yield _finding(found >= 0.5 * total, f"{found} of {total} palm poses over the table are reached", mend)
 
 
-@lru_cache(maxsize=1)
-def _palms_down(cell: Cell) -> list[Array]:
-    """Postures (n,) rad of palms that look down on the middle of the table."""
+@lru_cache(maxsize=2)
+def _palms_down(cell: Cell, nearer: float = 0.0) -> list[Array]:
+    """Postures (n,) rad of palms that look down on the middle of the table, or so much nearer to the base, m."""
     tree, found = robot_tree(cell), []
     for x, y, yaw in _PALMS:
         q = tree.home.copy()
-        reached = reach_palm(q, about_z(yaw) @ PALM_DOWN, np.array([x, y, 0.2]), tree)
+        reached = reach_palm(q, about_z(yaw) @ PALM_DOWN, np.array([x - nearer, y, 0.2]), tree)
         if reached and body_frames(q, tree).p[tree.base : tree.palm, 2].min() > 0.0:
             found.append(q)
     return found
