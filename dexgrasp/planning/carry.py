@@ -16,8 +16,7 @@ from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.strength import capacity_of
 from dexgrasp.motion.carried import Turn, turn_arm
-from dexgrasp.planning.certificate_builder import contacts_of
-from dexgrasp.planning.holding import DOWN, robust_squeeze
+from dexgrasp.planning.holding import DOWN, contacts_of, robust_squeeze
 from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, cube_directions
 

@@ -5,7 +5,6 @@ import numpy as np
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR, SELF, TABLE, clearances
-from dexgrasp.mechanics.kinematics.forward import fingertips, hand_contact_jacobian
 from dexgrasp.mechanics.margin import margins
 from dexgrasp.mechanics.ratios import wrench_ratios
 from dexgrasp.mechanics.strength import hold_residual, load_of, torque_fraction
@@ -16,16 +15,6 @@ from dexgrasp_env.arrays import Array, Index, Mask
 FAR = 0.02  # m: clearances beyond are not measured
 
 
-def contacts_of(q: Array, problem: GraspProblem, friction: float) -> tuple[Contacts, Array]:
-    """Return the contacts of a configuration `q` (n,) rad, and the tips' distances (N,) m from the surface."""
-    target, tree = problem.target, problem.tree
-    tips = fingertips(q, tree)
-    distance, normals = target.distance.distance_gradient(tips)
-    points = tips - distance[:, None] * normals
-    J, mu = hand_contact_jacobian(q, points, normals, tree), np.full(len(points), friction)
-    return Contacts(points, normals, J, tree.torque, mu, target.centre, target.weight, tree.model), distance
-
-
 def certificate_of(
     q: Array, forces: Array, contacts: Contacts, distances: Array, problem: GraspProblem
 ) -> Certificate:
@@ -34,7 +23,7 @@ def certificate_of(
     Args:
         q: (n,) rad.
         forces: (N, c) N on the object.
-        contacts, distances: `contacts_of` the configuration, with the friction that it is to hold with.
+        contacts, distances: `holding.contacts_of` the configuration, with the friction that it is to hold with.
         problem: object and robot; of the settings friction coefficients and tip radius.
     """
     target, tree, settings = problem.target, problem.tree, problem.settings

@@ -8,7 +8,7 @@ from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.mechanics.cones import tangent_basis
 from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.internal_force import Squeeze, firmest_squeeze
-from dexgrasp.planning.certificate_builder import contacts_of
+from dexgrasp.mechanics.kinematics.forward import fingertips, hand_contact_jacobian
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp_env.arrays import Array
 
@@ -56,6 +56,16 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
         turn += np.maximum(target.uncertainty.along(normals) - settings.place_error, 0.0) / 0.03
     # 0.02 rad is left of a cone that has been narrowed to nothing.
     return np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, 0.02))
+
+
+def contacts_of(q: Array, problem: GraspProblem, friction: float) -> tuple[Contacts, Array]:
+    """Return the contacts of a configuration `q` (n,) rad, and the tips' distances (N,) m from the surface."""
+    target, tree = problem.target, problem.tree
+    tips = fingertips(q, tree)
+    distance, normals = target.distance.distance_gradient(tips)
+    points = tips - distance[:, None] * normals
+    J, mu = hand_contact_jacobian(q, points, normals, tree), np.full(len(points), friction)
+    return Contacts(points, normals, J, tree.torque, mu, target.centre, target.weight, tree.model), distance
 
 
 def firmest_forces(q: Array, problem: GraspProblem) -> GraspForces:
