@@ -1,10 +1,8 @@
 """Agent `bilevel`: cloud -> hull -> proposals -> postures -> bilevel optimisation -> certified grasp -> actions."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
-from dexgrasp.agent import BY_CLOUD, Agent, Observation, cell_of
+from dexgrasp.agent import BY_CLOUD, Agent, Info, Observation, cell_of
 from dexgrasp.geometry.request import ANYHOW, GraspRequest
 from dexgrasp.planning.plan_scene import default_planner, plan_scene, start_of
 from dexgrasp.planning.planner import Planner
@@ -70,7 +68,7 @@ class BilevelAgent(Agent):
     def plan(
         self,
         observation: Observation,
-        info: Mapping[str, Any],
+        info: Info,
         progress: Progress | None = None,
         relax: bool = False,
     ) -> PlanResult:
@@ -91,7 +89,7 @@ class BilevelAgent(Agent):
         scene, start = self._scene(observation, info), start_of(observation, self._planner.cell.robot)
         return plan_scene(self._planner, scene, self._seed, start, progress=progress, relax=relax)
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Info) -> None:
         """Plan from the cloud of the first observation."""
         self._stage, self.result = None, None
         plan = self.result = self.plan(observation, info)
@@ -126,12 +124,12 @@ class BilevelAgent(Agent):
             if plan.found:
                 report.failure, self.result = None, plan if as_seen else None
 
-    def _scene(self, observation: Observation, info: Mapping[str, Any]) -> Scene:
+    def _scene(self, observation: Observation, info: Info) -> Scene:
         return Scene.of_observation(observation, info)
 
 
 class AloneAgent(BilevelAgent):
     """The same, blind to what stands around the object: what knowing of neighbours is worth."""
 
-    def _scene(self, observation: Observation, info: Mapping[str, Any]) -> Scene:
+    def _scene(self, observation: Observation, info: Info) -> Scene:
         return replace(super()._scene(observation, info), neighbours=(), rest=ObjectCloud())

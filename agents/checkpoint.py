@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 from gymnasium import spaces, wrappers
 
-from dexgrasp.agent import Agent, Observation
+from dexgrasp.agent import Agent, Info, Observation
 from dexgrasp.agents.checkpoint_reader import counted, harmless_objects, read_settings, statistics_files
 from dexgrasp.agents.wrapped import Player, Relay, wrapped
 from dexgrasp.evaluation.protocol import AGENT_KEYS, agent_keywords
@@ -137,7 +137,7 @@ class CheckpointAgent(Agent):
         self._policy.set_random_seed(seed)
         self._seed = seed
 
-    def check_info(self, info: Mapping[str, Any]) -> None:
+    def check_info(self, info: Info) -> None:
         """Refuse an environment that the policy was not trained in; wrap what stands for it otherwise.
 
         Raises:
@@ -174,7 +174,7 @@ class CheckpointAgent(Agent):
                 "them, as --wrappers 'RescaleAction(min_action=-0.5, max_action=0.5)'"
             )
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Info) -> None:
         """Begin an episode; nothing of the last one is kept.
 
         Raises:
@@ -218,7 +218,7 @@ def _parsed(text: str) -> WrapperRecord:
     return WrapperRecord(f"{module}:{name}", kwargs)
 
 
-def _shapes(space: spaces.Space[Any]) -> dict[str, Any]:
+def _shapes(space: spaces.Space[Any]) -> Fields:
     return (
         {key: part.shape for key, part in space.items()}
         if isinstance(space, spaces.Dict)

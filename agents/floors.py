@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from dexgrasp.agent import BY_STATE, Agent, Observation
+from dexgrasp.agent import BY_STATE, Agent, Info, Observation
 from dexgrasp_env.arrays import Fields, Single
 from dexgrasp_env.tasks.control import ONCE_MODES
 
@@ -30,7 +30,7 @@ class ConstantAgent(Agent):
         own = preset.get("control_mode")
         return self.env_settings | ({"control_mode": own} if own in ONCE_MODES else {})
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Info) -> None:
         """Look at nothing but how it is to act."""
         self._grasp = np.array(_GRASPS[info.get("control_mode", "grasp_once")], np.float32)
 
@@ -52,7 +52,7 @@ class RandomAgent(Agent):
         """Seed the draws."""
         self._rng = np.random.default_rng(seed)
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Info) -> None:
         """Take the action space from `info`; one of 23 numbers in [-1, 1] without."""
         self._space = info.get("action_space", self._space)
 

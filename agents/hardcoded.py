@@ -4,17 +4,15 @@ Its postures are tuned for Allegro; any other hand pinches, a gripper antipodall
 """
 
 import time
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from dexgrasp.agent import BY_CLOUD, Agent, Observation, Report, cell_of
+from dexgrasp.agent import BY_CLOUD, Agent, Info, Observation, Report, cell_of
 from dexgrasp.agents.hand_postures import hand_postures
 from dexgrasp.geometry.completion import NO_VOLUME, NoTarget, target_of
 from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.geometry.surface_samples import triangle_samples
-from dexgrasp.grasp.trajectory import ActionScript
+from dexgrasp.grasp.grasp import ActionScript
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.to_pose import arm_at, plan_with_arm
@@ -41,7 +39,7 @@ class HardcodedAgent(Agent):
         self._script: ActionScript | None = None
         self._rest: Single | None = None
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Info) -> None:
         """Plan from the cloud; stand still for the episode where that fails.
 
         Raises:

@@ -1,16 +1,15 @@
 """Learned policies, by the path of their folder or, those that are shipped, by their name."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from dexgrasp.agent import BY_CLOUD, BY_STATE, Agent, Observation, Report, cell_of
+from dexgrasp.agent import BY_CLOUD, BY_STATE, Agent, Info, Observation, Report, cell_of
 from dexgrasp.learning.imitation.bc_policy import BcPolicy
 from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
 from dexgrasp.learning.imitation.policy import Policy, PolicyRun
 from dexgrasp.learning.reinforcement.grip_policy import GripPolicy
 from dexgrasp.learning.reinforcement.rl_policy import RlPolicy
-from dexgrasp.runs.policy_folder import read_policy
+from dexgrasp.runs.arrays import read_policy
 from dexgrasp_env.arrays import Single
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
@@ -44,7 +43,7 @@ class LearnedAgent(Agent):
         self.env_settings = dict(self._policy.env)  # type: ignore[misc]  # of the instance here
         self._run: PolicyRun | None = None
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Info) -> None:
         """Look at the object."""
         self._run = None
         self.report = Report()

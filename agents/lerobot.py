@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.agent import Agent, Observation
+from dexgrasp.agent import Agent, Info, Observation
 from dexgrasp.data.demonstrations.lerobot_format import task_of
 from dexgrasp.evaluation.protocol import agent_keywords
 from dexgrasp.learning.lerobot.env import lerobot_observation
@@ -60,7 +60,7 @@ class LeRobotAgent(Agent):
         settings = {"obs_mode": "+".join(modes) or "state", "control_mode": "joint_delta"}
         self.env_settings = settings | stated  # type: ignore[misc]  # of the instance here
 
-    def check_info(self, info: Mapping[str, Any]) -> None:
+    def check_info(self, info: Info) -> None:
         """Refuse an environment with other actions.
 
         Raises:
@@ -76,7 +76,7 @@ class LeRobotAgent(Agent):
 
         torch.manual_seed(seed)
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Info) -> None:
         """Begin an episode."""
         self._policy.reset()
 

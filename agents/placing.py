@@ -1,6 +1,6 @@
 """Placing: another agent's grasps, carried to their goals, and let go of where the objects are to lie."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.agent import Agent, Observation, Report, cell_of
+from dexgrasp.agent import Agent, Info, Observation, Report, cell_of
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp.geometry.target import PART_FACES
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.motion.carried import STILL, carried, let_go
+from dexgrasp.motion.carried import STILL, carried, let_go, plan_retreat
 from dexgrasp.motion.motion import NoPath, Played, arm_and_hand
-from dexgrasp.motion.retreat import plan_retreat
 from dexgrasp_env.arrays import Array, Single, grid, middle
 from dexgrasp_env.perception.pipeline import COUNT
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
@@ -56,7 +55,7 @@ class PlacingAgent(Agent):
         """Seed the agent."""
         self.agent.seed(seed)
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Info) -> None:
         """Plan with the agent, and note the place of the object and its goal."""
         self.agent.reset(observation, info)
         points = Scene.of_observation(observation, info).target.points
@@ -133,7 +132,7 @@ class ClearingAgent(PlacingAgent):
         self.env_settings = {**self.env_settings, "observe": "clear"}  # type: ignore[misc]  # of the instance
         self._idle, self._delivered, self._steps = True, False, 0
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Info) -> None:
         """Look at the table for the first time; the agent is told of no later looks, which are not its own."""
         self._info = {key: value for key, value in info.items() if key != "observe"}
         self._tray = np.asarray(info["tray"])

@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, urlsplit
 import gymnasium as gym
 import numpy as np
 
-from dexgrasp.agent import Agent, Observation, Report
+from dexgrasp.agent import Agent, Info, Observation, Report
 from dexgrasp.evaluation.protocol import AGENT_KEYS
 from dexgrasp.evaluation.store import SERVER_GONE
 from dexgrasp.runs.messages import pack, unpack
@@ -59,7 +59,7 @@ class RemoteAgent(Agent):
         """Keep the seed for the first message of the episode."""
         self._seed = seed
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Info) -> None:
         """Send the first observation."""
         self._space: gym.spaces.Box = info["action_space"]
         known: Fields = {

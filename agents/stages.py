@@ -2,16 +2,15 @@
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from dexgrasp.agent import Observation
-from dexgrasp.motion.carried import CarryAside
+from dexgrasp.agent import Info, Observation
+from dexgrasp.motion.carried import CarryAside, plan_retreat
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.motion import Motion, NoPath, Played
 from dexgrasp.motion.move_until_contact import GuardedGrasp
-from dexgrasp.motion.retreat import plan_retreat
 from dexgrasp.motion.slide import Slide
 from dexgrasp.planning.carry import plan_turn
 from dexgrasp.planning.overhang import plan_slid, plan_slide
@@ -50,7 +49,7 @@ class Episode:
 
     planner: Planner
     seed: int
-    observe: Callable[[Observation, Mapping[str, Any]], Scene]
+    observe: Callable[[Observation, Info], Scene]
     turns: bool
     regrasps: int
     looks: int
@@ -222,9 +221,7 @@ class GoHome(Stage):
         return GoHome(state, self.motion, news=news)
 
 
-def first_stage(
-    episode: Episode, plan: PlanResult, observation: Observation, info: Mapping[str, Any]
-) -> Stage | None:
+def first_stage(episode: Episode, plan: PlanResult, observation: Observation, info: Info) -> Stage | None:
     """Return the stage after the first plan; None where there is neither a grasp nor anything to try.
 
     Args:

@@ -1,12 +1,10 @@
 """Agent `bilevel_tracking`: `bilevel` that watches the object at 10 Hz and goes after it while it moves."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
-from dexgrasp.agent import BY_CLOUD, Observation
+from dexgrasp.agent import BY_CLOUD, Info, Observation
 from dexgrasp.geometry.tracking import PlanarTracker
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, solve_palm
 from dexgrasp.mechanics.kinematics.tree import RobotTree
@@ -172,7 +170,7 @@ class TrackingAgent(BilevelAgent):
 
     env_settings = BY_CLOUD | {"observe": "10hz"}
 
-    def _scene(self, observation: Observation, info: Mapping[str, Any]) -> Scene:
+    def _scene(self, observation: Observation, info: Info) -> Scene:
         self._seen = super()._scene(observation, info)
         return self._seen
 

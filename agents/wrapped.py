@@ -16,6 +16,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from dexgrasp.agent import Observation
 from dexgrasp.learning.reinforcement.env_record import EnvRecord, WrapperRecord, array_of
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import from_extra
 
@@ -47,12 +48,12 @@ class Relay(gym.Env[Any, Any]):
         self.observation_space, self.action_space = observation_space, action_space
         self.spec = EnvSpec(record.id or "DexGrasp/Lift-v2", max_episode_steps=record.max_episode_steps)
 
-    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, Fields]:
         """Return the first observation."""
         super().reset(seed=seed)
         return self.first, {}
 
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, Fields]:
         """Give an action away; no episode ends here."""
         return self.exchange(action), 0.0, False, False, {}
 

@@ -8,14 +8,14 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import gymnasium as gym
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Fields, Single
+from dexgrasp_env.arrays import AnyArray, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 
 Env = gym.Env[Any, Any]
-Observation = Mapping[str, NDArray[Any]]
+Observation = Mapping[str, AnyArray]
+Info = Mapping[str, Any]
 BY_STATE: Fields = {"obs_mode": "state", "control_mode": "joint_delta"}
 BY_CLOUD: Fields = {"obs_mode": "pointcloud", "control_mode": "joint_position", "observe": "reset"}
 """`env_settings` of agents that see all, and of those that look once and command set-points."""
@@ -56,7 +56,7 @@ class Agent(ABC):
     def seed(self, seed: int) -> None:  # noqa: B027  (agents without randomness need not override it)
         """Seed the agent's own randomness; called before every episode's `reset`."""
 
-    def check_info(self, info: Mapping[str, Any]) -> None:  # noqa: B027  (most agents play in any environment)
+    def check_info(self, info: Info) -> None:  # noqa: B027  (most agents play in any environment)
         """Refuse an environment that the agent was not made for; called before the first trial.
 
         Args:
@@ -67,7 +67,7 @@ class Agent(ABC):
         """
 
     @abstractmethod
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Info) -> None:
         """Start an episode: plan, or forget.
 
         Args:
@@ -81,13 +81,13 @@ class Agent(ABC):
         """Return the next action, within the environment's action space."""
 
 
-def cell_of(info: Mapping[str, Any], default: Cell) -> Cell:
+def cell_of(info: Info, default: Cell) -> Cell:
     """Return the cell that an episode is in; where its info tells of none, the default's with the mount it tells of."""
     cell = info.get("cell")
     return cell if isinstance(cell, Cell) else default.mounted(info.get("mount"))
 
 
-def public_info(env: Env, info: Mapping[str, Any]) -> Fields:
+def public_info(env: Env, info: Info) -> Fields:
     """Return the part of a reset's info that an agent may know: nothing of the object but what perception says."""
     known: Fields = env.unwrapped.agent_info | {"action_space": env.action_space}  # type: ignore[attr-defined]
     return known | {key: value for key, value in info.items() if key.startswith("perception")}

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.agent import Agent, complete
-from dexgrasp.runs.policy_folder import is_policy, policy_files
+from dexgrasp.runs.arrays import is_policy, policy_files
 from dexgrasp.runs.reading import files_read
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.valid import NAMED, check
@@ -116,7 +117,7 @@ def is_server(name: str) -> bool:
     return name.startswith(("ws://", "wss://"))
 
 
-def server_identity(name: str) -> dict[str, Any]:
+def server_identity(name: str) -> Fields:
     """Return what the policy server of an address says of itself, as JSON holds it; `make_agent` takes the connection.
 
     Raises:

@@ -12,7 +12,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Single = NDArray[np.float32]
-Arrays = dict[str, NDArray[Any]]
+AnyArray = NDArray[Any]
+Arrays = dict[str, AnyArray]
 Fields = dict[str, Any]
 """By name: a row of a table, an object of JSON, an `info`."""
 LARGEST = 1e6
@@ -36,7 +37,7 @@ def array(*shape: int | None) -> Rule:
 def numbers(words: str, *shape: int | None) -> Rule:
     """Return the rule of arrays of numbers of any kind, of a shape (None: any length) where it is given."""
 
-    def validate(value: Any) -> NDArray[Any]:
+    def validate(value: Any) -> AnyArray:
         """Return the array."""
         found = np.asarray(value)
         if found.dtype.kind not in "biuf" or (shape and not _fits(found, shape)):
@@ -46,7 +47,7 @@ def numbers(words: str, *shape: int | None) -> Rule:
     return Rule(words, validate)
 
 
-def _fits(found: NDArray[Any], shape: Sequence[int | None]) -> bool:
+def _fits(found: AnyArray, shape: Sequence[int | None]) -> bool:
     sizes = zip(shape, found.shape, strict=False)
     return found.ndim == len(shape) and all(size in (None, own) for size, own in sizes)
 
@@ -87,7 +88,7 @@ def cube_directions() -> Array:
     return unit(points[points.any(1)])
 
 
-def joined(clouds: Sequence[Array]) -> dict[str, NDArray[Any]]:
+def joined(clouds: Sequence[Array]) -> Arrays:
     """Return the `points` (n, 3) of several clouds as one array, and the `counts` that each has."""
     counts = np.array([len(cloud) for cloud in clouds], dtype=np.int64)
     return {"points": np.concatenate([np.zeros((0, 3)), *clouds]), "counts": counts}

@@ -9,12 +9,12 @@ import weakref
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import AnyArray
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.robot import Robot
@@ -225,7 +225,7 @@ class ColourCameras:
         self.renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
         self._option = show_options()
 
-    def render_rgb(self, data: mujoco.MjData) -> NDArray[Any]:
+    def render_rgb(self, data: mujoco.MjData) -> AnyArray:
         """Return colour images, (cameras, H, W, 3); `data` needs current kinematics."""
         images, model = [], self.renderer.model
         extent, planes = model.stat.extent, model.vis.map

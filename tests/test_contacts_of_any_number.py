@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 from tables import table
 
+from dexgrasp.grasp.verify.checks.forces import least_way
 from dexgrasp.grasp.verify.cones import conic_margin, largest_push, slides, wrench_map
-from dexgrasp.grasp.verify.rays import least_way
 from dexgrasp.mechanics.contact_models import contact_model
 from dexgrasp.mechanics.contacts import Contacts, shape_of
 from dexgrasp.mechanics.internal_force import firmest_squeeze

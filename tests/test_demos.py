@@ -18,10 +18,9 @@ from dexgrasp.data.demonstrations import DemoResets
 from dexgrasp.data.demonstrations import generate as generation
 from dexgrasp.data.demonstrations.convert import to_action
 from dexgrasp.data.demonstrations.generate import generate
+from dexgrasp.data.demonstrations.hdf5_formats import read_episodes, write_robomimic
 from dexgrasp.data.demonstrations.info import replay_all, summary
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
-from dexgrasp.data.demonstrations.minari_format import read_episodes
-from dexgrasp.data.demonstrations.robomimic_format import write_robomimic
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree

@@ -22,10 +22,9 @@ from dexgrasp.export.grasp_export import export_grasp
 from dexgrasp.export.read import read_trajectory
 from dexgrasp.export.replay import replay
 from dexgrasp.export.scene_folder import write_scene
-from dexgrasp.export.time_law import Limits, timed
-from dexgrasp.export.trajectory import ARM_TICK, Waypoints, make_trajectory
+from dexgrasp.export.trajectory import ARM_TICK, Limits, Waypoints, make_trajectory, timed
 from dexgrasp.grasp.file import record_of
-from dexgrasp.grasp.trajectory import limit_shares
+from dexgrasp.grasp.grasp import limit_shares
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.scene.build import build_scene

@@ -9,7 +9,7 @@ from dexgrasp.agent import public_info
 from dexgrasp.evaluation.protocol import TrialSeeds, get_protocol
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.registry import make_agent
-from dexgrasp_env.tasks.rules import PRESSES
+from dexgrasp_env.tasks.records import PRESSES
 
 
 def made(agent, **more):

@@ -12,7 +12,7 @@ from tables import mistakes
 from trainings import goes_on_to_the_same_bits
 
 from dexgrasp.data.demonstrations.generate import generate
-from dexgrasp.data.demonstrations.minari_format import read_episodes
+from dexgrasp.data.demonstrations.hdf5_formats import read_episodes
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
@@ -32,7 +32,7 @@ from dexgrasp.learning.imitation.bc_training import VIEWS, BcTraining, StateBcTr
 from dexgrasp.learning.imitation.settings import BcNetSizes, BcSettings, GraspNetSizes  # noqa: E402
 from dexgrasp.learning.training.checkpoint import read_state  # noqa: E402
 from dexgrasp.learning.training.loop import CHECKPOINT  # noqa: E402
-from dexgrasp.runs.policy_folder import read_policy  # noqa: E402
+from dexgrasp.runs.arrays import read_policy  # noqa: E402
 
 SMALL = BcNetSizes(hidden=24, layers=2)
 NARROW = GraspNetSizes(local=8, cloud=12, width=24)

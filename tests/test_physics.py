@@ -14,9 +14,8 @@ from dexgrasp.mechanics.contacts import Contacts, shape_of
 from dexgrasp.mechanics.equilibrium import grasp_map, rms_radius
 from dexgrasp.mechanics.internal_force import RESERVED, firmest_squeeze
 from dexgrasp.mechanics.margin import UNDEFINED, cone_margin, margins
-from dexgrasp.mechanics.ratios import wrench_ratios
 from dexgrasp.mechanics.strength import load_of
-from dexgrasp.mechanics.wrench import solve_wrench_qp
+from dexgrasp.mechanics.wrench import solve_wrench_qp, wrench_ratios
 
 
 def with_noise(points, normals, rng):

@@ -13,8 +13,8 @@ from processes import typed
 from tables import table
 
 from dexgrasp.data.demonstrations.generate import generate
+from dexgrasp.data.demonstrations.hdf5_formats import read_episodes
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
-from dexgrasp.data.demonstrations.minari_format import read_episodes
 from dexgrasp.data.demonstrations.settings import DemoSettings
 
 pytestmark = pytest.mark.readers

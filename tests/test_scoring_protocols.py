@@ -6,9 +6,9 @@ import trimesh
 from refusals import refused
 
 from dexgrasp.evaluation.scoring.hand import Candidate, HandStage, find_hand
-from dexgrasp.evaluation.scoring.metrics import contact_metrics
 from dexgrasp.evaluation.scoring.protocols import GRASP_PROTOCOLS, get_grasp_protocol
 from dexgrasp.evaluation.scoring.scene import FloatingScene
+from dexgrasp.evaluation.scoring.score import contact_metrics
 from dexgrasp_env.objects.model import centred_model
 from dexgrasp_env.objects.parts import ContactPart
 

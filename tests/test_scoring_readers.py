@@ -15,7 +15,7 @@ from tables import table
 
 from dexgrasp.evaluation.scoring.readers import ReadOptions, read_candidates
 from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dictionary
-from dexgrasp.evaluation.scoring.readers.plain import FORMAT
+from dexgrasp.evaluation.scoring.readers.json_files import FORMAT
 from dexgrasp_env.poses import pose_matrix
 
 OFFSET = np.array([0.02, -0.01, 0.05])  # of the box's centre in the mesh file, m

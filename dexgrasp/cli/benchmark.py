@@ -4,8 +4,7 @@ import importlib
 from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command
-from dexgrasp.cli.figures import tables
-from dexgrasp.cli.output import note
+from dexgrasp.cli.output import note, tables
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import jsonable

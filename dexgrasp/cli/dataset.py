@@ -8,8 +8,7 @@ examples:
 from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell, check_mesh_options
-from dexgrasp.cli.figures import tables
-from dexgrasp.cli.output import resumable
+from dexgrasp.cli.output import resumable, tables
 from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar

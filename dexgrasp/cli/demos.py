@@ -9,8 +9,7 @@ examples:
 from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell
-from dexgrasp.cli.figures import tables
-from dexgrasp.cli.output import resumable
+from dexgrasp.cli.output import resumable, tables
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar

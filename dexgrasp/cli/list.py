@@ -5,7 +5,7 @@ from pkgutil import resolve_name
 from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, InCell
-from dexgrasp.cli.figures import columns, record_table
+from dexgrasp.cli.output import columns, record_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import one_of

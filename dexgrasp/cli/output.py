@@ -1,10 +1,13 @@
-"""Output of commands: one JSON object on standard output, everything else on standard error."""
+"""Output of commands: one JSON object on standard output, or tables for a terminal; all else on standard error."""
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from dexgrasp.runs.text import text_table
+from dexgrasp_env.arrays import Fields
 
 if TYPE_CHECKING:
     from dexgrasp.grasp.verify.check import Check
@@ -70,3 +73,57 @@ def check_lines(checks: "Sequence[Check]") -> list[str]:
 def mark(good: bool) -> str:
     """Return how a line of a list of checks begins."""
     return coloured("ok  ", "good") if good else coloured("FAIL", "bad")
+
+
+def shown(value: Any) -> str:
+    """Return a value as people read it, a figure in a few digits."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.0f}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key}={shown(part)}" for key, part in value.items()) or "-"
+    if isinstance(value, list | tuple):
+        return ", ".join(map(shown, value))
+    return "-" if value is None else str(value)
+
+
+def columns(figures: Fields) -> list[str]:
+    """Return a line for each figure, all values below each other."""
+    width = max(map(len, figures))
+    return [f"{name:<{width}}  {shown(value)}" for name, value in figures.items()]
+
+
+def record_table(rows: Sequence[Fields]) -> str:
+    """Return records with the same keys as a table."""
+    return text_table(tuple(rows[0]), [list(map(shown, row.values())) for row in rows], words=True)
+
+
+def tables(figures: Fields) -> str:
+    """Return nested figures as tables: the loose ones; mappings, those with the same keys as rows of one; records."""
+    loose, groups = Fields(), dict[tuple[str, ...], list[Fields]]()
+    parts = list[str]()
+    for name, value in figures.items():
+        if isinstance(value, Mapping):
+            case = _flat(value)
+            groups.setdefault(tuple(case), []).append({"": name.replace("_", " "), **case})
+        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+            parts.append(f"{name}:\n{record_table(value)}")
+        elif value != []:
+            loose[name] = value
+    if loose:
+        groups[tuple(loose)] = [{"": "figure", **loose}]
+    for keys, cases in groups.items():
+        if len(cases) == 1:
+            name = cases[0].pop("")
+            cases = [{name: key.replace("_", " "), "value": value} for key, value in cases[0].items()]
+        if keys:
+            parts.append(record_table(cases))
+    return "\n\n".join(parts)
+
+
+def _flat(case: Mapping[str, Any], prefix: str = "") -> Fields:
+    flat = Fields()
+    for key, value in case.items():
+        flat |= _flat(value, f"{prefix}{key} ") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+    return flat

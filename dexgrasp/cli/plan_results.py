@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dexgrasp.cli.figures import columns, record_table
-from dexgrasp.cli.output import coloured
+from dexgrasp.cli.output import coloured, columns, record_table
 from dexgrasp.evaluation.reasons import explain
 from dexgrasp.grasp.certificate import figures_of
 from dexgrasp_env.arrays import Fields

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from dexgrasp.cli.command import Answer, Argument, Command, Scene
 from dexgrasp.cli.doctor import finding_line
-from dexgrasp.cli.figures import record_table
+from dexgrasp.cli.output import record_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.findings import Finding

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, File, Folder, InCell, Scale, Seed
-from dexgrasp.cli.figures import tables
-from dexgrasp.cli.output import note
+from dexgrasp.cli.output import note, tables
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.files import write_json
 from dexgrasp_env.valid import Count

@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dexgrasp.cli.command import Answer, Command, Folder, Options
-from dexgrasp.cli.figures import shown
-from dexgrasp.cli.output import resumable
+from dexgrasp.cli.output import resumable, shown
 from dexgrasp.learning.cvae.settings import TrainingSettings
 from dexgrasp.learning.imitation.settings import BcSettings
 from dexgrasp.learning.reinforcement.settings import RlSettings

@@ -16,15 +16,20 @@ import numpy as np
 
 from dexgrasp.mechanics.cones import basis_of
 from dexgrasp.mechanics.contacts import Contacts, Shape
-from dexgrasp.mechanics.robust_push import Friction, borne_push
+from dexgrasp.mechanics.robust_push import (
+    Friction,
+    Plane,
+    along,
+    asked,
+    borne_push,
+    each_along,
+    touching_plane,
+)
 from dexgrasp.mechanics.simplex import Simplex, empty_simplex, restart, solve
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import leaf, njit
 
 _HALF = 0.5**0.5
-
-Plane = tuple[float, float, float, float]
-"""Inward normal of a plane; the fourth counts where contacts are soft."""
 
 
 class Programme(NamedTuple):
@@ -84,49 +89,18 @@ def begin(p: Programme, most: float, faces: int) -> None:
 @leaf
 def _add_plane(p: Programme, i: int, friction: Friction) -> None:
     """Add the plane that touches cone i where friction points in a direction of length 1."""
-    c, (u, v, turn) = p.cones[i], friction
-    plane = (
-        c[0, 0] - u * c[1, 0] - v * c[2, 0], c[0, 1] - u * c[1, 1] - v * c[2, 1], c[0, 2] - u * c[1, 2] - v * c[2, 2],
-        -turn,
-    )  # fmt: skip
-    _add_row(p, i, plane, _asked(p.answers, i, plane), 0.0)
+    plane = touching_plane(p.cones[i], friction)
+    _add_row(p, i, plane, asked(plane, p.answers[i]), 0.0)
 
 
 @leaf
-def _along(plane: Plane, forces: Array, i: int) -> float:
-    """The part along a plane's normal of force i of (N, c)."""
-    along = plane[0] * forces[i, 0] + plane[1] * forces[i, 1] + plane[2] * forces[i, 2]
-    if forces.shape[1] == 4:
-        along += plane[3] * forces[i, 3]
-    return along
-
-
-@leaf
-def _each_along(plane: Plane, forces: Array, i: int, k: int) -> float:
-    """The same of force i among the k-th of (N, c, n)."""
-    along = plane[0] * forces[i, 0, k] + plane[1] * forces[i, 1, k] + plane[2] * forces[i, 2, k]
-    if forces.shape[1] == 4:
-        along += plane[3] * forces[i, 3, k]
-    return along
-
-
-@leaf
-def _asked(answers: Array, i: int, plane: Plane) -> float:
-    """Return how far the worst push of 1 moves the force of contact i against a plane."""
-    total = 0.0
-    for k in range(3):
-        total += _each_along(plane, answers, i, k) ** 2
-    return np.sqrt(total)
-
-
-@leaf
-def _add_row(p: Programme, i: int, plane: Plane, asked: float, bound: float) -> None:
-    """Ask that plane . f_i - asked t >= bound."""
+def _add_row(p: Programme, i: int, plane: Plane, need: float, bound: float) -> None:
+    """Ask that plane . f_i - need t >= bound."""
     A, r, n = p.lp.A, p.lp.size[0], len(p.lp.z)
     for k in range(n):
-        A[r, k] = _each_along(plane, p.span, i, k)
-    A[r, n - 1] -= asked
-    p.lp.b[r] = bound - _along(plane, p.fixed, i)
+        A[r, k] = each_along(plane, p.span[i], k)
+    A[r, n - 1] -= need
+    p.lp.b[r] = bound - along(plane, p.fixed[i])
     p.owner[r], p.planes[r, 0], p.planes[r, 1], p.planes[r, 2] = i, plane[0], plane[1], plane[2]
     if len(p.parts) == 4:
         p.planes[r, 3] = plane[3]
@@ -180,19 +154,19 @@ def _add_torque(
         if not _moves(jacobians, k, j):
             continue
         plane = _torque(jacobians, (k, j), scale)
-        ax += _each_along(plane, p.answers, k, 0)
-        ay += _each_along(plane, p.answers, k, 1)
-        az += _each_along(plane, p.answers, k, 2)
-    asked = share * np.sqrt(ax * ax + ay * ay + az * az)
-    _add_row(p, i, _torque(jacobians, (i, j), scale), asked, -1.0 - reserved * asked)
+        ax += each_along(plane, p.answers[k], 0)
+        ay += each_along(plane, p.answers[k], 1)
+        az += each_along(plane, p.answers[k], 2)
+    need = share * np.sqrt(ax * ax + ay * ay + az * az)
+    _add_row(p, i, _torque(jacobians, (i, j), scale), need, -1.0 - reserved * need)
     r = lp.size[0] - 1
     for k in range(i + 1, jacobians.shape[0]):
         if not _moves(jacobians, k, j):
             continue
         plane = _torque(jacobians, (k, j), scale)
         for q in range(len(lp.z)):
-            lp.A[r, q] += _each_along(plane, p.span, k, q)
-        lp.b[r] -= _along(plane, p.fixed, k)
+            lp.A[r, q] += each_along(plane, p.span[k], q)
+        lp.b[r] -= along(plane, p.fixed[k])
 
 
 @leaf

@@ -18,6 +18,8 @@ _TILTS = 24  # shares of friction that turns, of which each is scanned so
 
 Friction = tuple[float, float, float]
 """Direction of friction: in both tangents, and about the normal."""
+Plane = tuple[float, float, float, float]
+"""Inward normal of a plane; the fourth counts where contacts are soft."""
 
 
 @leaf
@@ -83,19 +85,44 @@ def _around(cone: Array, answers: Array, force: Array, tilt: float) -> tuple[flo
 @leaf
 def _ratio(cone: Array, answers: Array, force: Array, angle: float, tilt: float) -> float:
     """Return how far a force is from a plane over what a unit of t moves it towards there."""
-    turn, along, asked = np.sin(tilt), 0.0, 0.0
-    u, v = np.cos(tilt) * np.cos(angle), np.cos(tilt) * np.sin(angle)
-    x, y, z = (
+    plane = touching_plane(cone, (np.cos(tilt) * np.cos(angle), np.cos(tilt) * np.sin(angle), np.sin(tilt)))
+    return along(plane, force) / max(asked(plane, answers), 1e-12)
+
+
+@leaf
+def touching_plane(cone: Array, friction: Friction) -> Plane:
+    """Return the plane that touches a cone where friction points in a direction of length 1."""
+    u, v, turn = friction
+    return (
         cone[0, 0] - u * cone[1, 0] - v * cone[2, 0],
         cone[0, 1] - u * cone[1, 1] - v * cone[2, 1],
         cone[0, 2] - u * cone[1, 2] - v * cone[2, 2],
+        -turn,
     )
-    along = x * force[0] + y * force[1] + z * force[2]
+
+
+@leaf
+def along(plane: Plane, force: Array) -> float:
+    """Return the part of a force (c,) along a plane's normal."""
+    part = plane[0] * force[0] + plane[1] * force[1] + plane[2] * force[2]
     if len(force) == 4:
-        along -= turn * force[3]
+        part += plane[3] * force[3]
+    return part
+
+
+@leaf
+def each_along(plane: Plane, forces: Array, k: int) -> float:
+    """The same of the k-th of forces (c, n)."""
+    part = plane[0] * forces[0, k] + plane[1] * forces[1, k] + plane[2] * forces[2, k]
+    if len(forces) == 4:
+        part += plane[3] * forces[3, k]
+    return part
+
+
+@leaf
+def asked(plane: Plane, answers: Array) -> float:
+    """Return how far the worst push of 1 moves a force, by its answers, against a plane."""
+    total = 0.0
     for k in range(3):
-        moved = x * answers[0, k] + y * answers[1, k] + z * answers[2, k]
-        if len(force) == 4:
-            moved -= turn * answers[3, k]
-        asked += moved * moved
-    return along / max(np.sqrt(asked), 1e-12)
+        total += each_along(plane, answers, k) ** 2
+    return np.sqrt(total)

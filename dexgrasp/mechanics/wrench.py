@@ -3,7 +3,11 @@
     minimise |sum f_i|^2 + |sum (p_i - c) x f_i / L|^2   subject to   -f_i.n_i >= f_min, |f_i.t_ij| <= -mu f_i.n_i
 
 The paper adds N^2 and (Nm)^2; here torques are divided by a length L, stated by the caller or the contacts'
-rms radius, and taken about c, the contacts' centroid unless given. A zero residual depends on neither.
+rms radius, and taken about c, the contacts' centroid. A zero residual depends on neither.
+
+What is left unbalanced of the contacts' effort, in percent, by our own definitions, as the paper does not give its own:
+force ratio = |sum f_i| / sum |f_i|, torque ratio = |sum (p_i - c) x f_i| / sum |(p_i - c) x f_i|, c the object's
+centroid; 0 for closure.
 """
 
 from typing import NamedTuple
@@ -53,7 +57,6 @@ def solve_wrench_qp(
     mu: float,
     f_min: float = 1.0,
     length_scale: float | None = None,
-    center: Array | None = None,
 ) -> WrenchSolution:
     """Solve Eq. 4 by daqp.
 
@@ -63,10 +66,8 @@ def solve_wrench_qp(
         mu: friction coefficient.
         f_min: least pressing force [N] of each contact.
         length_scale: divides torques [m]; None is the contacts' rms radius.
-        center: (3,) torque reference; None is the contacts' centroid.
     """
-    about = points.mean(0) if center is None else center
-    G = grasp_map(points, about, rms_radius(points) if length_scale is None else length_scale)
+    G = grasp_map(points, points.mean(0), rms_radius(points) if length_scale is None else length_scale)
     A, b = pyramid_rows(normals, mu, f_min)
     # Added to the Hessian for the QP solver, which wants one; the residual returned is computed without it.
     H = G.T @ G + 1e-9 * np.eye(G.shape[1])
@@ -75,3 +76,13 @@ def solve_wrench_qp(
     forces = restore_feasible(x.reshape(-1, 3) if flag > 0 else -f_min * normals, normals, mu, f_min)
     wrench = G @ forces.ravel()
     return WrenchSolution(float(wrench @ wrench), forces)
+
+
+def _ratio(vectors: Array) -> float:
+    total = np.sqrt((vectors**2).sum(-1)).sum()
+    return float(100.0 * np.sqrt((vectors.sum(0) ** 2).sum()) / total) if total > 0 else 0.0
+
+
+def wrench_ratios(points: Array, forces: Array, centroid: Array) -> tuple[float, float]:
+    """Return force and torque ratio [%] of forces (N, 3) at points (N, 3); `centroid` (3,) of the object."""
+    return _ratio(forces), _ratio(np.cross(points - centroid, forces))

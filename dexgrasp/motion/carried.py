@@ -1,4 +1,4 @@
-"""Ways of what the hand holds: straight, or turned about its centre in the air; letting go of it."""
+"""Ways of what the hand holds: straight, or turned about its centre in the air; letting go of it, and the way home."""
 
 from math import inf
 from typing import NamedTuple
@@ -9,11 +9,12 @@ from scipy.spatial.transform import Rotation
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import Played, arm_and_hand
 from dexgrasp.motion.move_until_contact import GuardedGrasp
-from dexgrasp.motion.timing import eased, is_gentle, ramp, smooth_steps, within_limits
+from dexgrasp.motion.timing import eased, is_gentle, ramp, smooth_steps, still, time_path, within_limits
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
@@ -123,3 +124,25 @@ class CarryAside(Played):
         rows[:, arm:] = held.targets[arm:]
         opened = arm_and_hand(rows[-1], phases["retreat"][0], held.tree)
         super().__init__(np.concatenate([rows, let_go(rows[-1], opened), phases["retreat"]]), held.tree)
+
+
+def plan_retreat(start: Array, cell: Cell, neighbours: ConvexDistance | None) -> Played:
+    """Return the way home; where the object lies now nobody knows, so only its neighbours are kept clear of.
+
+    Args:
+        start: (n,) rad, the set-points now.
+        cell: of the robot.
+        neighbours: of the object; None where there is nothing.
+
+    Raises:
+        NoPath: where that, the table or the robot itself is in the way.
+    """
+    checker, home, tree = CollisionChecker(cell, neighbours), cell.robot.home, robot_tree(cell)
+    start = np.clip(start, tree.lower, tree.upper)
+    opened = arm_and_hand(start, home, tree)
+    speed = 0.9  # of the limits: the hand is empty, and an episode has time for a second grasp only
+    # Unchecked: pressing fingers are set inside one another.
+    opening = time_path(np.stack([start, opened]), tree, speed=speed)
+    way = time_path(plan_approach(checker, opened, home), tree, checker, speed)
+    rows = np.concatenate([opening, way, still(home, 0.35)])  # s at home: the arm's servos lag by 0.1 s
+    return Played(np.clip(rows, tree.lower, tree.upper), tree)

@@ -10,8 +10,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.grasp.grasp import Grasp
-from dexgrasp.grasp.trajectory import ActionScript
+from dexgrasp.grasp.grasp import ActionScript, Grasp
 from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.strength import capacity_of

@@ -6,9 +6,8 @@ from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR, SELF, TABLE, clearances
 from dexgrasp.mechanics.margin import margins
-from dexgrasp.mechanics.ratios import wrench_ratios
 from dexgrasp.mechanics.strength import hold_residual, load_of, torque_fraction
-from dexgrasp.mechanics.wrench import solve_wrench_qp
+from dexgrasp.mechanics.wrench import solve_wrench_qp, wrench_ratios
 from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Index, Mask
 

@@ -29,19 +29,17 @@ _NO_CLOSURE, _NO_SURFACE = "no_closure_proposal", "no_surface_above_table"
 class CvaeProposals(ProposalSource):
     """Fingertips decoded from latents, each assigned to its finger."""
 
-    def __init__(self, weights: Path | None = None, latents: int = 1024, ranked: bool = True) -> None:
+    def __init__(self, weights: Path | None = None, ranked: bool = True) -> None:
         """Prepare; weights are read at the first use.
 
         Args:
             weights: of `dexgrasp train cvae`; the shipped ones by default.
-            latents: drawn for an object.
             ranked: judge closure, drop proposals without it, best first; False leaves them as they are drawn.
 
         Raises:
             InputError: without weights.
         """
-        self._path = weights or shipped_weights()
-        self._latents, self._ranked = latents, ranked
+        self._path, self._ranked = weights or shipped_weights(), ranked
 
     def check_hand(self, hand: Hand) -> None:
         """Refuse a hand that the weights have not learned; those that say none are of ours."""
@@ -56,7 +54,7 @@ class CvaeProposals(ProposalSource):
         """Return up to `settings.triples` proposals; the same for the same generator."""
         if target.top <= CROPPED:
             return Proposals.none(_NO_SURFACE)
-        tips, palms = decode(_decoder(self._path), target, self._latents, rng)
+        tips, palms = decode(_decoder(self._path), target, 1024, rng)
         contacts, normals, usable = on_surface(tips, target, settings)
         contacts, normals, palms = contacts[usable], normals[usable], palms[usable]
         if not len(contacts):

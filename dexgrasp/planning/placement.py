@@ -1,10 +1,9 @@
 """A proposal put on the hand's atlas: the posture whose tips fit best, and where its palm then is."""
 
 from itertools import permutations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
 from dexgrasp.geometry.triangle import cross
@@ -12,7 +11,7 @@ from dexgrasp.mechanics.cones import basis_of
 from dexgrasp.mechanics.kinematics.forward import to_world
 from dexgrasp.planning.atlas import Tips, hand_atlas, triangle_sides
 from dexgrasp.planning.settings import GraspProblem
-from dexgrasp_env.arrays import Array, Index
+from dexgrasp_env.arrays import AnyArray, Array, Index
 from dexgrasp_env.compiled import leaf, njit
 
 NEIGHBOURS = 16
@@ -52,7 +51,7 @@ class Placements(NamedTuple):
         first = order[np.diff(self.triple[order], prepend=-1) > 0]
         return self.select(first)
 
-    def select(self, rows: NDArray[Any]) -> "Placements":
+    def select(self, rows: AnyArray) -> "Placements":
         """Return the placements of a mask or of indices."""
         return Placements._make([self.goals, *(each[rows] for each in self[1:])])
 

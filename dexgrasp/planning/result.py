@@ -2,19 +2,18 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from dexgrasp.agent import Observation, Report
+from dexgrasp.agent import Info, Observation, Report
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.grasp import ActionScript, Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.planned_record import ObjectPose, Origin, grasp_json, planned_record
-from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.grasp.variety import component_shares, grasp_features
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Fields
@@ -259,7 +258,7 @@ class PlansGrasps(Protocol):
     def plan(
         self,
         observation: Observation,
-        info: Mapping[str, Any],
+        info: Info,
         progress: Progress | None = None,
         relax: bool = False,
     ) -> PlanResult:

@@ -1,20 +1,23 @@
-"""Files of arrays that networks are kept in: safetensors, nothing that runs when it is read."""
+"""Networks on disk, nothing that runs when it is read: arrays as safetensors, and the folder of a learned policy."""
 
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Arrays, Fields, Single
+from dexgrasp_env.arrays import AnyArray, Arrays, Fields, Single
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import check_file, write_atomically
+from dexgrasp_env.files import check_file, expand, read_json_object, write_atomically, write_json
 
 A = TypeVar("A")
 Layer = tuple[Single, Single]
 """Weights (in, out) and biases (out,) of a linear layer."""
+Weights = dict[str, Single]
+
+SCHEMA = 1  # of the folder of a policy
+ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
 
 
 def read_arrays(path: Path) -> tuple[Arrays, Fields]:
@@ -38,7 +41,7 @@ def read_arrays(path: Path) -> tuple[Arrays, Fields]:
         raise InputError(f"{path} is cut off or damaged, or no file of dexgrasp's") from None
 
 
-def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], note: Fields) -> None:
+def write_arrays(path: Path, arrays: Mapping[str, AnyArray], note: Fields) -> None:
     """Write arrays, and a note as JSON holds it."""
     from safetensors.numpy import save
 
@@ -73,3 +76,38 @@ def layers_of(arrays: Arrays, name: str) -> tuple[Layer, ...]:
     if not prefixes:
         raise KeyError(name)
     return tuple((np.ascontiguousarray(arrays[f"{p}.weight"].T), arrays[f"{p}.bias"]) for p in prefixes)
+
+
+def is_policy(name: str) -> bool:
+    """Check if an agent's name is the path of such a folder."""
+    return (expand(name) / ABOUT).is_file() if name.strip("~") else False
+
+
+def policy_files(name: str) -> list[Path]:
+    """Return the files that such an agent's outcomes rest on."""
+    return [expand(name) / ABOUT, expand(name) / WEIGHTS]
+
+
+def write_policy(folder: Path, about: Fields, arrays: Weights) -> None:
+    """Write a policy; weights first, so that what is there is whole."""
+    single = {name: np.asarray(array, dtype=np.float32) for name, array in arrays.items()}
+    write_arrays(folder / WEIGHTS, single, {"schema": SCHEMA})
+    write_json(folder / ABOUT, {"schema": SCHEMA, **about})
+
+
+def read_policy(folder: Path) -> tuple[Fields, Weights]:
+    """Return what a folder says of its policy, and its arrays.
+
+    Raises:
+        InputError: if something is missing, damaged, or of another schema.
+    """
+    path = folder / ABOUT
+    missing = f"{folder} holds no policy (no {ABOUT}): train one with `dexgrasp train`"
+    about = read_json_object(path, "train it again", missing)
+    if about.get("schema") != SCHEMA:
+        raise InputError(f"{path} is no policy of schema {SCHEMA}")
+    env = about.get("env")
+    keys = ("obs_mode", "control_mode", "observe", "hold")
+    if not isinstance(env, dict) or any(key not in keys for key in env):
+        raise InputError(f"{path}: valid keys of env are {', '.join(keys)}")
+    return about, read_arrays(folder / WEIGHTS)[0]

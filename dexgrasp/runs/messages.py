@@ -9,9 +9,8 @@ import re
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Fields
+from dexgrasp_env.arrays import AnyArray, Fields
 from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import from_extra
 
@@ -72,7 +71,7 @@ def _array(given: dict[Any, Any]) -> Any:
     return given
 
 
-def _of_bytes(data: Any, dtype: "np.dtype[Any]", shape: Any) -> NDArray[Any]:
+def _of_bytes(data: Any, dtype: "np.dtype[Any]", shape: Any) -> AnyArray:
     sizes: list[Any] = shape if isinstance(shape, list) else [None]
     if not all(type(size) is int and size >= 0 for size in sizes) or len(sizes) > 32:
         raise InputError(f"an array has shape {str(shape)[:80]}: valid are whole numbers from 0 on")

@@ -4,13 +4,13 @@ import io
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.runs.pool import Backend, run_pool
-from dexgrasp_env.arrays import Arrays
+from dexgrasp_env.arrays import AnyArray, Arrays
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_npz, write_atomically
 from dexgrasp_env.objects.load import object_name
@@ -50,7 +50,7 @@ def check_names(targets: Sequence[str]) -> None:
             raise InputError(f"two objects are called {name!r}: rename one of the files")
 
 
-def write_shard(path: Path, arrays: Mapping[str, NDArray[Any]], key: str) -> None:
+def write_shard(path: Path, arrays: Mapping[str, AnyArray], key: str) -> None:
     """Write arrays; the same arrays give the same bytes.
 
     Args:
@@ -102,7 +102,7 @@ def bytes_of(text: str) -> NDArray[np.uint8]:
     return np.frombuffer(text.encode(), dtype=np.uint8)
 
 
-def text_of(array: NDArray[Any]) -> str:
+def text_of(array: AnyArray) -> str:
     """Return the text that `bytes_of` was given."""
     return array.tobytes().decode()
 

@@ -13,9 +13,8 @@ from typing import Annotated, Any, cast
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Mask, Single
+from dexgrasp_env.arrays import AnyArray, Mask, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix, rigid
 from dexgrasp_env.robot.camera import Camera
@@ -195,7 +194,7 @@ class SensorModel:
         """Return the cameras where a calibration believes them to be; draw once an episode."""
         return tuple(camera.moved(self._calibration_error(rng)) for camera in cameras)
 
-    def _calibration_error(self, rng: Generator) -> NDArray[Any]:
+    def _calibration_error(self, rng: Generator) -> AnyArray:
         from scipy.spatial.transform import Rotation
 
         per_axis = 1.0 / np.sqrt(3.0)

@@ -12,7 +12,7 @@ from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS, GRAVITY, TIMESTEP
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS, NEIGHBOUR_MOVED, STILL
 from dexgrasp_env.tasks.placement import Placement
-from dexgrasp_env.tasks.rules import TOUCHING_HAND
+from dexgrasp_env.tasks.records import TOUCHING_HAND
 from dexgrasp_env.tasks.simulation import Simulation
 
 _LOW, _HIGH = np.array([[0.30, 0.76], [-0.38, 0.38]]).T  # m, where what stands around the object may be

@@ -5,13 +5,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from dexgrasp_env.arrays import Arrays, Mask
+from dexgrasp_env.arrays import Arrays, Fields, Mask
 from dexgrasp_env.errors import unknown_argument
 from dexgrasp_env.tasks.clutter_env import NEIGHBOURS, ClutterEnv, ClutterEpisodes, ClutterSettings
 from dexgrasp_env.tasks.constants import CLEAR_STEPS, MOST_NEIGHBOURS
 from dexgrasp_env.tasks.episodes import Episodes
-from dexgrasp_env.tasks.records import FAILURES
-from dexgrasp_env.tasks.rules import TOUCHING_HAND
+from dexgrasp_env.tasks.records import FAILURES, TOUCHING_HAND
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Physics
 from dexgrasp_env.valid import number
@@ -51,7 +50,7 @@ class ClearSettings(ClutterSettings):
         return "any"
 
     @property
-    def agent_info(self) -> dict[str, Any]:
+    def agent_info(self) -> Fields:
         """Facts that an agent may know, by name."""
         return super().agent_info | {"tray": TRAY.copy()}
 

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 import numpy as np
 from gymnasium import spaces
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays, Fields, Mask
 from dexgrasp_env.errors import InputError
@@ -25,6 +24,7 @@ from dexgrasp_env.tasks.constants import (
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_SUMS, unbounded
+from dexgrasp_env.tasks.records import Records
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Physics, Simulation
 from dexgrasp_env.valid import Rule, number, one_of, pair
@@ -186,7 +186,7 @@ class ClutterEpisodes(Episodes):
         }
 
 
-def _judge(records: NDArray[np.void], poses: Array, there: Mask, touched: Mask) -> None:
+def _judge(records: Records, poses: Array, there: Mask, touched: Mask) -> None:
     """Note how far neighbours (N, k) that are there have moved, which have toppled and which the robot touches."""
     count = poses.shape[1]
     rest, drift = records["rest"][:, :count], records["drift"][:, :count]

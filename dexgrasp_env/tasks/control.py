@@ -1,12 +1,11 @@
 """Control modes: what actions in [-1, 1] mean for the set-points of a robot's servos; `set_points` computes them."""
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Single, numbers
+from dexgrasp_env.arrays import AnyArray, Array, Single, numbers
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
@@ -87,7 +86,7 @@ def check_actions(action: Single, shape: tuple[int, ...] | None) -> Array:
     return np.array(actions, np.float64)
 
 
-def check_finite(actions: NDArray[Any]) -> None:
+def check_finite(actions: AnyArray) -> None:
     """Raise an InputError for actions that are not finite."""
     bad = np.argwhere(~np.isfinite(actions)).tolist()
     if bad:

@@ -28,9 +28,8 @@ from dexgrasp_env.tasks.moving import MOTION, draw_motion, moves_now
 from dexgrasp_env.tasks.observations import FLAT, knows_state, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, PHASES
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, PHASES, Records, rules_of
 from dexgrasp_env.tasks.reset_options import check_joints, check_options
-from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import NO_PHYSICS, Physics, Simulation, arm_chain
@@ -298,7 +297,7 @@ class Episodes(EpisodeInfos):
             return state
         return {FLAT: self._features.of(part, state, self.records["elapsed"][part])}
 
-    def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array | None:
+    def _joint_noise(self, records: Records, rngs: Sequence[Generator | None]) -> Array | None:
         n = self.settings.cell.robot.dof
         if self.settings.randomisation.joint_noise is None:
             return None

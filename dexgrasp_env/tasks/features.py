@@ -10,9 +10,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Index, Single
+from dexgrasp_env.arrays import AnyArray, Array, Index, Single
 from dexgrasp_env.poses import about_z, quat_to_matrix
 from dexgrasp_env.tasks.records import Record
 
@@ -33,7 +32,7 @@ _NUMBERS = np.array(
 ).T  # fmt: skip
 """Middles and spreads (2, C + 1) of `InitialScene.numbers` and of friction, over where and what `Lift` puts down."""
 
-Observation = Mapping[str, NDArray[Any]]
+Observation = Mapping[str, AnyArray]
 
 
 class InitialScene(NamedTuple):

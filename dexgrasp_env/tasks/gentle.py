@@ -1,11 +1,11 @@
 """The task of lifting without crushing, DexGrasp/LiftGentle-v0, and its page."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
-from dexgrasp_env.arrays import Arrays, Mask
+from dexgrasp_env.arrays import Arrays, Fields, Mask
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -25,7 +25,7 @@ class GentleSettings(LiftSettings):
     backend: Annotated[str, one_of(("mujoco",))] = "mujoco"  # its forces are looked at in every physics step
 
     @property
-    def agent_info(self) -> dict[str, Any]:
+    def agent_info(self) -> Fields:
         """Facts that an agent may know, by name."""
         return super().agent_info | {"max_force": self.max_force}
 

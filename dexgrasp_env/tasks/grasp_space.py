@@ -27,8 +27,7 @@ from dexgrasp_env.tasks.constants import (
     at_pace,
 )
 from dexgrasp_env.tasks.control import GRASP_SIZE, ONCE_MODES
-from dexgrasp_env.tasks.records import Record, Records
-from dexgrasp_env.tasks.rules import PALM, PALM_QUAT
+from dexgrasp_env.tasks.records import PALM, PALM_QUAT, Record, Records
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
 

@@ -1,11 +1,8 @@
 """The grasp space of N episodes side by side; it imports numba."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.arrays import AnyArray, Array, Single
 from dexgrasp_env.tasks.control import GRASP_SIZE, check_finite
 from dexgrasp_env.tasks.grasp_space import (
     grasp_frame,
@@ -15,6 +12,7 @@ from dexgrasp_env.tasks.grasp_space import (
     palm_actions,
     table_frame,
 )
+from dexgrasp_env.tasks.records import Records
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Physics, Simulation
 
@@ -38,7 +36,7 @@ class Grasps:
         self._fixed = settings.control_mode == "table_grasp_once"
         self._moves = np.zeros((number, 6 + len(self._space.opened)))
 
-    def begin(self, i: int, record: NDArray[np.void]) -> None:
+    def begin(self, i: int, record: Records) -> None:
         """Take how the object of episode `i` lay at first, from the episode's record."""
         if not self._fixed:
             self._frames[i] = grasp_frame(record, self._yaw)
@@ -61,7 +59,7 @@ class Grasps:
         palm_actions(actions, step, self._frames, commands, sensors, self._at, self._space, self._moves)
         return self._moves
 
-    def states(self, part: slice, positions: NDArray[Any], where: Physics) -> Single:
+    def states(self, part: slice, positions: AnyArray, where: Physics) -> Single:
         """Return the states (n, 7) of palms and hands of a part of the episodes: the actions that would keep them.
 
         Args:

@@ -1,12 +1,10 @@
 """Infos of episodes: plain values of one, arrays by key of many, with Gymnasium's masks."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Arrays, Fields, Mask
+from dexgrasp_env.arrays import AnyArray, Arrays, Fields, Mask
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import INFOS
 from dexgrasp_env.tasks.settings import WEIGHTS, LiftSettings
@@ -30,8 +28,8 @@ class EpisodeInfos:
     settings: LiftSettings
     simulations: Mapping[str, Simulation]
     slots: Sequence[Slot]
-    records: NDArray[Any]
-    info_fields: NDArray[Any]
+    records: AnyArray
+    info_fields: AnyArray
     starts: Starts | None
 
     def info(self, i: int) -> Fields:

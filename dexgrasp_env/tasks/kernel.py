@@ -19,13 +19,17 @@ from dexgrasp_env.tasks.constants import (
     WORKSPACE_HIGH,
     WORKSPACE_LOW,
 )
-from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, Record, Records
-from dexgrasp_env.tasks.rules import (
+from dexgrasp_env.tasks.records import (
+    FAILURES,
     PALM,
     PALM_QUAT,
+    PHASES,
     PRESSES,
+    STAGES,
     TOUCHING_ANY,
     TOUCHING_HAND,
+    Record,
+    Records,
     Rules,
 )
 from dexgrasp_env.tasks.simulation import PhysicsState

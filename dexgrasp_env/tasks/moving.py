@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import quat_conjugate, rotate
 from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, at_pace
 from dexgrasp_env.tasks.disturbance import Disturbance
+from dexgrasp_env.tasks.records import Records
 
 MOTION = np.dtype(
     [("starts", "i8"), ("ends", "i8"), ("twist", "f8", (3,)), ("steady", "?"), ("now", "f8", (3,))]
@@ -19,7 +19,7 @@ whether it goes on when the hand touches the object, and what moves in the prese
 MOVE_STEPS = 10  # control steps that a displacement takes, 0.5 s
 
 
-def draw_motion(disturbance: Disturbance, pose: Array, frame_skip: int, rng: Generator) -> NDArray[np.void]:
+def draw_motion(disturbance: Disturbance, pose: Array, frame_skip: int, rng: Generator) -> Records:
     """Return the motion, a `MOTION`, of an object that lies at a pose (7,): its way leads over the table's middle.
 
     A displacement is even in a disc, and mirrored where it would leave the area that objects are placed in; a belt runs
@@ -43,7 +43,7 @@ def draw_motion(disturbance: Disturbance, pose: Array, frame_skip: int, rng: Gen
     return np.array((starts, starts + at_pace(MOVE_STEPS, frame_skip), twist, False, np.zeros(3)), MOTION)
 
 
-def moves_now(motions: NDArray[np.void], records: NDArray[np.void]) -> Array:
+def moves_now(motions: Records, records: Records) -> Array:
     """Advance how the objects of N episodes move, and return it, (N, 6): `MOTION`'s twist, and what it has changed."""
     elapsed = records["elapsed"]
     moves = (motions["starts"] < elapsed) & (elapsed <= motions["ends"])

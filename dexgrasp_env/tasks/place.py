@@ -7,9 +7,8 @@ from typing import Annotated, Any
 import numpy as np
 from gymnasium import spaces
 from numpy.random import Generator
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Arrays
+from dexgrasp_env.arrays import AnyArray, Array, Arrays
 from dexgrasp_env.tasks.constants import (
     GOAL_STEPS,
     PLACE_X,
@@ -22,8 +21,7 @@ from dexgrasp_env.tasks.control import DIRECT_MODES
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_SUMS, key_sizes, unbounded
-from dexgrasp_env.tasks.records import FAILURES
-from dexgrasp_env.tasks.rules import TOUCHING_HAND
+from dexgrasp_env.tasks.records import FAILURES, TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
 from dexgrasp_env.tasks.simulation import Physics, Simulation
 from dexgrasp_env.valid import Rule, check, one_of
@@ -169,7 +167,7 @@ class GoalRewards:
 
     settings: LiftSettings
 
-    def compute_reward(self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any) -> Array:
+    def compute_reward(self, achieved_goal: AnyArray, desired_goal: AnyArray, info: Any) -> Array:
         """Return the rewards (...,) of goals (..., 4); `info` is not used."""
         return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
@@ -233,7 +231,7 @@ class PlaceEnv(GoalRewards, LiftEnv):
     settings_type = PlaceSettings
 
 
-def goal_rewards(achieved: NDArray[Any], desired: NDArray[Any], reward_mode: str) -> Array:
+def goal_rewards(achieved: AnyArray, desired: AnyArray, reward_mode: str) -> Array:
     """Return the rewards (...,) of goals (..., 4); see `PlaceEnv`."""
     achieved, desired = np.asarray(achieved), np.asarray(desired)
     distance = np.linalg.norm((achieved - desired)[..., :3], axis=-1)

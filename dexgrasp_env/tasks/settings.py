@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_argument, unknown_name
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import Objects, has_own_size, load_target
@@ -161,7 +162,7 @@ class LiftSettings:
         return WEIGHTS | (self.reward_weights or {})
 
     @property
-    def agent_info(self) -> dict[str, Any]:
+    def agent_info(self) -> Fields:
         """Facts that an agent may know, by name."""
         names = "mount", "cell", "obs_mode", "control_mode", "observe"
         return {"control_period": CONTROL_PERIOD, **{name: getattr(self, name) for name in names}}

@@ -20,7 +20,7 @@ from dexgrasp_env.scene.sensors import reading_columns
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.moving import drive_belt
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
-from dexgrasp_env.tasks.rules import PRESSES
+from dexgrasp_env.tasks.records import PRESSES
 
 _WARNINGS = [mujoco.mjtWarning(i).name for i in range(int(mujoco.mjtWarning.mjNWARNING))]
 

@@ -5,12 +5,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import mujoco
-import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.tasks.randomisation import Variation
+from dexgrasp_env.tasks.records import Records
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.views import CameraViews
 
@@ -59,8 +58,8 @@ class EpisodeState:
     target: str
     physics: Array
     sensors: Array
-    record: NDArray[np.void]
-    task_record: NDArray[np.void]
+    record: Records
+    task_record: Records
     commands: Array
     rng: Mapping[str, Any]
     variation: Variation

@@ -1,16 +1,14 @@
 """The state as it is observed: positions, velocities, readings of sensors, and what has been achieved."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Arrays
-from dexgrasp_env.tasks.records import FAILURES
-from dexgrasp_env.tasks.rules import PALM, TIP_FORCES, TIPS, Rules
+from dexgrasp_env.arrays import Array, Arrays, Mask
+from dexgrasp_env.tasks.records import FAILURES, PALM, TIP_FORCES, TIPS, Records, Rules
 from dexgrasp_env.tasks.simulation import PhysicsState
 
 
 def observe(
-    records: NDArray[np.void],
+    records: Records,
     now: PhysicsState,
     targets: Array,
     noise: Array | None,
@@ -53,7 +51,7 @@ def observe(
     }  # fmt: skip
 
 
-def _finite(now: PhysicsState, diverged: NDArray[np.bool_]) -> PhysicsState:
+def _finite(now: PhysicsState, diverged: Mask) -> PhysicsState:
     """Return the physics with zeros in place of what is no number of single precision, where it has diverged."""
     largest = np.finfo(np.float32).max
     return PhysicsState(*(np.where(diverged[:, None] & ~(np.abs(v) <= largest), 0.0, v) for v in now))

@@ -6,8 +6,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.scene.constants import GRAVITY
 from dexgrasp_env.tasks.constants import GRASP_FORCE, LIFT_HEIGHT
-from dexgrasp_env.tasks.records import FAILURES, PHASES, Record
-from dexgrasp_env.tasks.rules import PRESSES, TIPS, Rules
+from dexgrasp_env.tasks.records import FAILURES, PHASES, PRESSES, TIPS, Record, Rules
 
 _NEAR = 0.02  # m
 _AWAY = 0.6  # m, from where there is a gain in coming nearer

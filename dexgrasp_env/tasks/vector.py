@@ -13,9 +13,8 @@ from gymnasium.utils import EzPickle, seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.random import Generator
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, Arrays, Fields
+from dexgrasp_env.arrays import AnyArray, Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.batch import BatchPhysics
 from dexgrasp_env.tasks.clear import ClearEnv
@@ -36,7 +35,7 @@ class ClosedError(InputError, ClosedEnvironmentError):
     """Use of environments that are closed: also Gymnasium's error for it."""
 
 
-class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
+class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickle):
     """N environments like `LiftEnv` that step together: `gym.make_vec("DexGrasp/Lift-v2", num_envs=N)`.
 
     Each has its own object, place, variation and random generator. Seeds, resets, time limits, autoreset, infos and
@@ -169,7 +168,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, NDArray[Any], NDArray[Any]],
         infos = self._infos()
         return self._observations(), infos if mask.all() else masked(infos, mask)
 
-    def step(self, actions: NDArray[Any]) -> tuple[Arrays, NDArray[Any], NDArray[Any], NDArray[Any], Fields]:
+    def step(self, actions: AnyArray) -> tuple[Arrays, AnyArray, AnyArray, AnyArray, Fields]:
         """Advance every environment by 50 ms, or as long as an action stands for.
 
         Those that ended are reset as `autoreset_mode` says.

@@ -14,11 +14,10 @@ from typing import Any
 import gymnasium as gym
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.motion.timing import ramp
-from dexgrasp_env.arrays import Array, Fields
+from dexgrasp_env.arrays import AnyArray, Array, Fields
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 
@@ -41,7 +40,7 @@ class Recording:
 
     env: Any
     seed: int
-    actions: NDArray[Any]
+    actions: AnyArray
     models: list[mujoco.MjModel]
     states: list[Array]
     controls: Array
@@ -198,6 +197,6 @@ def _round(recording: Recording) -> list[float]:
     return seconds
 
 
-def _run_env(env: Any, actions: NDArray[Any]) -> None:
+def _run_env(env: Any, actions: AnyArray) -> None:
     for action in actions:
         env.step(action)

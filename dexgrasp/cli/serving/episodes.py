@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp.agent import renew_report, report_of
+from dexgrasp.agent import Info, renew_report, report_of
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, agent_settings, get_protocol
 from dexgrasp.registry import make_agent
 from dexgrasp_env.arrays import Arrays, Fields, numbers
@@ -107,7 +107,7 @@ class Episodes:
         return given
 
 
-def _space(info: Mapping[str, Any]) -> Fields:
+def _space(info: Info) -> Fields:
     """Return the action space that a message tells of, as agents read it."""
     if (given := info.get("action_space")) is None:
         return {}

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from dexgrasp.data.demonstrations.hdf5_formats import write_minari, write_robomimic
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
-from dexgrasp.data.demonstrations.minari_format import write_minari
-from dexgrasp.data.demonstrations.robomimic_format import write_robomimic
 from dexgrasp.data.demonstrations.rollout import Episode, Recorder
 from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings
 from dexgrasp.runs.arrays import below

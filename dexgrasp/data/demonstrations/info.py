@@ -8,7 +8,7 @@ import gymnasium as gym
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.data.demonstrations.generate import read_about
-from dexgrasp.data.demonstrations.minari_format import read_episodes
+from dexgrasp.data.demonstrations.hdf5_formats import read_episodes
 from dexgrasp.data.demonstrations.rollout import Episode
 from dexgrasp.data.demonstrations.settings import ENV_ID, DemoSettings
 from dexgrasp.runs.progress import Show, silent

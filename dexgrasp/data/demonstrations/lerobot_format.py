@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.data.demonstrations.rollout import Episode
 from dexgrasp.data.demonstrations.settings import DemoSettings
-from dexgrasp_env.arrays import Arrays, Fields
+from dexgrasp_env.arrays import AnyArray, Arrays, Fields
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import write_json
 from dexgrasp_env.robot.cell import make_cell
@@ -117,7 +116,7 @@ def _columns(episode: Episode, number: int, start: int, task: int) -> Arrays:
     }
 
 
-def _array(pa: Any, values: NDArray[Any]) -> Any:
+def _array(pa: Any, values: AnyArray) -> Any:
     if values.ndim == _PICTURES:
         import imageio.v3 as iio
 
@@ -149,7 +148,7 @@ def _episode_row(
     }
 
 
-def _feature(values: NDArray[Any], joints: Names) -> Fields:
+def _feature(values: AnyArray, joints: Names) -> Fields:
     if values.ndim == _PICTURES:
         return {"dtype": "image", "shape": list(values.shape[1:]), "names": ["height", "width", "channels"]}
     width = 1 if values.ndim == 1 else values.shape[1]
@@ -157,7 +156,7 @@ def _feature(values: NDArray[Any], joints: Names) -> Fields:
     return {"dtype": str(values.dtype), "shape": [width], "names": names}
 
 
-def _part(values: NDArray[Any]) -> tuple[Any, ...]:
+def _part(values: AnyArray) -> tuple[Any, ...]:
     """Return the share of rows (n,) or (n, m), or of pictures (n, H, W, 3), in the `_statistics` of all.
 
     It is count, extremes, sums, sums of squares, and quantiles; of pictures by colour, from 0 to 1.

@@ -11,7 +11,7 @@ import numpy as np
 
 from dexgrasp.agent import Env
 from dexgrasp.data.demonstrations.generate import read_about
-from dexgrasp.data.demonstrations.minari_format import read_episodes
+from dexgrasp.data.demonstrations.hdf5_formats import read_episodes
 from dexgrasp.data.demonstrations.rollout import Episode, follow
 from dexgrasp.data.demonstrations.settings import ENV_ID, DemoSettings
 from dexgrasp.mechanics.kinematics.tree import robot_tree

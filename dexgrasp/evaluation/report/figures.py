@@ -1,13 +1,92 @@
-"""The plots that a report shows, by the part of it that shows them."""
+"""The plots of a report: medians, rates and their intervals as points with bars, the paper's as hollow diamonds."""
 
+import io
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from dexgrasp.evaluation.report import paper
-from dexgrasp.evaluation.report.plots import SUCCESS, Figure, Points
 from dexgrasp.evaluation.report.tables import PLANNER, Agents
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp_env.arrays import Fields
+
+Points = Mapping[str, Sequence[float]]
+"""Row's name -> middle, low and high."""
+
+SUCCESS = "success, % (95 % interval)"
+
+
+class Figure(NamedTuple):
+    """A plot.
+
+    Attributes:
+        name: its file's stem.
+        caption: what it shows.
+        label: what the horizontal axis says.
+        agents: agent -> its points; a colour for each agent.
+        printed: agent -> the paper's points, of which only the middle is drawn.
+        rows: names of the rows from the top, as points call them -> as people read them.
+        log: whether the horizontal axis is logarithmic; else points are percentages.
+    """
+
+    name: str
+    caption: str
+    label: str
+    agents: Mapping[str, Points]
+    printed: Mapping[str, Points]
+    rows: Mapping[str, str]
+    log: bool = False
+
+    def draw(self, kind: str) -> bytes:
+        """Return the plot as "svg" or "png", the same bytes for the same content."""
+        from matplotlib.figure import Figure as Canvas
+
+        rows = self.rows
+        height = 1.0 + 0.34 * len(rows) * (0.55 + 0.45 * len(self.agents))  # inches
+        figure = Canvas(figsize=(8.2, max(2.0, height)), layout="constrained")
+        style = {"fmt": "o", "ms": 5, "capsize": 3, "lw": 1.3}
+        hollow = {"fmt": "D", "mfc": "none", "ms": 6.5, "zorder": 3}
+        axes = figure.add_subplot()
+        for k, (agent, points) in enumerate(self.agents.items()):
+            self._add(axes, k, agent, points, style)
+            printed = {
+                key: [value[0]] * 3 for key, value in self.printed.get(agent, {}).items() if key in rows
+            }
+            if printed:
+                self._add(axes, k, f"{agent}, paper", printed, hollow)
+        axes.set(xlabel=self.label, xscale="log" if self.log else "linear")
+        if not self.log:
+            axes.set(xlim=(-2, 102))
+        axes.grid(axis="x", color="0.9", lw=0.8)
+        axes.set_yticks(range(len(rows)), rows.values())
+        axes.set_ylim(len(rows) - 0.45, -0.55)
+        return _finished(figure, axes, kind)
+
+    def _add(self, axes: Any, k: int, label: str, points: Points, style: Fields) -> None:
+        # The points of all agents share 0.7 of a row.
+        offset = (k - 0.5 * (len(self.agents) - 1)) * 0.7 / len(self.agents)
+        places = {name: y + offset for y, name in enumerate(self.rows)}
+        at = [places[key] for key in points]
+        middle, low, high = np.array(list(points.values())).reshape(-1, 3).T
+        ends = np.maximum([middle - low, high - middle], 0.0)
+        axes.errorbar(middle, at, xerr=ends, **style, color=f"C{k}", label=label)
+
+
+def _finished(figure: Any, axes: Any, kind: str) -> bytes:
+    from matplotlib import rc_context
+
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+    entries = sorted(zip(*axes.get_legend_handles_labels(), strict=True), key=lambda pair: str(pair[1]))
+    handles, labels = zip(*entries, strict=True)
+    figure.legend(handles, labels, fontsize="small", loc="outside upper left", ncols=2, frameon=False)
+    buffer = io.BytesIO()
+    # Dates and random ids would make two reports of the same trials differ.
+    with rc_context({"svg.hashsalt": "dexgrasp"}):
+        figure.savefig(buffer, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else None)
+    return buffer.getvalue()
 
 
 def success(key: str, words: str, agents: Agents, rows: Sequence[str]) -> Figure:

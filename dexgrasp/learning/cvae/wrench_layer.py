@@ -59,9 +59,9 @@ def tangent_basis(normals: Tensor) -> tuple[Tensor, Tensor]:
     return torch.where(pole, first, t1), torch.where(pole, -second, t2)
 
 
-def grasp_matrix(points: Tensor, center: Tensor, length_scale: float) -> Tensor:
-    """Grasp maps (B, 6, 3 N) of points (B, N, 3) about `center` (B, 3) or (3,)."""
-    arms = ((points - center[..., None, :]) / length_scale)[..., None, :]
+def grasp_matrix(points: Tensor, length: float) -> Tensor:
+    """Grasp maps (B, 6, 3 N) of points (B, N, 3) about their centroids, torques over a length."""
+    arms = ((points - points.mean(1, keepdim=True)) / length)[..., None, :]
     eye = torch.eye(3, dtype=points.dtype).expand(*points.shape, 3)
     cross = torch.linalg.cross(arms, eye).mT
     return torch.cat([eye, cross], -2).permute(0, 2, 1, 3).flatten(2)
@@ -81,19 +81,12 @@ def wrench_layer(
     points: Tensor,
     normals: Tensor,
     mu: Tensor | float,
-    f_min: float = 1.0,
-    length_scale: float = 0.05,
-    center: Tensor | None = None,
     regulariser: float = 1e-3,
 ) -> tuple[Tensor, Tensor]:
-    """Solve Eq. 4 with `regulariser` |f|^2 added, differentiably.
+    """Solve Eq. 4 with `regulariser` |f|^2 added, differentiably; L is 5 cm, each contact presses with 1 N at least.
 
     Args:
         points: (B, N, 3) metres. normals: (B, N, 3) unit, out of the object. mu: (B,) or one number.
-        f_min: least pressing force [N].
-        length_scale: divides torques [m].
-        center: (B, 3) or (3,) torque reference; None is the contacts' centroid, which is then
-            differentiated too.
         regulariser: above 0; smaller is nearer to Eq. 4 and steeper.
 
     Returns:
@@ -110,13 +103,13 @@ def wrench_layer(
     mu = torch.as_tensor(mu, dtype=torch.float64).expand(len(points))
     if not (torch.isfinite(points).all() and torch.isfinite(normals).all()):
         raise InputError("points and normals must be finite")
-    if not ((mu > 0).all() and f_min > 0 and length_scale > 0 and regulariser > 0):
-        raise InputError("mu, f_min, length_scale and regulariser must be above 0")
-    G = grasp_matrix(points, points.mean(1) if center is None else center.double(), length_scale)
+    if not ((mu > 0).all() and regulariser > 0):
+        raise InputError("mu and regulariser must be above 0")
+    G = grasp_matrix(points, 0.05)
     A = pyramid_matrix(normals, mu)
     H = 2.0 * (G.mT @ G + regulariser * torch.eye(G.shape[-1], dtype=torch.float64))
     b = A.new_zeros(A.shape[:2])
-    b[:, ::5] = f_min
+    b[:, ::5] = 1.0  # N
     f = _forces(H, A, b)
     wrench = (G @ f[..., None])[..., 0]
     return f.unflatten(-1, (-1, 3)), (wrench**2).sum(-1)

@@ -12,8 +12,7 @@ import numpy as np
 from dexgrasp.agent import Observation
 from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp.grasp.grasp import Grasp, GraspMotion
-from dexgrasp.grasp.trajectory import ActionScript
+from dexgrasp.grasp.grasp import ActionScript, Grasp, GraspMotion
 from dexgrasp.learning.imitation.cloud_features import NUMBERS, ObjectCloud, grip_features, observed_cloud
 from dexgrasp.learning.imitation.demonstrated_grasp import (
     DemonstratedGrasp,
@@ -29,8 +28,7 @@ from dexgrasp.motion.carrying import PickUp
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.move_until_contact import TIP_DEPTH, lag_of, pressing_torques
 from dexgrasp.motion.script import make_script
-from dexgrasp.runs.arrays import relu
-from dexgrasp.runs.policy_folder import Weights
+from dexgrasp.runs.arrays import Weights, relu
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.data.demonstrations.generate import read_about
-from dexgrasp.data.demonstrations.minari_format import read_episodes
+from dexgrasp.data.demonstrations.hdf5_formats import read_episodes
 from dexgrasp.data.demonstrations.rollout import Episode, intended
 from dexgrasp.data.demonstrations.settings import MODES
 from dexgrasp.learning.imitation.cloud_features import ObjectCloud, grip_features, observed_cloud

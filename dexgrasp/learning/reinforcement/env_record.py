@@ -59,8 +59,8 @@ class WrapperRecord:
     """
 
     name: Word
-    kwargs: dict[str, Any] | None = None
-    state: dict[str, Any] = field(default_factory=dict)
+    kwargs: Fields | None = None
+    state: Fields = field(default_factory=dict)
 
     @property
     def short(self) -> str:
@@ -87,9 +87,9 @@ class EnvRecord:
         schema: of this.
     """
 
-    env: dict[str, Any]
+    env: Fields
     id: str = ""
-    kwargs: dict[str, Any] = field(default_factory=dict)
+    kwargs: Fields = field(default_factory=dict)
     robot: str | None = None
     mount: str | None = None
     max_episode_steps: int | None = None

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.arrays import AnyArray
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.tasks.infos import of_one
 
@@ -57,7 +58,7 @@ class SB3VecEnv(VecEnv):
             self.reset_infos[i] = of_one(infos, i)
         return observation
 
-    def step_async(self, actions: NDArray[Any]) -> None:
+    def step_async(self, actions: AnyArray) -> None:
         """Note the actions."""
         self._actions = actions
 

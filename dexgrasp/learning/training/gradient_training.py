@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.learning.training.checkpoint import Parts
 from dexgrasp.learning.training.loop import CHECKPOINT, RunOptions, Training
-from dexgrasp_env.arrays import Fields
+from dexgrasp_env.arrays import AnyArray, Fields
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
@@ -94,7 +93,7 @@ class GradientTraining(Training):
         self._adam.step()
         return [float(loss.detach()) for loss in losses]
 
-    def tensors(self, arrays: Iterable[NDArray[Any]]) -> list[torch.Tensor]:
+    def tensors(self, arrays: Iterable[AnyArray]) -> list[torch.Tensor]:
         """Return arrays as tensors where the network is."""
         return [torch.from_numpy(array).to(self.place) for array in arrays]
 

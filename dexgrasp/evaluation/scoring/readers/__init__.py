@@ -5,9 +5,8 @@ from pathlib import Path
 from dexgrasp.evaluation.scoring.hand import Candidate
 from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dexgraspbench
 from dexgrasp.evaluation.scoring.readers.frogger import read_frogger
+from dexgrasp.evaluation.scoring.readers.json_files import FORMAT, read_ours, read_plain
 from dexgrasp.evaluation.scoring.readers.objects import ReadOptions
-from dexgrasp.evaluation.scoring.readers.ours import read_ours
-from dexgrasp.evaluation.scoring.readers.plain import FORMAT, read_plain
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_json_object
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from dexgrasp.evaluation.scoring.hand import ALLEGRO, Candidate
 from dexgrasp.evaluation.scoring.readers.fields import FileFields, as_pose
+from dexgrasp.evaluation.scoring.readers.json_files import read_plain
 from dexgrasp.evaluation.scoring.readers.objects import ReadOptions
-from dexgrasp.evaluation.scoring.readers.plain import read_plain
 from dexgrasp_env.arrays import Arrays
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_npz, readable
