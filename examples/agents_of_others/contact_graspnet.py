@@ -58,7 +58,9 @@ class ContactGraspNet(TwoPadAgent):
             R, origin = poses[k, :3, :3].astype(float), poses[k, :3, 3] + centre
             x, y, z = ((points - origin) @ R).T
             between = x[(abs(x) < 0.05) & (abs(y) < 0.01) & (abs(z - DEPTH) < 0.012)]  # m
-            if len(between) == 0 or (width := float(np.ptp(between))) > pinch.widest + 0.006:  # 1 mm a pad is left
+            if (
+                len(between) == 0 or (width := float(np.ptp(between))) > pinch.widest + 0.006
+            ):  # 1 mm a pad is left
                 continue
             middle = origin + R @ [0.5 * (between.min() + between.max()), 0.0, DEPTH]
             for along in (R[:, 0], -R[:, 0]):
