@@ -14,7 +14,6 @@ the interval has to be 0.92, else the exit code is 1.
 import gzip
 import json
 import sys
-from collections import defaultdict
 from pathlib import Path
 from typing import Annotated
 
@@ -22,12 +21,12 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import logit
 
-from dexgrasp.cli.codes import ANSWER_IS_NO, OK
 from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.cli.figures import record_table
+from dexgrasp.cli.output import record_table
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.evaluation.store import read_rows
+from dexgrasp.evaluation.summary import grouped
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
@@ -49,63 +48,55 @@ class CalibrateViews(Script):
     judge: bool = False
 
     def run(self) -> int:
-        foretold = [row for run in self.runs for row in foretold_rows(run)]
+        rows = [row for run in self.runs for row in foretold(run)]
         if self.judge:
-            cells = judged(foretold)
+            cells = judged(rows)
             print(record_table(cells) if cells else "no grasp was foretold")
-            return OK if all(cell["shown"] for cell in cells) else ANSWER_IS_NO
-        hidden = [row for row in foretold if said_of(row)["guessed"]]
+            return int(any(not cell["shown"] for cell in cells))
+        hidden = [row for row in rows if row["cell"][1] == "hidden"]
         if not hidden:
             raise InputError("no trial in which a grasp was foretold on a side that no camera saw")
-        held = np.array([first_held(row) for row in hidden])
-        odds = logit([said_of(row)["lifted"]["value"] for row in hidden])
-        sign = np.where(held, -1.0, 1.0)
+        odds, held = logit([row["said"] for row in hidden]), np.array([row["first"] for row in hidden])
+        sign, lost = np.where(held, -1.0, 1.0), int((~held).sum())
         line = minimize(lambda x: np.logaddexp(0.0, sign * (x[0] + x[1] * odds)).sum(), [0.0, 1.0]).x
         model = json.loads(self.model.read_text())
         model["guessed"] = [round(float(number), 4) for number in line]
-        model["card"]["guessed"] = {"trials": len(held), "failed": int((~held).sum())}
+        model["card"]["guessed"] = {"trials": len(held), "failed": lost}
         write_atomically(self.model, json.dumps(model, separators=(",", ":")).encode())
-        print(f"wrote {self.model}: line {model['guessed']} by {len(held)} trials, {int((~held).sum())} lost")
-        return OK
+        print(f"wrote {self.model}: line {model['guessed']} by {len(held)} trials, {lost} lost")
+        return 0
 
 
-def foretold_rows(run: Path) -> list[Fields]:
-    """Return the trials of a run, or of a published one, whose grasp was foretold."""
-    published = run / "trials.jsonl.gz"
-    rows = (
-        list(map(json.loads, gzip.decompress(published.read_bytes()).splitlines()))
-        if published.is_file()
-        else read_rows(run)
-    )
-    return [row for row in rows if row["agent"] == "bilevel" and row["details"].get("holds_probability")]
-
-
-def said_of(row: Fields) -> Fields:
-    """Return what was said of a trial's grasp."""
-    return dict(row["details"]["holds_probability"])
-
-
-def first_held(row: Fields) -> bool:
-    """Return whether a trial's first grasp held."""
-    return bool(row["success"] and not row["details"].get("regrasps"))
+def foretold(run: Path) -> list[Fields]:
+    """Return of a run, or of a published one, each trial whose grasp was foretold: what was said, and what held."""
+    published, found = run / "trials.jsonl.gz", []
+    if published.is_file():
+        rows = list(map(json.loads, gzip.decompress(published.read_bytes()).splitlines()))
+    else:
+        rows = read_rows(run)
+    for row in rows:
+        stated = row["details"].get("holds_probability")
+        if row["agent"] == "bilevel" and stated:
+            first = row["success"] and not row["details"].get("regrasps")
+            cell = row["protocol"], "hidden" if stated["guessed"] else "seen"
+            said = stated["lifted"]["value"]
+            found.append({"cell": cell, "said": said, "first": first, "whole": row["success"]})
+    return found
 
 
 def judged(rows: list[Fields]) -> list[Fields]:
     """Return for each cell how many trials it has, what was said in the mean, and what held."""
-    cells = defaultdict[tuple[str, str], list[Fields]](list)
-    for row in rows:
-        cells[row["protocol"], "hidden" if said_of(row)["guessed"] else "seen"].append(row)
     found = []
-    for (protocol, side), own in cells.items():
-        said = np.array([said_of(row)["lifted"]["value"] for row in own])
-        sure = [row for row, value in zip(own, said, strict=True) if value >= SURE]
-        k, n = sum(map(first_held, sure)), len(sure)
+    for (protocol, side), own in grouped(rows, "cell").items():
+        said, first, whole = (np.array([row[key] for row in own]) for key in ("said", "first", "whole"))
+        sure = said >= SURE
+        k, n = int(first[sure].sum()), int(sure.sum())
         low = wilson_interval(k, n)[0] if n else 1.0
         found.append(
             {
                 "protocol": protocol, "side": side, "trials": len(own), "said": round(float(said.mean()), 3),
-                "held": round(sum(map(first_held, own)) / len(own), 3), f"said {SURE}": n, "first held": k,
-                "whole held": sum(bool(row["success"]) for row in sure), "low": round(low, 3), "shown": low >= LEAST,
+                "held": round(float(first.mean()), 3), f"said {SURE}": n, "first held": k,
+                "whole held": int(whole[sure].sum()), "low": round(low, 3), "shown": low >= LEAST,
             }
         )  # fmt: skip
     return found

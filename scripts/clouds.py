@@ -178,9 +178,10 @@ def target_options(way: str, target: Body, labels: Array, folder: Path) -> list[
     return [way, *(f"{value:.4f}" for value in places)]
 
 
-def tried(name: str, things: list[Body], way: str, rng: Generator, folder: Path) -> Fields:
+def tried(name: str, things: list[Body], way: str, seed: list[int], folder: Path) -> Fields:
     """Plan for the first of the things, export, check, and look how near the rows come to the others."""
     folder.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng(seed)
     cloud, labels = seen(things, default_cell().make_cameras(), SensorModel.realistic(), rng)
     np.save(folder / "cloud.npy", cloud.points)
     rows, options = folder / "rows", target_options(way, things[0], labels, folder)
@@ -222,15 +223,14 @@ class Crowded(Script):
     def run(self) -> int:
         scenes = users()
         scenes |= {f"drawn {k}": crowd(np.random.default_rng([self.seed, k])) for k in range(self.count)}
-        rows = (self._tried(k, *scene) for k, scene in enumerate(scenes.items()))
+        rows = (
+            tried(name, things, WAYS[k % len(WAYS)], [self.seed, k, 1], self.out / name.replace(" ", "_"))
+            for k, (name, things) in enumerate(scenes.items())
+        )
         found = written(self.out, rows, len(scenes))
         for name, count in sorted(Counter(row["came"] for row in found).items()):
             print(f"{name}: {count} of {len(found)}")
         return int(any(row["came"] == "hit" for row in found))
-
-    def _tried(self, k: int, name: str, things: list[Body]) -> Fields:
-        rng = np.random.default_rng([self.seed, k, 1])
-        return tried(name, things, WAYS[k % len(WAYS)], rng, self.out / name.replace(" ", "_"))
 
 
 # -- parted ------------------------------------------------------------------------------------------------------------

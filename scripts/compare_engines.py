@@ -134,21 +134,16 @@ class Recorder(gym.Wrapper[Any, Any, Any, Any]):
 
 
 class EngineRunner(TrialRunner):
-    """Runs trials, then plays each in engines; a trial's line has the object's heights, m, in `engines`."""
-
-    def __init__(self, settings: EvaluationSettings, engines: tuple[str, ...]) -> None:
-        super().__init__(settings)
-        self.engines = engines
+    """Runs trials whose set-points can be played again."""
 
     def make_env(self, spec: TrialSpec) -> Env:
         """Return the protocol's environment, recorded."""
         return Recorder(super().make_env(spec))
 
-    def run(self, spec: TrialSpec) -> tuple[Fields, Fields | None]:
-        """Run one trial; return its line and its grasp."""
-        row, grasp = super().run(spec)
+    def heights(self, spec: TrialSpec, engines: tuple[str, ...]) -> dict[str, float]:
+        """Play a trial that was just run in engines; return the object's heights, m."""
         recorder: Any = self._env(spec)
-        return row | {"engines": {engine: recorder.height_in(engine) for engine in self.engines}}, grasp
+        return {engine: recorder.height_in(engine) for engine in engines}
 
 
 class CompareEngines(Script):
@@ -181,12 +176,13 @@ class CompareEngines(Script):
                 raise InputError(
                     f"protocol {name!r} does more than set-points say: take lift or slippery@0.35"
                 )
-        runner = EngineRunner(settings, self.engines)
+        runner = EngineRunner(settings)
         store = TrialStore(self.out, settings.identity() | {"engines": list(self.engines)})
         with contextlib.closing(store):
             left = [spec for spec in plan_trials(settings) if spec.key not in store.finished]
             for spec in tqdm(left, unit="trial"):
-                store.append(*runner.run(spec))
+                row, grasp = runner.run(spec)
+                store.append(row | {"engines": runner.heights(spec, self.engines)}, grasp)
         print("\n".join(report(store.rows, self.engines)))
         return 0
 

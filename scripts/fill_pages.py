@@ -8,9 +8,6 @@
 import sys
 from pathlib import Path
 
-from dexgrasp.cli.command import Script
-from dexgrasp.cli.commands import run_script
-
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 sys.path.insert(0, str(DOCS / "_extensions"))
 from from_code import filled  # noqa: E402
@@ -22,14 +19,6 @@ def stale() -> dict[Path, str]:
     return {path: text for path, text in now.items() if path.read_text() != text}
 
 
-class FillPages(Script):
-    """Writes the pages."""
-
-    def run(self) -> int:
-        for path, text in stale().items():
-            path.write_text(text)
-        return 0
-
-
 if __name__ == "__main__":
-    sys.exit(run_script(FillPages))
+    for page, text in stale().items():
+        page.write_text(text)

@@ -24,6 +24,7 @@ from typing import Annotated, Any
 import hypothesis
 import numpy as np
 import trimesh
+import yaml
 from hypothesis import HealthCheck, strategies
 from hypothesis.database import DirectoryBasedExampleDatabase
 
@@ -39,21 +40,7 @@ LONGEST = 300.0  # s a case may take on a busy machine: more is a hang
 ALLOWED = (0, 1, 2, 3)
 EVALUATE = "evaluate --agents random hardcoded --objects sugar_box --trials 2 --out"
 COMPARE, REPLAY = "compare run random hardcoded", "replay run --agent random --object sugar_box --trial 0"
-STRANGE = [
-    None, True, False, 0, -1, 1, 2**31, 2**63, -(2**70), 0.5, -0.0, 1e-300, 1e308, -1e9, float("nan"), float("inf"),
-    "", " ", "x", "\x00", "é\u2603", "../../up", "/", "~nosuchuser/x.obj", "a" * 300, "\udcff", [], {}, [[]],
-    [1, "2"], {"a": 1},
-]  # fmt: skip
-WORDS = str.split("""pear sugar_box seen all20 bilevel random hardcoded cvae os:system os:nosuch json:loads
-    no.such:Agent ppo:x.zip x.zip a:b:c : :: . - -- -1 0 1 3 1e9 nan inf -inf 1e-300 1e308 0.001 0x10 1_0
-    ~nosuchuser/x.obj /dev/null /dev/full /proc/self/mem /nowhere/x x.obj é --json --help --seed --out --mesh-scale
-    --mesh-mass --friction --mount palm_normal --trials --video failures --protocol lift --agent --agents --objects
-    --object --quick --workers --verify""")
-COMMANDS = (
-    "list objects", "plan pear", "verify x.json", "doctor x.obj", "report runs", "compare runs a b", "", "nosuch",
-    "evaluate --agents random --objects pear --trials 1", "replay runs --agent a --object b --trial 0",
-    "benchmark nosuch", "dataset info runs", "train cvae --data runs --out runs/t", "demo --no-video",
-)  # fmt: skip
+_WORDS = yaml.safe_load(Path(__file__).with_name("fuzz.yaml").read_text())
 
 
 def damaged(draw: Random, data: bytes) -> bytes:
@@ -80,7 +67,7 @@ def damaged_json(draw: Random, text: bytes) -> bytes:
         elif draw.randint(0, 3) == 0:
             del holder[key]
         else:
-            holder[key] = copy.deepcopy(draw.choice(STRANGE))
+            holder[key] = copy.deepcopy(draw.choice(_WORDS["strange"]))
     return json.dumps(content).encode()
 
 
@@ -95,12 +82,10 @@ def _places(content: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def _arguments(draw: Random, good: Path) -> list[str]:
-    words = draw.choice(COMMANDS).split() or [""]
+    words = draw.choice(_WORDS["commands"]).split() or [""]
     for _ in range(draw.randint(1, 3)):
         at = draw.randint(1, len(words))
-        words[at : at + draw.randint(0, 1)] = [
-            draw.choice([*WORDS, "", " ", "\n", "9" * 5000, "a" * 300, "\udcff"])
-        ]
+        words[at : at + draw.randint(0, 1)] = [draw.choice([*_WORDS["words"], "9" * 5000])]
     return words
 
 
@@ -139,19 +124,19 @@ def _mesh(draw: Random, good: Path) -> list[str]:
 
 def _cloud(draw: Random, good: Path) -> list[str]:
     rng = np.random.default_rng(draw.getrandbits(32))
-    table = np.column_stack(
-        [rng.uniform([0.25, -0.45], [0.80, 0.45], (6000, 2)), rng.normal(0.0, 0.001, 6000)]
-    )
+    table = rng.uniform([0.25, -0.45, -0.002], [0.80, 0.45, 0.002], (6000, 3))
     solid = trimesh.creation.box(rng.uniform(0.02, 0.15, 3)).sample(2000, seed=0)
     points = _moved(draw, np.concatenate([table, solid - [-0.5, 0.0, solid[:, 2].min()]]))
     np.save("cloud.npy", points)
     count = len(points)
     masks = (rng.integers(-1, 4, count), np.zeros(count, bool), np.ones(3, bool), np.array("mask"))
     np.save("mask.npy", draw.choice(masks))
-    at = draw.choice(([0.5, 0.0, 0.05], [9.0, 0.0, np.nan]))
-    ways = ([], ["--objects"], ["--object-near", *map(str, at)], ["--box", *map(str, [*at, *np.add(at, 0.1)])],
-            ["--mask", "mask.npy", "--label", str(draw.randint(-1, 4))])  # fmt: skip
-    return ["plan", "--cloud", "cloud.npy", *draw.choice(ways), "--json"]
+    at = draw.choice(("0.5 0 0.05", "9 0 nan"))
+    ways = (
+        "", "--objects", f"--object-near {at}", f"--box {at} 0.6 0.1 0.15",
+        f"--mask mask.npy --label {draw.randint(-1, 4)}",
+    )  # fmt: skip
+    return f"plan --cloud cloud.npy {draw.choice(ways)} --json".split()
 
 
 def _grasp(draw: Random, good: Path) -> list[str]:
@@ -179,13 +164,10 @@ KINDS = {
 
 
 def answered(argv: list[str]) -> tuple[int, str]:
-    """Run a command; return its exit code, -1 if anything escaped, and the end of what it said."""
+    """Run a command; return its exit code, and the end of what it said."""
     said = io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-        try:
-            code = main(argv)
-        except BaseException as error:
-            return -1, f"{said.getvalue()[-1500:]}escaped: {type(error).__name__}: {error}"
+        code = main(argv)
     return code, said.getvalue()[-1500:]
 
 

@@ -4,7 +4,6 @@ Run it when a shape or a mass of the catalogue changes: python scripts/make_rest
 """
 
 import sys
-import time
 from pathlib import Path
 
 from dexgrasp_env.objects.catalogue import CATALOGUE
@@ -17,12 +16,11 @@ FOLDER = Path(__file__).resolve().parents[1] / "assets" / "rest_poses"
 def main(names: list[str]) -> None:
     """Write the rest poses of `names`, or of the whole catalogue."""
     for name in names or CATALOGUE:
-        start = time.perf_counter()
         model = load_object(name)
         poses = find_rest_poses(model)
         write_poses(FOLDER / f"{name}.json", model, poses)
         shares = " ".join(f"{pose.probability:.3f}@{1000 * pose.height:.1f}mm" for pose in poses)
-        print(f"{name}: {len(poses)} poses, {time.perf_counter() - start:.1f} s: {shares}")
+        print(f"{name}: {len(poses)} poses: {shares}")
 
 
 if __name__ == "__main__":

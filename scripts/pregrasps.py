@@ -44,21 +44,19 @@ class PreGraspFile(Script):
 
     def run(self) -> int:
         """Write the file; 1 where an object has fewer."""
-        agent, rows, short = BilevelAgent(), list[tuple[str, Array, Array]](), False
+        agent, rows = BilevelAgent(), list[tuple[str, Array, Array]]()
         for target in tqdm(self.objects):
             env = gym.make("DexGrasp/Lift-v2", objects=target, disable_env_checker=True, **agent.env_settings)
             seeds = range(self.seed, self.seed + _TRIES * self.each)
             ways = (way for seed in seeds if (way := _way(env, agent, seed)) is not None)
-            found = list(islice(ways, self.each))
-            short |= len(found) < self.each
-            rows += [(target, *way) for way in found]
+            rows += [(target, *way) for way in islice(ways, self.each)]
             env.close()
         names, poses, ways = zip(*rows, strict=True)
         np.savez_compressed(
             self.out, objects=np.array(names), poses=np.array(poses), ways=np.array(ways, np.float32)
         )
         print(f"{len(rows)} pre-grasps of {len(set(names))} objects")
-        return int(short)
+        return int(len(rows) < self.each * len(self.objects))
 
 
 def _way(env: gym.Env, agent: BilevelAgent, seed: int) -> tuple[Array, Array] | None:
