@@ -124,16 +124,16 @@ def test_a_checkpoint_acts_and_is_told_by_a_file_beside_it(tmp_path):
         observation, _ = env.reset(seed=0)
         agent.reset(observation, {})
         assert_array_equal(agent.act(observation), trained.predict(observation, deterministic=True)[0])
-    assert make_agent(str(path), env_kwargs=["observe=reset"]).env_settings["observe"] == "reset"
+    assert make_agent(path, env_kwargs=["observe=reset"]).env_settings["observe"] == "reset"
     path.with_suffix(".json").write_text('{"observe": "reset"}')
     with refused("learned.json is no record of save_checkpoint"):
-        make_agent(str(path))
+        make_agent(path)
 
 
 def saved_ppo(env, path):
     library = pytest.importorskip("stable_baselines3")
     library.PPO("MultiInputPolicy", env, n_steps=2, batch_size=2, device="cpu").save(path)
-    return make_agent(str(path))
+    return make_agent(path)
 
 
 READS = """

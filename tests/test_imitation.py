@@ -89,7 +89,7 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(demos, tmp_path, v
     assert goes_on_to_the_same_bits(partial(VIEWS[view], [demos], settings), tmp_path).epoch == 2
     with refused("other settings"):
         VIEWS[view]([demos], settings_of(view, seed=1), tmp_path / "parts").run()
-    agent = make_agent(str(tmp_path / "whole"))
+    agent = make_agent(tmp_path / "whole")
     assert agent.env_settings["obs_mode"] == {"state": "state", "cloud": "pointcloud"}[view]
     evaluation = EvaluationSettings.of([str(tmp_path / "whole")], ["sugar_box"], trials=1)
     assert any(name.endswith("policy.safetensors") for name in evaluation.identity()["files"])
@@ -146,7 +146,7 @@ def test_damaged_policies_are_refused(demos, tmp_path):
     for key, value, says in mistakes("policies"):
         (out / "policy.json").write_text(json.dumps(about | {key: value}))
         with refused(says):
-            make_agent(str(out))
+            make_agent(out)
 
 
 @pytest.mark.parametrize("name", ["bc", "bc_cloud", "rl"])

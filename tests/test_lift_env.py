@@ -217,14 +217,12 @@ def test_wrong_actions_and_options():
         with refused(word):
             env.step(action)
     places = {"object_pose": [0, 0, 1]}, {"object_pose": [0] * 7}
-    for options in ({"colour": 1}, {"object": "soda"}, {"object": ["soda"]}, ["object"], *places):
+    options = {"colour": 1}, {"object": "soda"}, {"object": ["soda"]}, ["object"], *places
+    for wrong in ({"seed": -1}, {"seed": 1.0}, *({"options": own} for own in options)):
         with refused():
-            env.reset(options=options)
+            env.reset(**wrong)
     with refused("a list of names"):
         LiftEnv(objects={"pear"})  # another order in another process
-    for seed in (-1, 1.0):
-        with refused("seed"):
-            env.reset(seed=seed)
     env.reset(seed=0)
     with refused("beside state"):
         env.reset(options={"state": env.get_state(), "object": "sugar_box"})

@@ -115,7 +115,7 @@ def test_wrong_settings_are_refused(wrong, says):
 def test_tasks_are_trained_on_as_they_are_registered_or_as_told(name, more, asked, tmp_path):
     settings = settings_of("ppo", env_id=f"DexGrasp/{name}", steps=2, **more)
     RlTraining(settings, tmp_path).run()
-    assert make_agent(str(tmp_path)).env_settings == {"obs_mode": "features"} | asked
+    assert make_agent(tmp_path).env_settings == {"obs_mode": "features"} | asked
     settings = EvaluationSettings.of([str(tmp_path)], ["sugar_box"], trials=1, seed=0)
     row, _ = TrialRunner(settings).run(plan_trials(settings)[0])
     assert row["error"] is None
@@ -140,9 +140,9 @@ def test_policies_of_other_features_or_kinds_are_refused(tmp_path):
     RlTraining(settings_of("ppo", steps=2), tmp_path).run()
     about, arrays = read_policy(tmp_path)
     write_policy(tmp_path, about | {"env": about["env"] | {"control_mode": "ee_delta"}}, arrays)
-    agent, env = make_agent(str(tmp_path)), gym.make("DexGrasp/LiftStaged-v0", objects="sugar_box")
+    agent, env = make_agent(tmp_path), gym.make("DexGrasp/LiftStaged-v0", objects="sugar_box")
     agent.reset(*env.reset(seed=0))
     assert "trained on 92 features" in agent.report.failure
     write_policy(tmp_path, about | {"kind": "actor"}, arrays)
     with refused("kind 'actor': valid are"):
-        make_agent(str(tmp_path))
+        make_agent(tmp_path)

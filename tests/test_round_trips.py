@@ -60,7 +60,10 @@ def normalised_env(**settings):
     return gw.NormalizeObservation(flat_env(**settings))
 
 
-LEARNERS = (sb3.PPO, sb3.SAC, sb3.TD3, contrib.TQC, contrib.RecurrentPPO, contrib.TRPO)
+LEARNERS = {
+    kind.__name__.lower(): kind
+    for kind in (sb3.A2C, sb3.PPO, sb3.SAC, sb3.TD3, contrib.TQC, contrib.RecurrentPPO, contrib.TRPO)
+}
 PACE = {"frame_skip": 50, "max_episode_steps": 150}
 CASES = table("checkpoints")
 
@@ -81,10 +84,9 @@ def trained(case, path, steps=64, make=DummyVecEnv):
     """Save a policy as its training script does; return what the script itself scores it with."""
     learner, wrapped, settings, how = case
     make_env = globals()[f"{wrapped}_env"]
-    (kind,) = (own for own in LEARNERS if own.__name__.lower() == learner)
     envs = around(make([lambda: make_env(**settings)]), how, training=True)
     name = policy_name(envs.observation_space, learner)
-    model = kind(name, envs, seed=3, device="cpu", **table("learners")[learner]).learn(steps)
+    model = LEARNERS[learner](name, envs, seed=3, device="cpu", **table("learners")[learner]).learn(steps)
     if model.get_vec_normalize_env():
         model.get_vec_normalize_env().training = False
     save_checkpoint(model, path)
@@ -102,7 +104,7 @@ def own_score(model, seed):
 
 
 def scores(path, tmp_path, trials=1, **more):
-    settings = EvaluationSettings.of([str(path)], [OBJECT], trials=trials, seed=SEED, **more)
+    settings = EvaluationSettings.of([path], [OBJECT], trials=trials, seed=SEED, **more)
     evaluate(settings, tmp_path / "runs", progress=False)
     rows = [json.loads(line) for line in (tmp_path / "runs" / "trials.jsonl").read_text().splitlines()]
     assert not any(row["error"] for row in rows), rows[0]["error"]
@@ -158,7 +160,7 @@ def test_a_wrapper_of_ones_own_runs_if_it_is_named(kind, tmp_path):
         own_score(model, trial_seeds(SEED, OBJECT, 0).scene)
     ]
     with refused("wrappers contradicts"):
-        make_agent(str(tmp_path / "p.zip"), wrappers=named[:1])
+        make_agent(tmp_path / "p.zip", wrappers=named[:1])
 
 
 @pytest.mark.parametrize("make", [SubprocVecEnv, None])
@@ -186,7 +188,7 @@ def test_another_environment_is_not_recorded(tmp_path):
 
 def test_what_contradicts_the_record_is_refused(tmp_path):
     quick_ppo(DummyVecEnv([lambda: dict_env(**PACE)]), tmp_path / "p.zip")
-    path = str(tmp_path / "p.zip")
+    path = tmp_path / "p.zip"
     with refused("frame_skip=50.*which frame_skip=25"):
         make_agent(path, env_kwargs={"frame_skip": 25})
     with refused("valid are obs_mode"):
@@ -204,7 +206,7 @@ def test_what_contradicts_the_record_is_refused(tmp_path):
 def test_a_foreign_checkpoint_is_played_as_the_user_says(tmp_path, capsys):
     make = lambda: rescaled_env(control_mode="joint_position")  # noqa: E731
     model = quick_ppo(DummyVecEnv([make]), tmp_path / "p.zip", lambda model, path: model.save(path))
-    path = str(tmp_path / "p.zip")
+    path = tmp_path / "p.zip"
     with refused("does not tell their meaning"):
         make_agent(path)
     told = {"env_kwargs": ["control_mode=joint_position"]}
@@ -224,7 +226,7 @@ def test_a_foreign_checkpoint_is_played_as_the_user_says(tmp_path, capsys):
 def test_wrappers_are_read_and_never_run(word, tmp_path):
     quick_ppo(DummyVecEnv([dict_env]), tmp_path / "p.zip")
     with refused("wrapper"):
-        make_agent(str(tmp_path / "p.zip"), wrappers=[word])
+        make_agent(tmp_path / "p.zip", wrappers=[word])
 
 
 def test_a_record_names_no_code_that_is_run(tmp_path):
@@ -238,7 +240,7 @@ def test_a_record_names_no_code_that_is_run(tmp_path):
     assert "antigravity" not in sys.modules
     (tmp_path / "p.json").write_text(json.dumps(record | {"schema": 9}))
     with refused("has schema 9"):
-        make_agent(str(tmp_path / "p.zip"))
+        make_agent(tmp_path / "p.zip")
 
 
 def test_statistics_that_are_not_there_are_missed(tmp_path):
@@ -246,18 +248,17 @@ def test_statistics_that_are_not_there_are_missed(tmp_path):
     model = sb3.SAC("MultiInputPolicy", envs, learning_starts=2, buffer_size=10, device="cpu").learn(2)
     model.save(tmp_path / "p.zip")
     with refused("was trained under VecNormalize, whose counts are not beside it"):
-        make_agent(str(tmp_path / "p.zip"))
+        make_agent(tmp_path / "p.zip")
     envs.save(tmp_path / "p.pkl")
-    assert "what VecNormalize counted" in make_agent(str(tmp_path / "p.zip")).assumed
+    assert "what VecNormalize counted" in make_agent(tmp_path / "p.zip").assumed
 
 
 @pytest.mark.parametrize(("name", "told"), table("once_and_staged"))
 def test_a_checkpoint_of_features_acts_where_it_was_trained(name, told, tmp_path):
-    library = pytest.importorskip("stable_baselines3")
     env = gym.make(f"DexGrasp/{name}", objects="lego")
-    trained = library.SAC("MlpPolicy", env, device="cpu", buffer_size=10)
+    trained = sb3.SAC("MlpPolicy", env, device="cpu", buffer_size=10)
     trained.save(tmp_path / "sac.zip")
-    agent = make_agent(str(tmp_path / "sac.zip"))
+    agent = make_agent(tmp_path / "sac.zip")
     assert agent.env_settings == {"obs_mode": "features"} | told
     observation, _ = gym.make("DexGrasp/Lift-v2", objects="lego", **agent.env_settings).reset(seed=0)
     agent.reset(observation, {})

@@ -19,7 +19,7 @@ def goes_on_to_the_same_bits(make, folder):
 
 def begun(folder, seed):
     """Return the agent of a training that has seen a scene, and what it saw."""
-    agent = make_agent(str(folder))
+    agent = make_agent(folder)
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", **agent.env_settings)
     observation, info = env.reset(seed=seed)
     agent.reset(observation, info)
