@@ -16,6 +16,7 @@ from dexgrasp.grasp.file import record_of
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.margin import cone_margin
 from dexgrasp_env.perception.cloud import remove_outliers
+from dexgrasp_env.perception.kernels import pairs_within
 from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.poses import quat_conjugate, quat_multiply, quat_to_matrix, rotate
@@ -66,7 +67,9 @@ def test_neighbours_and_clusters_are_those_of_all_distances(points, radius):
     near = np.linalg.norm(points[:, None] - points, axis=-1)
     assume(np.abs(near - radius).min() > 1e-12)  # on the radius itself rounding decides
     kept = remove_outliers(cloud_of(points), radius, 3).pixel
-    assert_array_equal(kept, np.flatnonzero((near <= radius).sum(axis=1) > 3))
+    counts = (near <= radius).sum(axis=1)
+    assert_array_equal(np.bincount(pairs_within(points, points, radius)[0]), counts)
+    assert_array_equal(kept, np.flatnonzero(counts > 3))
     labels = connected_components(near <= radius, directed=False)[1]
     assert_array_equal(linked(points, radius), labels)
 

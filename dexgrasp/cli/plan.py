@@ -130,7 +130,7 @@ class Plan(Command, Request, Scan, Scene):
         known = {"friction": self.friction, "mass": self.mass, "count": self.count}
         return self.grasp_request(marked, min_probability=self.at_least, **known)
 
-    def _plan(self, progress: "Progress") -> "tuple[PlanResult, Fields]":
+    def _plan(self, progress: "Progress | None") -> "tuple[PlanResult, Fields]":
         """Plan for the named object; return what came of it, and the same as JSON."""
         if self.floating:
             from dexgrasp.planning.floating import plan_floating
@@ -150,7 +150,7 @@ class Plan(Command, Request, Scan, Scene):
             subject = look.subject
         return found, found.as_json(subject.identity, self.agent, subject.pose)
 
-    def _plan_scan(self, scan: "Cloud", progress: "Progress") -> "tuple[PlanResult, Fields]":
+    def _plan_scan(self, scan: "Cloud", progress: "Progress | None") -> "tuple[PlanResult, Fields]":
         """Plan on a cloud; return what came of it, and the same as JSON."""
         _import_mujoco()
         from dexgrasp.planning.plan_scene import default_planner, plan_scene

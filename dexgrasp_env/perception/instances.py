@@ -6,6 +6,7 @@ joins nothing (after locally convex connected patches, Stein et al. 2014).
 """
 
 import heapq
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -231,14 +232,17 @@ def _with_crumbs(points: Array, labels: Index) -> Index:
 def _with_shared(points: Array, labels: Index) -> Index:
     """Return labels (M,) in which things whose hulls share space are one: the inside of a cup is seen apart from it."""
     numbers = [k for k in np.unique(labels) if (labels == k).sum() >= 10]
-    hulls = {k: _hull(points[labels == k]) for k in sorted(numbers, key=lambda k: -(labels == k).sum())}
+    hulls = {
+        k: corners_and_volume(points[labels == k])
+        for k in sorted(numbers, key=lambda k: -(labels == k).sum())
+    }
     small = [k for k, (corners, _) in hulls.items() if longest_side(corners) <= 0.15]
     for j, other in enumerate(small):
         for k in small[:j]:
             (mine, volume), (its, least) = hulls[k], hulls[other]
             if (mine.max(0) < its.min(0)).any() or (its.max(0) < mine.min(0)).any():
                 continue
-            both = _hull(np.concatenate([mine, its]))
+            both = corners_and_volume(np.concatenate([mine, its]))
             if volume + least - both[1] > 0.25 * min(volume, least):
                 labels[labels == other], hulls[k] = k, both
                 break
@@ -273,12 +277,16 @@ def _is_sheet(points: Array) -> bool:
     return bool(high - low < 0.015 and abs(across[2]) < 0.5)  # m thick; of its normal that is up
 
 
-def _hull(points: Array) -> tuple[Array, float]:
-    """Return the corners of the hull of points (N, 3) m and its volume, m3; 0 for what is flat."""
+def hull_of(points: Array) -> Any:
+    """Return the convex hull (scipy's) of points (N, n), or None where they span none."""
     from scipy.spatial import ConvexHull, QhullError
 
-    try:
-        hull = ConvexHull(points)
-    except QhullError:
-        return points, 0.0
-    return points[hull.vertices], float(hull.volume)
+    with suppress(QhullError, ValueError):
+        return ConvexHull(points)
+    return None
+
+
+def corners_and_volume(points: Array) -> tuple[Array, float]:
+    """Return the corners of the hull of points (N, 3) m and its volume, m3; all, and 0, for what is flat."""
+    hull = hull_of(points)
+    return (points, 0.0) if hull is None else (points[hull.vertices], float(hull.volume))

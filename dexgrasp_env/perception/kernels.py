@@ -1,6 +1,7 @@
 """Loops over points in numba; import inside functions only, so that perception imports without it."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
@@ -49,7 +50,9 @@ def first_of_each(numbers: Index) -> Index:
 
 
 @njit
-def pairs_within(queries: Array, points: Array, reach: float) -> tuple[Index, Index, Array]:
+def pairs_within(
+    queries: Array, points: Array, reach: float
+) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
     """Return the pairs of queries (Q, 3) m and points (M, 3) m that are at most `reach` m apart, by their points.
 
     Returns:

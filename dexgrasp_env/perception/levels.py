@@ -6,7 +6,6 @@ show, and only where what is held hangs together.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,12 +84,10 @@ class Level(NamedTuple):
 
     def placed(self, T: Array) -> "Level":
         """Return it in a frame in which its own has pose `T` (4, 4)."""
-        normal = T[:3, :3] @ self.plane.normal
-        plane = replace(self.plane, normal=normal, offset=float(self.plane.offset + normal @ T[:3, 3]))
         cells, floor = (
             cells_at(placed(T, np.c_[(old + 0.5) * CELL, self.top(old)])) for old in (self.cells, self.floor)
         )
-        return Level(plane, np.unique(cells, axis=0), np.unique(floor, axis=0))
+        return Level(self.plane.placed(T), np.unique(cells, axis=0), np.unique(floor, axis=0))
 
 
 def find_levels(points: Array, rng: Generator, off: float) -> list[Level]:

@@ -4,7 +4,6 @@ Holes, flying points and hidden sides tear a thing: its splinters lie along it, 
 and an inner side that meet in a rim.
 """
 
-from contextlib import suppress
 from itertools import combinations
 from typing import Any
 
@@ -18,6 +17,8 @@ from dexgrasp_env.perception.instances import (
     MAY_BE_TWO,
     MOST_EXTENT,
     Instances,
+    corners_and_volume,
+    hull_of,
     longest_side,
     objects_in,
     segment_instances,
@@ -93,7 +94,7 @@ def _occluded(cloud: Cloud, everything: Cloud, plane: Plane, labels: Index) -> s
 
 def foot_of(points: Array, mine: Mask, heights: Array) -> float:
     """Return the height, m over the table, of what carries a thing (N,) among points (N, 3) m; 0 for the table."""
-    low, outline = float(np.quantile(heights[mine], _LOW)), _hull(points[mine, :2])
+    low, outline = float(np.quantile(heights[mine], _LOW)), hull_of(points[mine, :2])
     under = ~mine & (np.abs(heights - low) < 0.012)  # m within which what carries it ends
     if low < _HIGH or outline is None or not under.any():
         return 0.0
@@ -104,20 +105,11 @@ def foot_of(points: Array, mine: Mask, heights: Array) -> float:
 def without_skirt(points: Array, heights: Array) -> Mask:
     """Return which of a thing's points (N, 3) m are not the table's, which bends up at the foot of things."""
     low = heights < 0.010  # m that the table bends up; where it is more of the thing, it is its own
-    outline = _hull(points[~low, :2])
+    outline = hull_of(points[~low, :2])
     if outline is None or not 0.0 < low.mean() < 0.15:
         return np.ones(len(points), bool)
     low[low] = _beyond(outline, points[low, :2]) > _TOUCH
     return ~low
-
-
-def _hull(points: Array) -> Any:
-    """Return the convex hull (scipy's) of points (N, n), or None where they span none."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    with suppress(QhullError, ValueError):
-        return ConvexHull(points)
-    return None
 
 
 def _beyond(hull: Any, points: Array) -> Array:
@@ -148,7 +140,7 @@ def _deep_shares(points: Array, labels: Index) -> dict[int, float]:
 def deep_share(points: Array) -> float:
     """Return the share of points (N, 3) m that lie deep, 1 cm, inside their convex hull."""
     points = points[thinned(points, _CELL)]
-    hull = _hull(points)
+    hull = hull_of(points)
     return 0.0 if hull is None else float((_beyond(hull, points) < -0.010).mean())
 
 
@@ -200,7 +192,7 @@ def is_hollow(points: Array, heights: Array) -> bool:
     top = np.quantile(heights, 1.0 - _LOW)
     rim = points[heights > top - max(0.012, 0.15 * top), :2]
     rim = rim[thinned(rim, _CELL)]
-    around, whole, width = _hull(rim), _hull(points[:, :2]), np.ptp(rim, axis=0).min()
+    around, whole, width = hull_of(rim), hull_of(points[:, :2]), np.ptp(rim, axis=0).min()
     if around is None or width < 0.04 or around.volume < 0.6 * whole.volume:
         return False
     wall = max(0.012, 0.12 * width)  # m from its outline within which a rim lies
@@ -260,7 +252,7 @@ def _lined(points: Array, labels: Index, mine: Mask, heights: Array) -> int | No
             return None
         other = labels == k
         feet = points[other] - heights[other, None] * [0.0, 0.0, 1.0]
-        hulls = (_hull(points[other]), _hull(np.concatenate([points[other], feet])))
+        hulls = (hull_of(points[other]), hull_of(np.concatenate([points[other], feet])))
         if any(hull is not None and _lies_in_walls(hull, points[mine]) for hull in hulls):
             return int(k)
     return None
@@ -295,7 +287,7 @@ def _with_parts(points: Array, labels: Index, heights: Array, everything: Array)
             stands = foot_of(points, labels == upper, heights) > 0.0
             if stands and _can_stand(points[labels == upper], points[labels == lower]):
                 continue
-            least, most, whole = (_volume(some) for some in (one, two, both))
+            least, most, whole = (corners_and_volume(some)[1] for some in (one, two, both))
             shared = least + most - whole > 0.15 * min(least, most)
             if whole < 1.05 * most and longest_side(two) > 0.20:  # m: of a bin, which holds it
                 continue
@@ -311,11 +303,5 @@ def _can_stand(points: Array, lower: Array) -> bool:
 
     some = points[thinned(points, _CELL)]
     foot = some[some[:, 2] < np.quantile(some[:, 2], _LOW) + 0.012]
-    held = _hull(foot[cKDTree(lower).query(foot)[0] < 0.015, :2])
+    held = hull_of(foot[cKDTree(lower).query(foot)[0] < 0.015, :2])
     return held is not None and bool(_beyond(held, some[:, :2].mean(0)[None])[0] < 0.010)
-
-
-def _volume(points: Array) -> float:
-    """Return the volume, m3, of the hull of points (N, 3) m; 0 for what is flat."""
-    hull = _hull(points)
-    return 0.0 if hull is None else float(hull.volume)

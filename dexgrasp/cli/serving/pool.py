@@ -67,7 +67,8 @@ class Worker:
         async with self._turn:
             try:
                 if self._process is None or self._process.returncode is not None:
-                    await self._restart()
+                    self._counters["restarts"] += 1
+                    await self.start()
                 kind, data = await asyncio.wait_for(
                     self._exchange(MESSAGE, connection, message), self._seconds
                 )
@@ -105,10 +106,6 @@ class Worker:
                     await asyncio.wait_for(self._process.wait(), 5.0)
                 except TimeoutError:
                     self._kill()
-
-    async def _restart(self) -> None:
-        self._counters["restarts"] += 1
-        await self.start()
 
     async def _exchange(self, kind: int, connection: int, data: bytes) -> tuple[int, bytes]:
         process = self._process

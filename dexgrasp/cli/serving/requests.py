@@ -148,7 +148,7 @@ def _planned(sent: _Sent) -> Fields:
     check_target(str(sent.target), sent.agent, sent)
     if sent.of_cloud:
         raise InputError(f"{sent.of_cloud[0]} is of plan_cloud")
-    return sent._plan(_silent)[1]
+    return sent._plan(None)[1]
 
 
 def _write_mesh(path: Path, sent: _Sent) -> None:
@@ -167,7 +167,7 @@ def _write_mesh(path: Path, sent: _Sent) -> None:
 
 def _plan_cloud(options: Fields, robot: str | None) -> Fields:
     sent = _on_cloud(options, robot)
-    return sent._plan_scan(sent.scan(), _silent)[1]
+    return sent._plan_scan(sent.scan(), None)[1]
 
 
 def _objects(options: Fields, robot: str | None) -> Fields:
@@ -193,10 +193,6 @@ def _verify(options: Fields, robot: str | None) -> Fields:
         raise InputError("verify takes `grasp`, the mapping of a grasp file, and nothing else")
     checks = verify(record_of(options["grasp"], "grasp", make_cell(robot)))
     return {"holds": all(check.holds for check in checks), "checks": checks}
-
-
-def _silent(_done: int, _of: int) -> None:
-    """Ignore progress."""
 
 
 REQUESTS: dict[str, Callable[[Fields, str | None], Fields]] = {
