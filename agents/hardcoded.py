@@ -12,7 +12,7 @@ from dexgrasp.agents.hand_postures import hand_postures
 from dexgrasp.geometry.completion import NO_VOLUME, NoTarget, target_of
 from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.geometry.surface_samples import triangle_samples
-from dexgrasp.grasp.grasp import ActionScript
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.to_pose import arm_at, plan_with_arm

@@ -24,7 +24,7 @@ from dexgrasp.export.replay import replay
 from dexgrasp.export.scene_folder import write_scene
 from dexgrasp.export.trajectory import ARM_TICK, Limits, Waypoints, make_trajectory, timed
 from dexgrasp.grasp.file import record_of
-from dexgrasp.grasp.grasp import limit_shares
+from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.scene.build import build_scene

@@ -7,7 +7,7 @@ import pytest
 from robots import CELL, HOME
 
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.grasp import ActionScript
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way
 

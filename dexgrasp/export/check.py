@@ -3,7 +3,7 @@
 import numpy as np
 
 from dexgrasp.export.read import Recording, Rows
-from dexgrasp.grasp.grasp import limit_shares
+from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp.grasp.verify.check import Check, at_least, at_most, flag
 from dexgrasp.grasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.grasp.grasp import limit_shares
 from dexgrasp.grasp.record import PLACING
+from dexgrasp.grasp.trajectory import limit_shares
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.geometry.target import GraspTarget, assumed_mass, hull_volume, volume_centre
-from dexgrasp.grasp.grasp import RAISED, ActionScript, Grasp, bend, stray
+from dexgrasp.grasp.grasp import RAISED, Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.probability import probability_of
 from dexgrasp.grasp.record import (
@@ -23,6 +23,7 @@ from dexgrasp.grasp.record import (
     conventions,
 )
 from dexgrasp.grasp.thresholds import thresholds_for
+from dexgrasp.grasp.trajectory import ActionScript, bend, stray
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env import __version__

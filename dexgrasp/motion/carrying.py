@@ -6,7 +6,8 @@ the object as it then is.
 
 import numpy as np
 
-from dexgrasp.grasp.grasp import ActionScript, Grasp
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.carried import Turn
 from dexgrasp.motion.motion import Motion, arm_and_hand

@@ -9,7 +9,7 @@ from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle, convex_distance
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.grasp import densify
+from dexgrasp.grasp.trajectory import densify
 from dexgrasp.mechanics.kinematics.clearance import (
     OBJECT,
     ROUNDING,

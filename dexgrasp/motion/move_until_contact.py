@@ -9,7 +9,8 @@ has.
 
 import numpy as np
 
-from dexgrasp.grasp.grasp import ActionScript, Grasp
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.forward import fingertips, follow, hand_contact_jacobian
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import Motion

@@ -4,7 +4,8 @@ import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.grasp import RAISED, ActionScript, GraspMotion, bend, jerkiness
+from dexgrasp.grasp.grasp import RAISED, GraspMotion
+from dexgrasp.grasp.trajectory import ActionScript, bend, jerkiness
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import TRIES, plan_approach

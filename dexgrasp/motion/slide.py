@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.grasp import ActionScript
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.palm_ik import hanging_palm, palm_frame, palm_postures
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree

@@ -6,7 +6,8 @@ import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.hull import standing_hull
-from dexgrasp.grasp.grasp import ActionScript, GraspMotion
+from dexgrasp.grasp.grasp import GraspMotion
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, solve_palm
 from dexgrasp.mechanics.kinematics.robot_check import closed_posture

@@ -10,7 +10,8 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.grasp.grasp import ActionScript, Grasp
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.strength import capacity_of

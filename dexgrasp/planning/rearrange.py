@@ -7,7 +7,8 @@ import numpy as np
 
 from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.grasp import RAISED, ActionScript
+from dexgrasp.grasp.grasp import RAISED
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.motion.collision import carried_into, raised_into
 from dexgrasp.planning.certificate_builder import overlap
 from dexgrasp.planning.plan_scene import plan_scene

@@ -9,7 +9,7 @@ import numpy as np
 from dexgrasp.geometry.request import Goal
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.grasp.grasp import ActionScript
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, reach_palm
 from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp.motion.carried import carried, let_go

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from dexgrasp.geometry.mesh_distance import Closest, closest_on_mesh
-from dexgrasp.grasp.grasp import densify
+from dexgrasp.grasp.trajectory import densify
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import placed

@@ -12,7 +12,8 @@ import numpy as np
 from dexgrasp.agent import Observation
 from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp.grasp.grasp import ActionScript, Grasp, GraspMotion
+from dexgrasp.grasp.grasp import Grasp, GraspMotion
+from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.learning.imitation.cloud_features import NUMBERS, ObjectCloud, grip_features, observed_cloud
 from dexgrasp.learning.imitation.demonstrated_grasp import (
     DemonstratedGrasp,

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from dexgrasp.grasp.grasp import bend, densify, jerkiness, limit_shares, stray
 from dexgrasp.grasp.record import Phase
+from dexgrasp.grasp.trajectory import bend, densify, jerkiness, limit_shares, stray
 from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import ROUNDING, Check, at_least, at_most, flag, same
 from dexgrasp_env.arrays import Array

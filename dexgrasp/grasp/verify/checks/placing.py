@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from dexgrasp.grasp.grasp import bend, densify
 from dexgrasp.grasp.record import Phase
+from dexgrasp.grasp.trajectory import bend, densify
 from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import ROUNDING, Check, at_least, at_most, flag, same
 from dexgrasp.grasp.verify.checks.motion import carried_checks, phase_checks
