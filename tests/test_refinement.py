@@ -122,6 +122,15 @@ def test_a_handle_is_of_what_it_hangs_on_and_a_small_thing_of_what_it_touches_wh
     assert len(things(stacked, pointed=False)[0]) == 2
 
 
+def test_what_would_topple_is_of_what_carries_it_and_a_top_that_runs_on_is_no_seam():
+    drill = cloud_of(views(BOXES["battery"], BOXES["barrel"]).points)
+    found, doubts = things(drill, pointed=False)
+    assert len(found) == 1
+    assert refinement.MAY_BE_TWO in doubts[0]
+    assert len(things(drill)[0]) == 2
+    assert things(cloud_of(views(BOXES["long"], BOXES["across"]).points))[1] == [""]
+
+
 def test_boards_and_bins_are_not_meant_where_something_smaller_stands():
     scene = find_object(
         cloud_of(views(BOXES["small"], BOXES["board"]).points), np.random.default_rng(0), CELL

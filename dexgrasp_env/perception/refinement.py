@@ -51,12 +51,13 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
         cloud.points, _with_rims(cloud.points, found.labels, heights), heights, everything.points
     )
     _, labels = np.unique(labels, return_inverse=True)
-    whole, deep, joined = labels, _deep_shares(cloud.points, labels), set[int]()
-    for k, share in deep.items():
-        mine = labels == k
-        if may_be_two(share, cloud.points[mine], heights[mine]):
-            labels = _by_level(cloud.points, labels, mine, heights)
+    whole, deep = labels, _deep_shares(cloud.points, labels)
+    odd = {k: may_be_two(deep[k], cloud.points[labels == k], heights[labels == k]) for k in deep}
+    for k in filter(odd.get, odd):
+        labels = _by_level(cloud.points, labels, labels == k, heights)
+    hung, joined = set[int](), set[int]()
     if not pointed:
+        labels, hung = _with_hanging(cloud.points, labels, everything.points)
         labels, joined = _with_parts(cloud.points, labels, heights, everything.points)
     if labels is not whole:
         deep = _deep_shares(cloud.points, labels)
@@ -67,7 +68,8 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     for k, (points, high) in things.items():
         others = [other for j, (other, _) in things.items() if j != k]
         said = {
-            MAY_BE_TWO: k in joined or may_be_two(deep[k], points, high, 0.03),
+            MAY_BE_TWO: k in hung
+            or ((k in joined or may_be_two(deep[k], points, high, 0.03)) and not _is_sure(points, high)),
             TOUCHES: any(_touch(points, other) for other in others),
             HIDDEN: k in hidden,
             # Half of its sides was not seen.
@@ -164,7 +166,9 @@ def _by_level(points: Array, labels: Index, mine: Mask, heights: Array) -> Index
         if min(upper.sum(), lower.sum()) < LEAST_POINTS or np.ptp(heights[upper]) < LEAST_EXTENT:
             continue
         deep = max(deep_share(points[upper]), deep_share(points[lower]))
-        if deep < least and longest_side(points[upper]) > 0.035:  # m: knobs are smaller
+        if (
+            deep < least and longest_side(points[upper]) > 0.035 and not _is_slim(points[upper])
+        ):  # m: of no knob
             best, least = np.where(upper, labels.max() + 1, labels), deep
     return best
 
@@ -229,19 +233,27 @@ def _with_splinters(points: Array, labels: Index, heights: Array, everything: Ar
         hangs = heights[mine].min() > _HIGH and (
             (size < 0.10 and far < 0.025)
             or (size < 0.04 and far < 0.05)
-            or (far < 0.05 and _air_below(points[mine], everything))
+            or (far < 0.05 and _hangs(points[mine], everything))
         )
         if along or hangs:
             labels[mine] = np.bincount(labels[larger][nearest]).argmax()
     return labels
 
 
-def _air_below(points: Array, everything: Array) -> bool:
-    """Return true for points (N, 3) m below which others (M, 3) m are seen: what stands hides what is under it."""
-    low, side = points[:, 2].min(), 2.0 * _CELL
-    below = everything[everything[:, 2] < low - 0.010]
-    own, others = (np.unique(cells_at(some, side) @ [1, 1 << 20]) for some in (points, below))
-    return bool(low > _HIGH and np.isin(own, others).mean() > 0.3)
+def _hangs(points: Array, everything: Array) -> bool:
+    """Return true for points (N, 3) m off the table under which others (M, 3) m are seen: what stands hides those."""
+    own, mine = np.unique(_columns(points), return_inverse=True)
+    lows, floor = np.full(len(own), np.inf), np.full(len(own), np.inf)
+    np.minimum.at(lows, mine, points[:, 2])
+    at = _columns(everything)
+    below = np.isin(at, own)
+    np.minimum.at(floor, np.searchsorted(own, at[below]), everything[below, 2])
+    return bool(lows.min() > _HIGH and (floor < lows - 0.010).mean() > 0.3)
+
+
+def _columns(points: Array) -> Index:
+    """Return the number of the upright column that each of points (N, 3) m is in (N,)."""
+    return np.asarray(cells_at(points, 2.0 * _CELL) @ [1, 1 << 20])
 
 
 def _lined(points: Array, labels: Index, mine: Mask, heights: Array) -> int | None:
@@ -266,42 +278,122 @@ def _lies_in_walls(hull: Any, points: Array) -> bool:
 
 
 def _with_parts(points: Array, labels: Index, heights: Array, everything: Array) -> tuple[Index, set[int]]:
-    """Return labels (N,) in which what may be a part of what it touches is of it, and the things that have such parts.
+    """Return labels (N,) in which what may be a part of what it touches is of it, and the things that may be two.
 
     A part is small beside the other, in the air, or shares space with it, and does not stand on it.
     """
-    from scipy.spatial import cKDTree
-
     joined = set[int]()
     for k in reversed(objects_in(points, labels)):
         for j in (j for j in objects_in(points, labels) if j != k):
             one, two = points[labels == k], points[labels == j]
             both = np.concatenate([one, two])
-            if longest_side(both) > MOST_EXTENT:
-                continue
-            tree = cKDTree(two)
-            near = 1.7 * _spacing(tree)  # as close as points of one thing lie
-            if tree.query(one)[0].min() > max(0.006, near):
+            if longest_side(both) > MOST_EXTENT or not _is_near(one, two):
                 continue
             upper, lower = (k, j) if one[:, 2].min() > two[:, 2].min() else (j, k)
             stands = foot_of(points, labels == upper, heights) > 0.0
-            if stands and _can_stand(points[labels == upper], points[labels == lower]):
+            held = stands and _can_stand(points[labels == upper], points[labels == lower])
+            if held:
                 continue
             least, most, whole = (corners_and_volume(some)[1] for some in (one, two, both))
             shared = least + most - whole > 0.15 * min(least, most)
             if whole < 1.05 * most and longest_side(two) > 0.20:  # m: of a bin, which holds it
                 continue
-            if shared or least < 0.35 * most or any(_air_below(some, everything) for some in (one, two)):
+            hangs = any(_hangs(some, everything) for some in (one, two))
+            if stands or shared or hangs or least < 0.35 * most:
                 labels, joined = np.where(labels == k, j, labels), joined - {k} | {j}
                 break
     return labels, joined
 
 
+def _with_hanging(points: Array, labels: Index, everything: Array) -> tuple[Index, set[int]]:
+    """Return labels (N,) in which what hangs in the air is of the nearest thing, and the things that may be two.
+
+    What may stand on that, its middle being over it, is another: where it touches may be hidden.
+    """
+    from scipy.spatial import cKDTree
+
+    joined = set[int]()
+    for k in reversed(objects_in(points, labels)):
+        one = points[labels == k]
+        if not _hangs(one, everything):
+            continue
+        gaps = dict[int, float]()
+        for j in (j for j in objects_in(points, labels) if j != k):
+            two = points[labels == j]
+            beside = cKDTree(two[:, :2]).query(one[:, :2])[0].min() < 0.02  # m
+            if beside and longest_side(np.concatenate([one, two])) <= MOST_EXTENT:
+                gaps[j] = cKDTree(two).query(one)[0].min()
+        if not gaps or any(_is_near(one, points[labels == j]) for j in gaps):
+            continue
+        j = min(gaps, key=gaps.__getitem__)
+        outline = hull_of(points[labels == j, :2])
+        if outline is not None and _beyond(outline, one[:, :2].mean(0)[None])[0] > 0.03:  # m
+            labels, joined = np.where(labels == k, j, labels), joined - {k} | {j}
+    return labels, joined
+
+
+def _is_near(one: Array, two: Array) -> bool:
+    """Return true for points (N, 3) m as near to others (M, 3) m as those of one thing lie."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(two)
+    return bool(tree.query(one)[0].min() <= max(0.006, 1.7 * _spacing(tree)))
+
+
 def _can_stand(points: Array, lower: Array) -> bool:
-    """Return true for points (N, 3) m whose middle is over those at their foot that touch a lower thing (M, 3)."""
+    """Return true for points (N, 3) m that may stand by themselves on a lower thing (M, 3) m.
+
+    They are no slimmer than things stand, begin at its top, and have their middle over what touches it.
+    """
     from scipy.spatial import cKDTree
 
     some = points[thinned(points, _CELL)]
-    foot = some[some[:, 2] < np.quantile(some[:, 2], _LOW) + 0.012]
+    low = np.quantile(some[:, 2], _LOW)
+    if _is_slim(some) or low < 0.8 * np.quantile(lower[:, 2], 1.0 - _LOW):
+        return False
+    foot = some[some[:, 2] < low + 0.012]
     held = hull_of(foot[cKDTree(lower).query(foot)[0] < 0.015, :2])
     return held is not None and bool(_beyond(held, some[:, :2].mean(0)[None])[0] < 0.010)
+
+
+def _is_slim(points: Array) -> bool:
+    """Return true for points (N, 3) m more than six times as high as wide, which do not stand by themselves."""
+    flat = points[:, :2] - points[:, :2].mean(0)
+    across = np.linalg.eigh(flat.T @ flat)[1][:, 0]
+    return bool(np.ptp(points[:, 2]) > 6.0 * np.ptp(flat @ across))
+
+
+def _is_sure(points: Array, heights: Array) -> bool:
+    """Return true for points (N, 3) m, as high over the table, that are one thing, though neither convex nor hollow.
+
+    They are cut in two where the hulls of both hold least. Things side by side differ in height there, where the top of
+    one thing runs on; what is over a level cut may stand there, unless it is slim.
+    """
+    some = np.c_[points[:, :2], heights]
+    few, angles = some[thinned(some, 0.006)], np.arange(12) * np.pi / 12.0
+    beside = min((_cut(few, np.array([np.cos(a), np.sin(a), 0.0])) for a in angles), key=lambda cut: cut[0])
+    over = _cut(few, np.array([0.0, 0.0, 1.0]))
+    saved = [corners_and_volume(few)[1] - volume for volume, _, _ in (beside, over)]
+    if saved[1] > 0.6 * saved[0]:
+        return _is_slim(some[some[:, 2] >= over[1]])
+    _, place, across = beside
+    off, row = some @ across - place, np.floor(some @ np.cross([0.0, 0.0, 1.0], across) / 0.005).astype(int)
+    near = np.abs(off) < 0.008  # m
+    steps = [
+        abs(np.quantile(heights[own & (off < 0.0)], 0.9) - np.quantile(heights[own & (off >= 0.0)], 0.9))
+        for own in (near & (row == k) for k in np.unique(row[near]))
+        if (off[own] < 0.0).any() and (off[own] >= 0.0).any()
+    ]
+    return bool(steps and np.median(steps) < min(0.0025, 0.2 * heights.max()))
+
+
+def _cut(points: Array, across: Array) -> tuple[float, float, Array]:
+    """Return the least volume, m3, of the hulls of two parts of points (N, 3) m, where the cut is, and its normal."""
+    along = points @ across
+    places = np.linspace(along.min(), along.max(), 14)[1:-1]
+    volumes = [
+        sum(corners_and_volume(part)[1] for part in (points[along < place], points[along >= place]))
+        for place in places
+    ]
+    best = int(np.argmin(volumes))
+    return volumes[best], float(places[best]), across
