@@ -103,7 +103,6 @@ def _hand(inside: str, after: str = "") -> str:
         (_hand('<joint name="s" type="ball"/>' + _THREE), "neither turn nor slide"),
         (_hand(_THREE.replace(_LINK, '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>')), "collides"),
         (_hand(_FINGER.format(n="a", y=0)), "0 fingers"),
-        (_hand(_THREE.replace('name="f1"', "")), "no name"),
     ],
 )
 def test_a_broken_mjcf_is_said_in_one_line(text, words, tmp_path, capsys):

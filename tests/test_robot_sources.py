@@ -12,8 +12,10 @@ from planned import lying
 from refusals import refused
 from tables import table
 
+from dexgrasp.mechanics.kinematics.clearance import SELF
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.planning import certificate_builder
 from dexgrasp.planning.postures import atlas_postures
 from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
@@ -112,10 +114,9 @@ def test_a_fixed_tendon_without_slack_couples_its_two_joints(tmp_path):
         '<joint joint="fore_flex" coef="-0.007"/></fixed></tendon>'
         '<equality><joint joint1="mid_curl" joint2="mid_flex" active="false"/></equality></mujoco>'
     )
-    _, hand = hand_of(tmp_path, mjcf(tmp_path, lambda text: text.replace("</mujoco>", tendon)))
-    (own,) = hand["couplings"]  # and none of the equality, which is switched off
-    assert (own["joint"], own["follows"]) == ("fore_curl", "fore_flex")
-    assert own["ratio"] == pytest.approx(7 / 8)
+    path = mjcf(tmp_path, lambda text: text.replace("</mujoco>", tendon))
+    (own,) = HandMaker(path).couplings  # and none of the equality, which is switched off
+    assert (own.joint, own.follows, own.ratio) == ("fore_curl", "fore_flex", pytest.approx(7 / 8))
 
 
 def test_a_chain_of_mimics_is_led_by_its_first_joint(tmp_path):
@@ -145,8 +146,8 @@ def meshed(tmp_path):
     "name",
     [
         "package://claw_description/meshes/rod.stl", "../meshes/rod.stl", "meshes/rod.stl",
-        "package://other_name/meshes/rod.stl", "package://meshes/rod.stl", "model://claw_description/meshes/rod.stl",
-        "file:///home/somebody/ws/claw_description/meshes/rod.stl", "C:\\ws\\claw_description\\meshes\\rod.stl",
+        "package://other_name/meshes/rod.stl", "model://claw_description/meshes/rod.stl",
+        "C:\\ws\\claw_description\\meshes\\rod.stl",
         "package://claw_description/Meshes/ROD.STL",
     ],
 )  # fmt: skip
@@ -185,8 +186,7 @@ def test_meshes_of_other_kinds_are_converted_and_noted(kind, meshed, tmp_path):
 @pytest.mark.parametrize("links", [r"\w+", r"\w+_far"])
 def test_what_is_seen_collides_where_nothing_of_a_description_or_its_last_links_does(links, tmp_path):
     text = re.sub(rf'(<link name="{links}">.*?<)collision(.*?</)collision', r"\1visual\2visual", urdf())
-    notes, _ = hand_of(tmp_path, written(tmp_path, text))
-    assert any("visual shapes" in note for note in notes)
+    assert any("visual shapes" in note for note in HandMaker(written(tmp_path, text)).notes)
 
 
 @pytest.mark.parametrize(("ixx", "said"), [("1", "no body's"), ("-1e-5", "that of its shapes is taken")])
@@ -259,6 +259,15 @@ def test_left_and_right_hands_grasp_mirrored_objects_in_mirrored_ways(tmp_path):
         assert_allclose(sign * ours, theirs, atol=1e-6)
 
 
+def test_first_links_of_fingers_may_be_nearer_when_a_hand_opens(monkeypatch):
+    problem = GraspProblem(lying((0.05, 0.08, 0.12)), make_cell(), PlannerSettings())
+    bodies, fingers = problem.cell.robot.bodies, problem.cell.robot.grasping[1:]
+    labels = np.array([[SELF, *(bodies.index(finger.bodies[k]) for finger in fingers)] for k in (0, 2)])
+    near = {False: (np.full(2, 0.002), labels), True: ([], labels[:0])}  # at home nothing is
+    monkeypatch.setattr(certificate_builder, "clearances", lambda *args: near[args[-1]])
+    assert_allclose(certificate_builder.too_near(problem.cell.robot.home, problem, 0.004), labels[1:])
+
+
 def two_hands():
     """Return two claws on one stand, as URDF text."""
     stand = LINK.format(
@@ -291,11 +300,11 @@ def test_a_palm_that_is_the_world_becomes_a_body(tmp_path):
         text = re.sub(r'<body name="plate">\s*<inertial[^>]*>', "", text, count=1)
         return text[::-1].replace(">ydob/<", "", 1)[::-1]
 
-    notes, hand = hand_of(tmp_path, mjcf(tmp_path, edit))
-    assert hand["palm"] == "base"
-    assert any("'base'" in note for note in notes)
+    maker = HandMaker(mjcf(tmp_path, edit))
+    assert maker.entry()["palm"] == "base"
+    assert any("'base'" in note for note in maker.notes)
     named = lambda text: edit(text).replace('"fore_base"', '"base"')  # noqa: E731
-    assert hand_of(tmp_path, mjcf(tmp_path, named))[1]["palm"] == "base_base"
+    assert HandMaker(mjcf(tmp_path, named)).entry()["palm"] == "base_base"
 
 
 def test_a_floating_base_of_a_urdf_is_fixed(tmp_path):

@@ -171,9 +171,8 @@ def _line(model: mujoco.MjModel, e: int) -> tuple[float, float, float]:
     if max(map(abs, curved)) <= 1e-6:
         ratio = ratio if abs(ratio) > 1e-9 else 0.0
         return offset + float(model.qpos0[follower] - ratio * at), ratio, 0.0
-    u = np.linspace(
-        *(model.jnt_range[leader] if model.jnt_limited[leader] else (at - np.pi, at + np.pi)), 100
-    )
+    ends = model.jnt_range[leader].tolist() if model.jnt_limited[leader] else [at - np.pi, at + np.pi]
+    u = np.linspace(ends[0], ends[1], 100)
     q = np.polynomial.Polynomial(model.eq_data[e, :5])(u - at) + model.qpos0[follower]
     low, high = model.jnt_range[follower] if model.jnt_limited[follower] else (-np.inf, np.inf)
     inside = (q >= low - 1e-6) & (q <= high + 1e-6)

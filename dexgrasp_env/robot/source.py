@@ -5,7 +5,6 @@ changes is read by MuJoCo from its file.
 """
 
 import re
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from math import inf, prod
@@ -20,10 +19,10 @@ import numpy as np
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.robot.description_text import find_file
+from dexgrasp_env.robot.urdf import as_urdf
 
 BASE = "base"
 """Name of the body that everything hangs on where a description has its first links in the world itself."""
-_MOVING = ("revolute", "continuous", "prismatic")
 _MOST, _DEEPEST = 100_000, 150  # elements of a description, and how deep they nest
 
 
@@ -45,7 +44,7 @@ def read_source(path: Path) -> Source:
     root = _tree(path)
     _check_size(root, path)
     if root.tag == "robot":
-        notes = _as_urdf(root, path)
+        notes = as_urdf(root, path)
     else:
         notes = [note for step in _BEFORE for note in step(root)]
     changed = bool(notes) or root.tag == "robot"
@@ -129,83 +128,6 @@ def _copies(element: Element) -> int:
     asks = ("nrow", "ncol", "width", "height", "nuser_")  # for memory
     cells = [text for key, text in element.items() if key.startswith(asks) and text.isdigit()]
     return max(1, prod(map(int, sides))) * max(1, prod(map(int, cells)) // 1000)
-
-
-def _as_urdf(root: Element, path: Path) -> list[str]:
-    """Find the meshes of a URDF, drop what MuJoCo cannot show, and set its compiler."""
-    notes = []
-    for old in root.findall("mujoco"):
-        root.remove(old)
-    settings = {"fusestatic": "false", "strippath": "false", "discardvisual": "true", "meshdir": ""}
-    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", settings)
-    for joint in root.findall("joint[@type='floating']"):
-        joint.set("type", "fixed")
-        notes.append(f"joint {joint.get('name', '')!r} floats: it is fixed")
-    notes += [*_check_joints(root, path), *_show_ends(root)]
-    for link in root.iter("link"):
-        for shape in [*link.findall("visual"), *link.findall("collision")]:
-            mesh = shape.find("geometry/mesh")
-            if mesh is None:
-                continue
-            found = find_file(str(mesh.get("filename")), path)
-            if shape.tag == "visual" and (
-                found is None or found.suffix.lower() not in (".obj", ".stl", ".msh")
-            ):
-                link.remove(shape)
-            elif found is None:
-                raise InputError(
-                    f"{path}: mesh {mesh.get('filename')!r} of link {link.get('name')!r} is not found"
-                )
-            else:
-                mesh.set("filename", str(found))
-    return notes
-
-
-def _check_joints(root: Element, path: Path) -> list[str]:
-    """Refuse names of joints or links that are there twice; take out mimics of or by what does not move."""
-    for kind in ("joint", "link"):
-        (name, count), *_ = Counter(own.get("name") for own in root.findall(kind)).most_common(1) or [("", 0)]
-        if count > 1:
-            raise InputError(f"{path} has {count} {kind}s of the name {name!r}: give each one its own")
-    joints = root.findall("joint")
-    moving, notes = {joint.get("name") for joint in joints if joint.get("type") in _MOVING}, []
-    for joint in joints:
-        mimic, name = joint.find("mimic"), joint.get("name")
-        if mimic is not None and not {name, mimic.get("joint")} <= moving:
-            joint.remove(mimic)
-            notes.append(
-                f"joint {name!r} mimics {mimic.get('joint')!r}: one of them does not move, it is left out"
-            )
-    return notes
-
-
-def _show_ends(root: Element) -> list[str]:
-    """Make visual shapes of last links collide where they have no others; of all links where none has."""
-    fixed, bearing = dict[str, str](), set[str]()
-    for joint in root.findall("joint"):
-        parent, child = (
-            str(own.get("link")) for tag in ("parent", "child") for own in joint.findall(tag)[:1]
-        )
-        if joint.get("type") == "fixed":
-            fixed[child] = parent
-        else:
-            bearing.add(parent)
-
-    def whole(link: str) -> str:
-        """Return the link that one is fixed to in the end."""
-        for _ in fixed:
-            link = fixed.get(link, link)
-        return link
-
-    links = {str(link.get("name")): link for link in root.findall("link")}
-    solid = {whole(name) for name, link in links.items() if link.find("collision") is not None}
-    kept = solid | set(map(whole, bearing)) if solid else set()
-    found = [
-        name for name, link in links.items() if link.find("visual") is not None and whole(name) not in kept
-    ]
-    for visual in (own for name in found for own in links[name].findall("visual")):
-        visual.tag = "collision"
-    return [f"nothing of {', '.join(found)} collides: the visual shapes are taken"] if found else []
 
 
 def _drop_floors(root: Element) -> list[str]:
