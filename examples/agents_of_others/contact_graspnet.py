@@ -58,7 +58,7 @@ class ContactGraspNet(TwoPadAgent):
             R, origin = poses[k, :3, :3].astype(float), poses[k, :3, 3] + centre
             x, y, z = ((points - origin) @ R).T
             between = x[(abs(x) < 0.05) & (abs(y) < 0.01) & (abs(z - DEPTH) < 0.012)]  # m
-            if len(between) == 0 or (width := float(np.ptp(between))) > pinch.widest + 0.006:  # 1 mm a pad is left
+            if len(between) == 0 or (width := float(np.ptp(between))) > pinch.widest:
                 continue
             middle = origin + R @ [0.5 * (between.min() + between.max()), 0.0, DEPTH]
             for along in (R[:, 0], -R[:, 0]):
@@ -66,9 +66,9 @@ class ContactGraspNet(TwoPadAgent):
 
 
 def table_around(points: np.ndarray, plane: np.ndarray) -> np.ndarray:
-    """Return points (M, 3) m of the table beside an object, 7 mm apart, as far as 25 cm from its middle."""
-    steps = np.arange(-0.25, 0.25, 0.007)
+    """Return points (M, 3) m of the table beside an object, 7 mm apart, as far as 15 cm from its middle."""
+    steps = np.arange(-0.15, 0.15, 0.007)
     x, y = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2).T + points[:, :2].mean(0)[:, None]
     table = np.stack([x, y, (plane[3] - plane[0] * x - plane[1] * y) / plane[2]], axis=1)
-    beside = np.linalg.norm(table[:, None, :2] - points[None, ::4, :2], axis=-1).min(1) > 0.015  # m
+    beside = np.linalg.norm(table[:, None, :2] - points[None, ::2, :2], axis=-1).min(1) > 0.005  # m
     return table[beside]
