@@ -15,10 +15,11 @@ import numpy as np
 
 from dexgrasp.grasp.probability_features import features_of
 from dexgrasp.grasp.record import Chance, GraspRecord, HoldsProbability
-from dexgrasp.grasp.thresholds import FROZEN, HOLD_SHARE
+from dexgrasp.grasp.thresholds import HOLD_SHARE
 from dexgrasp_env.arrays import Array, Fields, Index
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.files import content_hash, read_file
+from dexgrasp_env.scene.constants import FRICTION
 
 OUTCOMES = ("lifted", "pushed")
 """What is foretold: lifted and held for 3 s (`lift`); and through pushes by the weight from six sides (`pushed@1`)."""
@@ -94,9 +95,8 @@ def probability_of(record: GraspRecord, guessed: float = 0.0) -> HoldsProbabilit
     model = shipped_model()
     friction, mass = round(record.thresholds.friction_hold / HOLD_SHARE, 9), record.certificate.mass
     of_others = record.robot.hash != model.robot or record.neighbours
-    slippery = record.thresholds.friction_hold < FROZEN.friction_hold
     asked = record.request is not None and record.request.constrains
-    if of_others or slippery or asked or not mass > 0.0:
+    if of_others or friction < FRICTION or asked or not mass > 0.0:
         return None
     chances = model.chances(features_of(record, friction, mass, guessed))
     return HoldsProbability(model.hash, friction, mass, guessed, **chances)

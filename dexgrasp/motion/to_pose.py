@@ -77,8 +77,8 @@ class Pinch:
 
     @property
     def widest(self) -> float:
-        """m, the widest object that fits between the pads."""
-        return float(self._gaps.max()) - 0.008
+        """m, the widest object that fits between the pads, with 1 mm on either side."""
+        return float(self._gaps.max()) - 0.002
 
     def hands(self, width: float) -> list[Array]:
         """Return hands (h,) rad: open, with pads beside an object of a width m, and closed."""
