@@ -241,19 +241,11 @@ def _with_splinters(points: Array, labels: Index, heights: Array, everything: Ar
 
 
 def _hangs(points: Array, everything: Array) -> bool:
-    """Return true for points (N, 3) m off the table under which others (M, 3) m are seen: what stands hides those."""
-    own, mine = np.unique(_columns(points), return_inverse=True)
-    lows, floor = np.full(len(own), np.inf), np.full(len(own), np.inf)
-    np.minimum.at(lows, mine, points[:, 2])
-    at = _columns(everything)
-    below = np.isin(at, own)
-    np.minimum.at(floor, np.searchsorted(own, at[below]), everything[below, 2])
-    return bool(lows.min() > _HIGH and (floor < lows - 0.010).mean() > 0.3)
-
-
-def _columns(points: Array) -> Index:
-    """Return the number of the upright column that each of points (N, 3) m is in (N,)."""
-    return np.asarray(cells_at(points, 2.0 * _CELL) @ [1, 1 << 20])
+    """Return true for points (N, 3) m below which others (M, 3) m are seen: what stands hides what is under it."""
+    low, side = points[:, 2].min(), 2.0 * _CELL
+    below = everything[everything[:, 2] < low - 0.010]
+    own, others = (np.unique(cells_at(some, side) @ [1, 1 << 20]) for some in (points, below))
+    return bool(low > _HIGH and np.isin(own, others).mean() > 0.3)
 
 
 def _lined(points: Array, labels: Index, mine: Mask, heights: Array) -> int | None:
@@ -321,7 +313,8 @@ def _with_hanging(points: Array, labels: Index, everything: Array) -> tuple[Inde
         for j in (j for j in objects_in(points, labels) if j != k):
             two = points[labels == j]
             beside = cKDTree(two[:, :2]).query(one[:, :2])[0].min() < 0.02  # m
-            if beside and longest_side(np.concatenate([one, two])) <= MOST_EXTENT:
+            over = one[:, 2].min() > 0.8 * two[:, 2].max()  # what is beside may be hidden in its lower part
+            if beside and over and longest_side(np.concatenate([one, two])) <= MOST_EXTENT:
                 gaps[j] = cKDTree(two).query(one)[0].min()
         if not gaps or any(_is_near(one, points[labels == j]) for j in gaps):
             continue
