@@ -6,6 +6,9 @@ import mujoco
 import numpy as np
 from robots import ARM_BODIES, CELL
 
+from dexgrasp_env.perception.pipeline import find_object
+from dexgrasp_env.perception.scan import cloud_of
+from dexgrasp_env.perception.selection import TargetSelector
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.model import robot_spec
 
@@ -13,6 +16,12 @@ AMID = np.array([0.52, 0.0, 0.0])
 CLOUDS = [folder / "shared" / "cases" / "clouds" for folder in Path(__file__).parents]
 GIVEN = next((folder for folder in CLOUDS if folder.is_dir()), CLOUDS[0])
 """Captures that nobody here made, beside the checkout; not everybody has them."""
+
+
+def find(points, seed=0, cell=CELL, **pointing):
+    """The object of a cloud (N, 3) m, pointed at or not."""
+    selector = TargetSelector(**{name: np.array(value) for name, value in pointing.items()})
+    return find_object(cloud_of(points), np.random.default_rng(seed), cell, selector=selector)
 
 
 def leaning(height, degrees=0.0, towards=0.0, about=AMID):

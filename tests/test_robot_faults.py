@@ -80,31 +80,7 @@ def test_a_broken_hand_arm_or_robot_is_said_in_one_line(changes, words, tmp_path
     assert said_in_a_line(words, capsys)
 
 
-_LINK = '<geom type="capsule" fromto="0 0 0 0 0 0.05" size="0.01"/>'
-_FINGER = '<body name="{n}" pos="0 {y} 0"><joint name="{n}" range="-1 1"/>' + _LINK + "</body>"
-_THREE = "".join(_FINGER.format(n=f"f{k}", y=0.03 * k) for k in range(3))
-
-
-def _hand(inside: str, after: str = "") -> str:
-    return f'<mujoco><worldbody><body name="p"><geom size="0.01"/>{inside}</body></worldbody>{after}</mujoco>'
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("<mujoco><worldbody>", "MuJoCo cannot read"),
-        ('<mujoco><asset><mesh name="m" file="gone.stl"/></asset></mujoco>', "MuJoCo cannot read"),
-        ("<mujoco/>", "no joints"),
-        ("\0" * 100, "MuJoCo cannot read"),
-        (
-            _hand(_THREE, '<equality><connect body1="f0" body2="f2" anchor="0 0 0.05"/></equality>'),
-            "closes loops of bodies that no actuator drives",
-        ),
-        (_hand('<joint name="s" type="ball"/>' + _THREE), "neither turn nor slide"),
-        (_hand(_THREE.replace(_LINK, '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>')), "collides"),
-        (_hand(_FINGER.format(n="a", y=0)), "0 fingers"),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), mistakes("broken_mjcf"))
 def test_a_broken_mjcf_is_said_in_one_line(text, words, tmp_path, capsys):
     (tmp_path / "hand.xml").write_text(text)
     assert typed(f"robot make --hand {tmp_path / 'hand.xml'} --out {tmp_path / 'a.yaml'}") == 2

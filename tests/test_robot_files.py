@@ -155,6 +155,11 @@ def test_starts_of_inverse_kinematics_are_data(tmp_path):
         read_robot(tmp_path / "six.yaml")
 
 
+def hash_and_stamp(robot, path):
+    named = replace(robot, hand=replace(robot.hand, mjcf=path))
+    return named.hash, named.stamp
+
+
 def test_what_a_description_includes_is_part_of_its_hash(made, tmp_path):
     robot, outer, inner = make_cell(made).robot, tmp_path / "outer.xml", tmp_path / "inner.xml"
     outer.write_text('<mujoco><include file="inner.xml"/></mujoco>')
@@ -166,8 +171,7 @@ def test_what_a_description_includes_is_part_of_its_hash(made, tmp_path):
         '<mujoco><include file="inner.xml"/></mujoco>',
     ):
         inner.write_text(inside)
-        named = replace(robot, hand=replace(robot.hand, mjcf=outer))
-        found.append((named.hash, named.stamp))
+        found.append(hash_and_stamp(robot, outer))
     assert found[0] == found[1]
     assert len({name for name, _ in found}) == len({stamp for _, stamp in found}) == 3
 
@@ -186,8 +190,7 @@ def test_meshes_that_a_description_names_are_part_of_its_hash(made, tmp_path, ki
     found = []
     for side in (0.02, 0.02, 0.03):
         trimesh.creation.box((side, side, side)).export(mesh)
-        named = replace(robot, hand=replace(robot.hand, mjcf=outer))
-        found.append((named.hash, named.stamp))
+        found.append(hash_and_stamp(robot, outer))
     assert found[0] == found[1]
     assert all(before != after for before, after in zip(*found[1:], strict=True))
 

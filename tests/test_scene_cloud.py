@@ -6,14 +6,12 @@ import lzf
 import numpy as np
 import pytest
 from refusals import refused
-from robots import CELL
+from seen_tables import find
 
 from dexgrasp.geometry.neighbours import neighbours_of
-from dexgrasp_env.perception.pipeline import find_object
 from dexgrasp_env.perception.reasons import WORDS
-from dexgrasp_env.perception.scan import cloud_of, read_scan
+from dexgrasp_env.perception.scan import read_scan
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.perception.selection import TargetSelector
 
 
 @pytest.fixture
@@ -41,11 +39,6 @@ def box(rng, centre, size=BOX, count=3000):
 
 def scene_points(rng, *centres):
     return np.concatenate([table(rng), *(box(rng, centre) for centre in centres)])
-
-
-def find(points, cell=CELL, **pointing):
-    selector = TargetSelector(**{name: np.array(value) for name, value in pointing.items()})
-    return find_object(cloud_of(points), np.random.default_rng(0), cell, selector=selector)
 
 
 def test_the_object_is_found_and_the_table_is_not_part_of_it(rng):

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from refusals import rejected
 from robots import CELL
-from seen_tables import AMID, GIVEN, block, flat, height_over, leaning, seen_at, standing, without
+from seen_tables import AMID, GIVEN, block, find, flat, height_over, leaning, seen_at, standing, without
 from tables import table
 
 from dexgrasp.export.check import check_trajectory
@@ -21,17 +21,11 @@ from dexgrasp.grasp.verify.verify import verify
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp_env.perception.pipeline import find_object
-from dexgrasp_env.perception.scan import cloud_of, read_scan
-from dexgrasp_env.perception.selection import TargetSelector
+from dexgrasp_env.perception.scan import read_scan
 from dexgrasp_env.robot.model import compiled_robot, robot_spec
 from dexgrasp_env.robot.table import SeenTable
 
 BAR, CARTON = (0.035, 0.14, 0.026), (0.06, 0.09, 0.12)
-
-
-def look(points, seed=0, **pointing):
-    selector = TargetSelector(**{name: np.array(value) for name, value in pointing.items()})
-    return find_object(cloud_of(points), np.random.default_rng(seed), CELL, selector=selector)
 
 
 def file_of(points, seed=0):
@@ -154,13 +148,13 @@ def test_the_robot_at_a_seen_table_is_the_one_that_would_be_compiled_there():
 def test_a_table_elsewhere_is_said_with_both_figures():
     rng = np.random.default_rng(3)
     shown = standing(rng, (0.5, 0.05), CARTON)
-    said = look(seen_at(rng, leaning(0.018), *shown)).table.differs(0.0)
+    said = find(seen_at(rng, leaning(0.018), *shown)).table.differs(0.0)
     assert "z = 0.019 m" in said or "z = 0.018 m" in said
     assert "0.000 m" in said
     assert "tilted" not in said
-    assert "tilted by 2." in look(seen_at(rng, leaning(0.0, 2.5), *shown)).table.differs(0.0)
-    assert look(seen_at(rng, leaning(0.0), *shown)).table.differs(0.0) == ""
-    assert look(seen_at(rng, leaning(0.07), *shown)).reason == "table_not_at_base_height"
+    assert "tilted by 2." in find(seen_at(rng, leaning(0.0, 2.5), *shown)).table.differs(0.0)
+    assert find(seen_at(rng, leaning(0.0), *shown)).table.differs(0.0) == ""
+    assert find(seen_at(rng, leaning(0.07), *shown)).reason == "table_not_at_base_height"
 
 
 @pytest.mark.parametrize("degrees", [2.5, 6.0])
@@ -168,7 +162,7 @@ def test_a_table_elsewhere_is_said_with_both_figures():
 def test_every_lean_is_levelled_alike(degrees, about):
     rng = np.random.default_rng(int(10 * degrees))
     T = leaning(0.0, degrees, 0.4, about)
-    found = look(seen_at(rng, T, *standing(rng, (0.52, 0.0), CARTON)))
+    found = find(seen_at(rng, T, *standing(rng, (0.52, 0.0), CARTON)))
     assert found.reason is None
     assert np.degrees(found.table.lean) == pytest.approx(degrees, abs=0.2)
     assert np.degrees(np.arccos(found.table.normal @ T[:3, 2])) < 0.2
@@ -213,7 +207,7 @@ def test_the_table_is_the_plane_under_the_object(scene, noise):
     surfaces, height = scene(rng)
     points = seen_at(rng, leaning(0.0), *surfaces, noise=noise)
     for seed in range(2):
-        table = look(points, seed, near=(0.5, 0.05, 0.08)).table
+        table = find(points, seed, near=(0.5, 0.05, 0.08)).table
         assert table is not None
         above = table.height(np.array([0.5, 0.05])) - height
         assert -0.0005 < above < 0.001 + 1.5 * noise, (seed, above)
@@ -228,7 +222,7 @@ def test_a_table_of_two_levels_is_not_bridged(step, side, noise):
     halves = flat(rng, (0.2, -0.45), (0.85, 0.0)), flat(rng, (0.2, 0.0), (0.85, 0.45), step)
     foot = step if side > 0.0 else 0.0
     shown = [*(without(half, place, CARTON) for half in halves), block(rng, place, CARTON, foot)]
-    found = look(seen_at(rng, leaning(0.0), *shown, noise=noise))
+    found = find(seen_at(rng, leaning(0.0), *shown, noise=noise))
     assert found.reason is None
     assert -0.0005 < found.table.height(np.array(place)) - foot < 0.003
     assert np.degrees(found.table.lean) < 0.15
@@ -240,7 +234,7 @@ def test_what_is_level_beside_or_above_is_an_obstacle():
     shelf = partial(under_a_shelf, height=0.8)
     for scene, wanted in ((beside_a_plate, (0.6, -0.2, 0.01)), (shelf, (0.6, 0.2, 0.8))):
         points = seen_at(rng, leaning(0.0), *scene(rng)[0])
-        found = look(points)
+        found = find(points)
         assert found.reason is None, scene
         assert not found.neighbours
         corners = [(box.min(0), box.max(0)) for box in found.boxes]
