@@ -4,8 +4,6 @@ python tests/cheats.py --seed 5 --trials 5 [--objects all20] [--presets Lift Lif
 """
 
 import sys
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import gymnasium as gym
 import mujoco
@@ -31,13 +29,13 @@ ROBOT = default_cell().robot
 HOME, LOWER, UPPER = ROBOT.home, ROBOT.lower, ROBOT.upper
 
 
-def make(preset: str, objects: str = _OBJECT, **kwargs: Any) -> gym.Env[Any, Any]:
+def make(preset, objects=_OBJECT, **kwargs):
     """Return a preset, version 2, as planners of set-points want it."""
     looks = {"obs_mode": "pointcloud", "control_mode": "joint_position", "observe": "reset"}
     return gym.make(f"DexGrasp/{preset}-v2", objects=objects, disable_env_checker=True, **(looks | kwargs))
 
 
-def play(env: gym.Env[Any, Any], actions: Iterator[np.ndarray]) -> tuple[float, bool, list[dict[str, Any]]]:
+def play(env, actions):
     """Play a running episode to its end; return the sum of rewards, whether it was ever solved, and all infos."""
     total, infos = 0.0, []
     for action in actions:
@@ -49,17 +47,15 @@ def play(env: gym.Env[Any, Any], actions: Iterator[np.ndarray]) -> tuple[float, 
     return total, any(info["is_success"] for info in infos), infos
 
 
-def grasp(
-    env: gym.Env[Any, Any], seed: int, agent: str, stop: Callable[[LiftEnv], bool]
-) -> Iterator[np.ndarray]:
+def grasp(env, seed, agent, stop):
     """An agent's actions until `stop`, then none: the set-points stay."""
-    inner: Any = env.unwrapped
+    inner = env.unwrapped
     observation, info = env.reset(seed=seed)
-    actor: Any = make_agent(agent)
+    actor = make_agent(agent)
     actor.seed(seed)
     actor.reset(observation, public_info(env, info))
 
-    def actions() -> Iterator[np.ndarray]:
+    def actions():
         """Yield the cheat's actions."""
         stopped = False
         while True:
@@ -105,14 +101,14 @@ def upturned_hand(inner: LiftEnv) -> tuple[np.ndarray, np.ndarray]:
     return best, np.array([*(palm.xpos + palm.xmat.reshape(3, 3) @ [0.045, 0.0, 0.02]), 1, 0, 0, 0])
 
 
-def hover(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
+def hover(env, seed):
     """Grasp and lift, but not as far as counts: pushes never begin."""
     return grasp(env, seed, "hardcoded", lambda inner: inner.observe()[1]["object_height"] > _HOVER)
 
 
-def press(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
+def press(env, seed):
     """Grasp and stay on the table: wedged between hand and table."""
-    inner: Any = env.unwrapped
+    inner = env.unwrapped
     held = [0]
 
     def stop(_: LiftEnv) -> bool:
@@ -123,12 +119,12 @@ def press(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
     return grasp(env, seed, "hardcoded", stop)
 
 
-def pin(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
+def pin(env, seed):
     """Press the object onto the table from above with the open hand."""
     env.reset(seed=seed)
-    inner: Any = env.unwrapped
+    inner = env.unwrapped
 
-    def actions() -> Iterator[np.ndarray]:
+    def actions():
         """Yield the cheat's actions."""
         while True:
             palm, at = inner.data.site("palm"), inner.data.body("object").xpos
@@ -143,17 +139,17 @@ def pin(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
     return actions()
 
 
-def tray(env: gym.Env[Any, Any], seed: int, curled: float = 0.0) -> Iterator[np.ndarray]:
+def tray(env, seed, curled=0.0):
     """Lay the object on the upturned open hand."""
     env.reset(seed=seed)
-    inner: Any = env.unwrapped
+    inner = env.unwrapped
     q, pose = upturned_hand(inner)
     put(inner, q, pose)
     end = q.copy()
     for first in (7, 11, 15):
         end[first + 1 : first + 4] += curled
 
-    def actions() -> Iterator[np.ndarray]:
+    def actions():
         """Yield the cheat's actions."""
         for share in np.linspace(0.0, 1.0, 40):
             yield normalise(q + share * (end - q), ROBOT).astype(np.float32)
@@ -163,19 +159,19 @@ def tray(env: gym.Env[Any, Any], seed: int, curled: float = 0.0) -> Iterator[np.
     return actions()
 
 
-def fist(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
+def fist(env, seed):
     """Clasp the object between three fingers and the palm, without the thumb."""
     return tray(env, seed, 1.2)
 
 
-def throw(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
+def throw(env, seed):
     """Send the object up at 3 m/s, again and again."""
     env.reset(seed=seed)
-    inner: Any = env.unwrapped
+    inner = env.unwrapped
     pose = inner.data.qpos[23:30].copy()
     pose[:3] += [0.0, 0.15, 0.05]
 
-    def actions() -> Iterator[np.ndarray]:
+    def actions():
         """Yield the cheat's actions."""
         while True:
             put(inner, HOME, pose, 3.0)
@@ -188,7 +184,7 @@ def throw(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
 CHEATS = {"hover": hover, "press": press, "pin": pin, "tray": tray, "fist": fist, "throw": throw}
 
 
-def cheat(preset: str, name: str, seed: int = 0) -> tuple[float, bool, list[dict[str, Any]]]:
+def cheat(preset, name, seed=0):
     """Play a cheat in a preset; return what `play` does."""
     env = make(preset, control_mode="ee_delta" if name == "pin" else "joint_position")
     result = play(env, CHEATS[name](env, seed))
@@ -196,9 +192,9 @@ def cheat(preset: str, name: str, seed: int = 0) -> tuple[float, bool, list[dict
     return result
 
 
-def honest(preset: str, objects: list[str], trials: int, seed: int, agent: str = "bilevel") -> list[float]:
+def honest(preset: str, objects: list[str], trials: int, seed, agent: str = "bilevel") -> list[float]:
     """Return the sums of rewards of the episodes that an agent solves, up to there."""
-    actor: Any = make_agent(agent)
+    actor = make_agent(agent)
     returns = []
     for target in objects:
         env = make(preset, target, **(dict(actor.env_settings) | {"obs_mode": "pointcloud"}))
