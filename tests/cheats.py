@@ -192,7 +192,7 @@ def cheat(preset, name, seed=0):
     return result
 
 
-def honest(preset: str, objects: list[str], trials: int, seed, agent: str = "bilevel") -> list[float]:
+def honest(preset, objects, trials, seed, agent="bilevel"):
     """Return the sums of rewards of the episodes that an agent solves, up to there."""
     actor = make_agent(agent)
     returns = []
