@@ -26,7 +26,8 @@ _CLASSES = re.compile(
     r"(stable_baselines3|sb3_contrib)\.((common|\w+)\.policies|common\.((recurrent|sb2_compat)\.)?"
     r"(buffers|policies|utils|type_aliases|torch_layers|noise|rmsprop_tf_like))"
     r"|stable_baselines3\.common\.(running_mean_std|vec_env\.vec_normalize)"
-    r"|gymnasium\.spaces\.\w+|torch\.nn\.modules\.activation|torch\.optim\.(adam\w*|[nr]adam|rmsprop|sgd)|(dexgrasp|dexgrasp_env)\.[\w.]+"
+    r"|gymnasium\.spaces\.\w+|torch\.nn\.modules\.activation|torch\.optim\.(adam\w*|[nr]adam|rmsprop|sgd)"
+    r"|(dexgrasp|dexgrasp_env)\.[\w.]+"
 )
 """Modules of which classes may be made."""
 _NAMES = {

@@ -98,10 +98,10 @@ def _importing(frame: FrameType | None) -> bool:
 
 
 def _unraisable(args: "sys.UnraisableHookArgs") -> None:
-    """Python drops what a destructor or a callback raises: an interrupt is wanted again."""
+    """Ask for an interrupt again that a destructor or a callback dropped; drop what follows from it."""
     if args.exc_type is KeyboardInterrupt:
         signal.setitimer(signal.ITIMER_REAL, _RETRY)
-    else:
+    elif not _requested:  # an object that was closed half
         sys.__unraisablehook__(args)
 
 

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from dexgrasp_env.arrays import Array
@@ -17,6 +16,8 @@ def mesh_of(model: Any, geom: int) -> tuple[Array, Any]:
 
 def corners_of(model: Any, geom: int) -> Array:
     """Return points (n, 3) m of a geom of a MuJoCo model, of the box around one that is no mesh, in its own frame."""
+    import mujoco
+
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         return mesh_of(model, geom)[0]
     middle, half = np.split(model.geom_aabb[geom], 2)
