@@ -168,7 +168,8 @@ class EvaluationSettings:
             **({"servers": servers} if servers else {}),
             "cell": make_cell(self.robot).version,
             "files": {
-                str(path): short_hash(path) for path in (self._files() if files is None else map(Path, files))
+                _from_here(path): short_hash(path)
+                for path in (self._files() if files is None else map(Path, files))
             },
             "code": code_hash((*self.agents, *self._own_wrappers())),
             "versions": versions(),
@@ -278,3 +279,9 @@ def short_hash(path: Path) -> str:
     """
     with readable(path):
         return file_hash(path)[:16]
+
+
+def _from_here(path: Path) -> str:
+    """Return how a file is called from this folder, the same in every copy of it."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
