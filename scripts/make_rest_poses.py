@@ -19,8 +19,7 @@ def main(names: list[str]) -> None:
         model = load_object(name)
         poses = find_rest_poses(model)
         write_poses(FOLDER / f"{name}.json", model, poses)
-        shares = " ".join(f"{pose.probability:.3f}@{1000 * pose.height:.1f}mm" for pose in poses)
-        print(f"{name}: {len(poses)} poses: {shares}")
+        print(name, *(f"{pose.probability:.3f}" for pose in poses))
 
 
 if __name__ == "__main__":

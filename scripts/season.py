@@ -106,9 +106,9 @@ def play(
     entropy, drawn = entropy_of(committed(season)["beacon"], signature, words)
     record = Record(season, root / "docs" / "results")
     scoring = record.begin(drawn, again)
-    for name, settings in season.scorings(entropy).items():
+    for name, (entry, seed) in season.seeds(entropy).items():
         folder = root / "runs" / f"{season.name}-{scoring}" / name
-        evaluate(settings, folder, backend=Backend(workers=workers))
+        evaluate(season.settings(entry, seed), folder, backend=Backend(workers=workers))
         publish(folder, record.path.parent / name)
     record.finish()
     return record.path.parent
@@ -140,6 +140,7 @@ def verify(path: Path, trials: int, seed: int, root: Path = ROOT) -> Iterator[tu
         InputError: if it was not scored, or is not as it was committed to.
     """
     season, results = read_season(path), root / "docs" / "results"
+    away = lacking(season)
     folders = {
         name: results / season.name / name for entry in season.entries for name in season.folders(entry)
     }
@@ -147,13 +148,12 @@ def verify(path: Path, trials: int, seed: int, root: Path = ROOT) -> Iterator[tu
         raise InputError(f"{missing} is not there: score season {season.name} first")
     if season.commitment.is_file():
         last = Record(season, results).scorings[-1]
-        entropy, _ = entropy_of(committed(season)["beacon"], last.get("signature"), last.get("entropy"))
-        for name, settings in season.scorings(entropy).items():
+        entropy, _ = entropy_of(committed(season, away)["beacon"], last.get("signature"), last.get("entropy"))
+        for name, (_, drawn) in season.seeds(entropy).items():
             told = read_json_object(folders[name] / "run.json", "score the season first")["seed"]
-            yield told == settings.seed, f"seed of {name} is {told}, and follows from commitment and entropy"
+            yield told == drawn, f"seed of {name} is {told}, and follows from commitment and entropy"
     with tempfile.TemporaryDirectory() as place:
         unpacked = {name: unpack(folder, Path(place)) for name, folder in folders.items()}
-        away = lacking(season)
         rows = [
             (name, row)
             for entry in season.entries

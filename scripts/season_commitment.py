@@ -1,7 +1,7 @@
 """Contents of a season and of its commitment, and the entropy that its seeds are drawn with."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -57,14 +57,14 @@ class Season:
         }
         return EvaluationSettings.of(**words, seed=seed)
 
-    def scorings(self, entropy: str) -> dict[str, EvaluationSettings]:
-        """Return every evaluation by the name of its folder: seeds are below 2^31, of commitment and entropy."""
+    def seeds(self, entropy: str) -> dict[str, tuple[str, int]]:
+        """Return entry and seed of every evaluation by its folder: seeds are below 2^31, of commitment and entropy."""
         committed = file_hash(self.commitment)
         found = {}
         for entry in self.entries:
             for k, folder in enumerate(self.folders(entry)):
                 digest = hashlib.sha256(f"{committed} {entropy} {entry} {k}".encode()).digest()
-                found[folder] = self.settings(entry, int.from_bytes(digest[:4], "big") >> 1)
+                found[folder] = entry, int.from_bytes(digest[:4], "big") >> 1
         return found
 
 
@@ -82,11 +82,14 @@ def read_season(path: Path) -> Season:
     return Season(path.stem, path, entries)
 
 
-def identities(season: Season) -> Fields:
-    """Return what a season scores: its file, and of each entry the settings with the hashes of what they rest on."""
+def identities(season: Season, away: Collection[str] = ()) -> Fields:
+    """Return what a season scores: its file, and of each entry the settings with the hashes of what they rest on.
+
+    Entries `away` are left out.
+    """
     return {
         "file": file_hash(season.path),
-        "entries": {name: season.settings(name).identity() for name in season.entries},
+        "entries": {name: season.settings(name).identity() for name in season.entries if name not in away},
     }
 
 
@@ -122,8 +125,8 @@ def commit(path: Path, number: int | None, now: datetime, again: str | None = No
     return season.commitment
 
 
-def committed(season: Season) -> Fields:
-    """Return what a season committed to, which is what is here.
+def committed(season: Season, away: Collection[str] = ()) -> Fields:
+    """Return what a season committed to, which is what is here, but for entries `away`.
 
     Raises:
         InputError: if it did not, or something is not as it was then.
@@ -133,7 +136,7 @@ def committed(season: Season) -> Fields:
             f"{season.name} has no commitment: commit to it first (season.py commit {season.path})"
         )
     content = read_json_object(season.commitment, "restore it from git")
-    now = jsonable(identities(season))
+    now = jsonable(identities(season, away))
     for name, entry in now["entries"].items():
         then = content["entries"].get(name, {})
         if changed := [key for key in entry if entry[key] != then.get(key)]:

@@ -14,8 +14,6 @@ import subprocess
 import sys
 from importlib.metadata import files, packages_distributions, version
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 
 def main() -> None:
@@ -47,14 +45,10 @@ def import_all() -> str:
     import dexgrasp
     import dexgrasp_env
 
-    names = [name for package in (dexgrasp_env, dexgrasp) for name in _modules(package)]
+    walks = (pkgutil.walk_packages(own.__path__, f"{own.__name__}.") for own in (dexgrasp_env, dexgrasp))
+    names = [module.name for walk in walks for module in walk if not module.name.endswith("__main__")]
     without = [name for name in names if not _imports(name)]
     return f"{len(names)} modules, {len(without)} of them need an extra: {' '.join(without) or 'none'}"
-
-
-def _modules(package: ModuleType) -> list[str]:
-    found = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
-    return [module.name for module in found if not module.name.endswith("__main__")]
 
 
 def _imports(name: str) -> bool:
@@ -99,7 +93,7 @@ def plan_without_torch() -> str:
     """A grasp is planned and verified, and a wrong name is answered in one line."""
     wrong = said("plan", "no_such_object", code=2)
     assert wrong.startswith("dexgrasp plan: unknown object"), wrong
-    plan: dict[str, Any] = json.loads(said("plan", "sugar_box", "--json", "--out", "plan"))
+    plan = json.loads(said("plan", "sugar_box", "--json", "--out", "plan"))
     assert plan["success"], plan
     assert plan["certificate"]["holds"], plan
     assert said("verify", "plan/grasp.json")

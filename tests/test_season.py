@@ -58,13 +58,13 @@ def test_seeds_follow_from_commitment_and_beacon(house):
     _, path = house
     commitment.commit(path, ROUND, BEFORE)
     found = commitment.read_season(path)
-    first = [own.seed for own in found.scorings("ab").values()]
-    assert first == [own.seed for own in found.scorings("ab").values()]
+    first = [seed for _, seed in found.seeds("ab").values()]
+    assert first == [seed for _, seed in found.seeds("ab").values()]
     assert len(set(first)) == 2
     assert all(0 <= seed < 2**31 for seed in first)
-    assert not set(first) & {own.seed for own in found.scorings("ac").values()}
+    assert not set(first) & {seed for _, seed in found.seeds("ac").values()}
     commitment.commit(path, ROUND, BEFORE, "another")
-    assert not set(first) & {own.seed for own in found.scorings("ab").values()}
+    assert not set(first) & {seed for _, seed in found.seeds("ab").values()}
 
 
 def test_nothing_is_scored_but_what_was_committed_to(house):
