@@ -114,10 +114,25 @@ def play(
     return record.path.parent
 
 
-def lacking(season: Season) -> dict[str, str]:
-    """Return the entries that cannot be made again here, as files of theirs are missing, each with the reason."""
+def results_of(season: Season, root: Path = ROOT) -> Path:
+    """Return the folder of what a season published.
+
+    Raises:
+        InputError: if it was not scored.
+    """
+    results = root / "docs" / "results" / season.name
+    if not results.is_dir():
+        raise InputError(f"{results} is not there: score season {season.name} first")
+    return results
+
+
+def lacking(season: Season, results: Path) -> dict[str, str]:
+    """Return the entries that cannot be checked here, each with the reason: not scored yet, or files are missing."""
     found = {}
     for entry in season.entries:
+        if not all((results / folder).is_dir() for folder in season.folders(entry)):
+            found[entry] = "it is not scored yet"
+            continue
         try:
             season.settings(entry)
         except InputError as error:
@@ -139,28 +154,20 @@ def verify(path: Path, trials: int, seed: int, root: Path = ROOT) -> Iterator[tu
     Raises:
         InputError: if it was not scored, or is not as it was committed to.
     """
-    season, results = read_season(path), root / "docs" / "results"
-    away = lacking(season)
-    folders = {
-        name: results / season.name / name for entry in season.entries for name in season.folders(entry)
-    }
-    if missing := next((folder for folder in folders.values() if not folder.is_dir()), None):
-        raise InputError(f"{missing} is not there: score season {season.name} first")
+    season = read_season(path)
+    results = results_of(season, root)
+    away = lacking(season, results)
     if season.commitment.is_file():
-        last = Record(season, results).scorings[-1]
+        last = Record(season, results.parent).scorings[-1]
         entropy, _ = entropy_of(committed(season, away)["beacon"], last.get("signature"), last.get("entropy"))
         for name, (_, drawn) in season.seeds(entropy).items():
-            told = read_json_object(folders[name] / "run.json", "score the season first")["seed"]
-            yield told == drawn, f"seed of {name} is {told}, and follows from commitment and entropy"
+            if (results / name).is_dir():
+                told = read_json_object(results / name / "run.json", "score the season first")["seed"]
+                yield told == drawn, f"seed of {name} is {told}, and follows from commitment and entropy"
     with tempfile.TemporaryDirectory() as place:
-        unpacked = {name: unpack(folder, Path(place)) for name, folder in folders.items()}
-        rows = [
-            (name, row)
-            for entry in season.entries
-            for name in season.folders(entry)
-            if entry not in away
-            for row in read_rows(unpacked[name])
-        ]
+        here = [name for entry in season.entries if entry not in away for name in season.folders(entry)]
+        unpacked = {name: unpack(results / name, Path(place)) for name in here}
+        rows = [(name, row) for name, run in unpacked.items() for row in read_rows(run)]
         for name, row in random.Random(seed).sample(rows, min(trials, len(rows))):
             again = replay(
                 unpacked[name], row["agent"], row["object"], row["trial"], protocol=row["protocol"]
@@ -187,14 +194,11 @@ def archive(path: Path, out: Path, root: Path = ROOT) -> None:
         InputError: if it was not scored.
     """
     season = read_season(path)
-    results = root / "docs" / "results" / season.name
-    if not results.is_dir():
-        raise InputError(f"{results} is not there: score season {season.name} first")
-    own = [file for file in (season.path, season.commitment) if file.is_file()]
-    files = [root / "CITATION.cff", root / "LICENSE", *own, *sorted(results.rglob("*"))]
+    own = root / "CITATION.cff", root / "LICENSE", season.path, season.commitment
+    results = sorted(results_of(season, root).rglob("*"))
     packed = io.BytesIO()
     with tarfile.open(fileobj=packed, mode="w") as tar:
-        for file in (file for file in files if file.is_file()):
+        for file in filter(Path.is_file, [*own, *results]):
             name = file.relative_to(root) if file.is_relative_to(root) else Path("seasons") / file.name
             entry, content = tarfile.TarInfo(f"dexgrasp-{season.name}/{name}"), file.read_bytes()
             entry.size = len(content)
@@ -257,7 +261,8 @@ class Verify(Script):
     def run(self) -> int:
         seed = secrets.randbits(31) if self.seed is None else self.seed
         print(f"trials are drawn with --seed {seed}")
-        for entry, reason in lacking(read_season(self.season)).items():
+        season = read_season(self.season)
+        for entry, reason in lacking(season, results_of(season)).items():
             print(f"left out: {entry}: {reason}")
         found = []
         for right, words in verify(self.season, self.trials, seed):
