@@ -130,13 +130,12 @@ def lacking(season: Season, results: Path) -> dict[str, str]:
     """Return the entries that cannot be checked here, each with the reason: not scored yet, or files are missing."""
     found = {}
     for entry in season.entries:
-        if not all((results / folder).is_dir() for folder in season.folders(entry)):
-            found[entry] = "it is not scored yet"
-            continue
         try:
             season.settings(entry)
         except InputError as error:
             found[entry] = str(error)
+        if not all((results / folder).is_dir() for folder in season.folders(entry)):
+            found[entry] = "it is not scored yet"
     return found
 
 
