@@ -115,4 +115,4 @@ def rewritten(text: str, root: Path = ROOT) -> str:
 
 def pages() -> list[Path]:
     """Return the pages that may show results."""
-    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
