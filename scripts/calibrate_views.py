@@ -11,15 +11,16 @@ grasps, and whole trials; a first grasp is lost where a second was needed. Of th
 the interval has to be 0.92, else the exit code is 1.
 """
 
-import gzip
 import json
 import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.special import logit
+from season_pages import TRIALS, unpack
 
 from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
@@ -69,11 +70,9 @@ class CalibrateViews(Script):
 
 def foretold(run: Path) -> list[Fields]:
     """Return of a run, or of a published one, each trial whose grasp was foretold: what was said, and what held."""
-    published, found = run / "trials.jsonl.gz", []
-    if published.is_file():
-        rows = list(map(json.loads, gzip.decompress(published.read_bytes()).splitlines()))
-    else:
-        rows = read_rows(run)
+    found = []
+    with tempfile.TemporaryDirectory() as place:
+        rows = read_rows(unpack(run, Path(place)) if (run / f"{TRIALS}.gz").is_file() else run)
     for row in rows:
         stated = row["details"].get("holds_probability")
         if row["agent"] == "bilevel" and stated:
