@@ -5,7 +5,6 @@
     python scripts/season.py verify seasons/2027-01.json --trials 20         check it: seeds, trials made again
     python scripts/season.py show 2027-01/robust                             one of its tables, from its trials
     python scripts/season.py write                                           put the tables of all into README and docs
-    python scripts/season.py archive seasons/2027-01.json --out 2027-01.tar.gz   all of it in one file, for a repository
 
 Run it in the repository's root. The season's file says what is scored. `commit` writes SEASON.commit.json beside it:
 settings and hashes of code, weights, cell, meshes and versions of each entry, and a round of a public randomness beacon
@@ -17,13 +16,12 @@ committed to, goes on where it was interrupted, and keeps every start and its --
 """
 
 import gzip
-import io
 import os
 import random
 import secrets
 import shutil
+import subprocess
 import sys
-import tarfile
 import tempfile
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -71,8 +69,8 @@ class Record:
                 f"season {self.season.name} was scored from {last['begun']} on: "
                 "a second scoring needs --again REASON, which its record shows"
             )
-        self.scorings.append({**ours, "begun": _now(), "finished": None, "again": again, "load": os.getloadavg()[0],
-                              "processors": os.cpu_count()})  # fmt: skip
+        now = {"begun": _now(), "finished": None, "again": again, "processors": os.cpu_count()}
+        self.scorings.append({**ours, **now})
         self._write()
         return len(self.scorings)
 
@@ -114,18 +112,6 @@ def play(
     return record.path.parent
 
 
-def results_of(season: Season, root: Path = ROOT) -> Path:
-    """Return the folder of what a season published.
-
-    Raises:
-        InputError: if it was not scored.
-    """
-    results = root / "docs" / "results" / season.name
-    if not results.is_dir():
-        raise InputError(f"{results} is not there: score season {season.name} first")
-    return results
-
-
 def lacking(season: Season, results: Path) -> dict[str, str]:
     """Return the entries that cannot be checked here, each with the reason: not scored yet, or files are missing."""
     found = {}
@@ -139,13 +125,45 @@ def lacking(season: Season, results: Path) -> dict[str, str]:
     return found
 
 
-def verify(path: Path, trials: int, seed: int, root: Path = ROOT) -> Iterator[tuple[bool, str]]:
-    """Check a season: seeds and commitment, and trials made again; yield whether each is right, in words.
+CODE = "dexgrasp", "dexgrasp_env", "agents", "assets", "examples/agents_of_others"
 
+
+def git(root: Path, *words: str) -> str:
+    """Run git in a repository; return what it prints.
+
+    Raises:
+        InputError: with git's words, if it refuses.
+    """
+    done = subprocess.run(["git", *words], cwd=root, capture_output=True, text=True)
+    if done.returncode:
+        raise InputError(f"git {words[0]}: {done.stderr.strip()}")
+    return done.stdout.strip()
+
+
+def code_of(season: Season, root: Path = ROOT) -> Path:
+    """Return the repository as it was when a season's results were published: here, or a worktree below runs/.
+
+    Raises:
+        InputError: if git does not know them.
+    """
+    commit = git(root, "log", "-1", "--format=%H", "--", f"docs/results/{season.name}") or "HEAD"
+    if not git(root, "diff", "--name-only", commit, "--", *CODE):
+        return root
+    place = root / "runs" / f"code-{commit[:12]}"
+    if not place.is_dir():
+        git(root, "worktree", "add", "--detach", str(place), commit)
+        (place / "sets").symlink_to(root / "sets")
+    return place
+
+
+def verify(season: Season, trials: int, seed: int, root: Path = ROOT) -> Iterator[tuple[bool | None, str]]:
+    """Check a season: seeds and commitment, and trials made again; yield whether each is right, and words.
+
+    An entry that is left out gives None.
     A trial is right if it ends in success as it did; on the same processor and versions all of it is equal bit for bit.
 
     Args:
-        path: of the season.
+        season: that is checked.
         trials: to make again.
         seed: that draws them.
         root: of the repository.
@@ -153,9 +171,11 @@ def verify(path: Path, trials: int, seed: int, root: Path = ROOT) -> Iterator[tu
     Raises:
         InputError: if it was not scored, or is not as it was committed to.
     """
-    season = read_season(path)
-    results = results_of(season, root)
+    results = root / "docs" / "results" / season.name
+    if not results.is_dir():
+        raise InputError(f"{results} is not there: score season {season.name} first")
     away = lacking(season, results)
+    yield from ((None, f"{entry}: {reason}") for entry, reason in away.items())
     if season.commitment.is_file():
         last = Record(season, results.parent).scorings[-1]
         entropy, _ = entropy_of(committed(season, away)["beacon"], last.get("signature"), last.get("entropy"))
@@ -184,25 +204,6 @@ def publish(folder: Path, out: Path) -> None:
     for place in (ROOT, sys.prefix):  # that tracebacks name
         trials = trials.replace(f"{place}/".encode(), b"")
     write_atomically(out / f"{TRIALS}.gz", gzip.compress(trials, mtime=0))
-
-
-def archive(path: Path, out: Path, root: Path = ROOT) -> None:
-    """Write a season, its trials, citation and licence to one file, of the same bytes each time.
-
-    Raises:
-        InputError: if it was not scored.
-    """
-    season = read_season(path)
-    own = root / "CITATION.cff", root / "LICENSE", season.path, season.commitment
-    results = sorted(results_of(season, root).rglob("*"))
-    packed = io.BytesIO()
-    with tarfile.open(fileobj=packed, mode="w") as tar:
-        for file in filter(Path.is_file, [*own, *results]):
-            name = file.relative_to(root) if file.is_relative_to(root) else Path("seasons") / file.name
-            entry, content = tarfile.TarInfo(f"dexgrasp-{season.name}/{name}"), file.read_bytes()
-            entry.size = len(content)
-            tar.addfile(entry, io.BytesIO(content))
-    write_atomically(out, gzip.compress(packed.getvalue(), mtime=0))
 
 
 class Commit(Script):
@@ -259,33 +260,21 @@ class Verify(Script):
 
     def run(self) -> int:
         seed = secrets.randbits(31) if self.seed is None else self.seed
-        print(f"trials are drawn with --seed {seed}")
         season = read_season(self.season)
-        for entry, reason in lacking(season, results_of(season)).items():
-            print(f"left out: {entry}: {reason}")
+        if season.commitment.is_file() and (code := code_of(season)) != ROOT:
+            print(f"with the code of the season, {code}", flush=True)
+            words = (
+                f"scripts/season.py verify seasons/{self.season.name} --trials {self.trials} --seed {seed}"
+            )
+            own = {**os.environ, "PYTHONPATH": str(code)}
+            return subprocess.run([sys.executable, *words.split()], cwd=code, env=own).returncode
+        print(f"trials are drawn with --seed {seed}")
         found = []
-        for right, words in verify(self.season, self.trials, seed):
-            print("right: " if right else "WRONG: ", words, sep="", flush=True)
+        for right, words in verify(season, self.trials, seed):
+            print({True: "right", False: "WRONG", None: "left out"}[right], words, sep=": ", flush=True)
             found.append(right)
-        print(f"{sum(found)} of {len(found)} right")
-        return int(not all(found))
-
-
-class Archive(Script):
-    """Packs a season with its trials, for a repository that gives it an identifier.
-
-    Attributes:
-        season: a file of seasons/.
-        out: file to write, .tar.gz.
-    """
-
-    season: Argument[File]
-    out: File
-
-    def run(self) -> int:
-        archive(self.season, self.out)
-        print(f"{file_hash(self.out)}  {self.out}")
-        return 0
+        print(f"{found.count(True)} right, {found.count(False)} wrong")
+        return int(False in found)
 
 
 class Show(Script):
@@ -320,7 +309,6 @@ if __name__ == "__main__":
                 "verify": Verify,
                 "show": Show,
                 "write": Write,
-                "archive": Archive,
             }
         )
     )
