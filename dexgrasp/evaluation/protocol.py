@@ -92,9 +92,13 @@ OTHER_PHYSICS = "lift@warp"
 _CONTENT = read_yaml(asset_path("protocols.yaml"))
 _FIGURES = read_yaml(asset_path("figures.yaml"))
 
+
+def _figures(name: str) -> tuple[Figure, ...]:
+    return tuple(Figure(**figure) for figure in _FIGURES.get(name, ()))
+
+
 PROTOCOLS: dict[str, Protocol] = {
-    name: Protocol(name, **words, figures=tuple(Figure(**figure) for figure in _FIGURES.get(name, ())))
-    for name, words in _CONTENT["protocols"].items()
+    name: Protocol(name, **words, figures=_figures(name)) for name, words in _CONTENT["protocols"].items()
 }
 """Every protocol by name; a published number names the one it was made with. No agent is told which it is in."""
 
@@ -107,7 +111,8 @@ def _of_family(stem: str, number: float) -> Protocol:
     scene = {words["setting"]: number}
     if "steps" in words:
         scene["max_episode_steps"] = words["steps"] * number
-    return Protocol(f"{stem}@{number:g}", words["description"].format(f"{number:g}"), scene, words["env_id"])
+    name, description = f"{stem}@{number:g}", words["description"].format(f"{number:g}")
+    return Protocol(name, description, scene, words["env_id"], _figures(name))
 
 
 PROTOCOLS |= {
