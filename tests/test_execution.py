@@ -9,10 +9,8 @@ from robots import CELL, HOME, LOWER, ROBOT, UPPER, VELOCITY
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.grasp.grasp import GraspMotion
-from dexgrasp.mechanics.kinematics import shapes
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, solve_palm
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.motion import collision
 from dexgrasp.motion.approach import plan_arm
 from dexgrasp.motion.collision import CollisionChecker, densify
 from dexgrasp.motion.motion import NoPath
@@ -68,27 +66,21 @@ def _deepest(model, q):
     return -data.contact.dist.min(initial=0.0)
 
 
-def test_bodies_that_spheres_tell_nothing_of_are_kept_apart_by_their_shapes(monkeypatch):
-    tree = robot_tree(CELL)._replace(pairs=np.zeros((0, 2), np.int64))
-    for module in (collision, shapes):
-        monkeypatch.setattr(module, "robot_tree", lambda cell: tree)
-    monkeypatch.setattr(shapes, "_left_out", shapes._left_out.__wrapped__)
-    model = compiled_robot(CELL)
-    free = left = 0
+def test_bodies_of_a_moving_hand_are_kept_apart_by_their_shapes():
+    model, margin, free, left = compiled_robot(CELL), 0.002, 0, 0
     for q in ROBOT.drawn(20):
         q[: len(ROBOT.arm.bodies) - 1] = HOME[: len(ROBOT.arm.bodies) - 1]
-        checker, path = CollisionChecker(CELL, None, shapes.LEAST), np.stack([HOME, q])
+        checker, path = CollisionChecker(CELL, None, margin), np.stack([HOME, q])
         contact = checker.first_contact(path)
         if contact is None:
             free += 1
-            assert max(_deepest(model, row) for row in densify(path, 0.01)) < 0.003  # between two looks
+            assert max(_deepest(model, row) for row in densify(path, 0.01)) == 0.0
         else:
-            assert contact.clearance < shapes.LEAST
-        apart = min((near for _, near in shapes.near_shapes(q[None], CELL)), default=shapes.LEAST)
-        assert not checker.free(q) or apart == shapes.LEAST
+            assert contact.clearance < margin
+        near, deep = not checker.free(q), _deepest(model, q)
         checker.allow(q)
-        assert checker.free(q) == (apart > -5e-4)
-        left += shapes.LEAST > apart > -5e-4
+        assert checker.free(q) or deep > 0.005
+        left += near and checker.free(q)
     assert 2 < free < 18
     assert left
 

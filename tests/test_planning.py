@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from robots import CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 from tables import table
 
-from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.mesh_distance import closest_on_mesh
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.verify.cones import conic_margin
@@ -151,8 +150,10 @@ def near_contact(name, proposals, count, seed=0):
 
 
 def rows_at(q, grasp_target, settings=SETTINGS):
-    bounds = bounds_of(GraspProblem(grasp_target, CELL, settings), 0.5)
-    at = evaluate(q, TREE, (grasp_target.distance.obstacle, NOTHING), bounds, shape_of(3), True)
+    problem = GraspProblem(grasp_target, CELL, settings)
+    at = evaluate(
+        q, TREE, grasp_target.distance.obstacle, problem.world, bounds_of(problem, 0.5), shape_of(3), True
+    )
     keys = [tuple(label) for label in at.labels.tolist()]
     least = {}
     for key, value, row in zip(keys, at.values, at.rows, strict=True):

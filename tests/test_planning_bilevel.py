@@ -8,7 +8,6 @@ from numpy.testing import assert_array_equal
 from planned import lying
 from robots import CELL, HOME, LOWER, UPPER
 
-from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.mechanics.contacts import shape_of
 from dexgrasp.mechanics.kinematics.forward import fingertips
@@ -42,9 +41,8 @@ def plan():
 
 
 def constraints(q, settings=SETTINGS):
-    distance = BOX.distance
     bounds = bounds_of(GraspProblem(BOX, CELL, settings), settings.closure_margin)
-    return evaluate(q, TREE, (distance.obstacle, NOTHING), bounds, shape_of(3), True)
+    return evaluate(q, TREE, BOX.distance.obstacle, PROBLEM.world, bounds, shape_of(3), True)
 
 
 @pytest.mark.parametrize("height", [0.015, 0.02])

@@ -75,6 +75,11 @@ class ConvexDistance:
         return np.split(self.triangles, np.cumsum(self.sizes)[:-1])
 
     @cached_property
+    def corners(self) -> tuple[Array, ...]:
+        """Corners (N, 3) [m] of each part."""
+        return tuple(map(_corners, self.parts))
+
+    @cached_property
     def obstacle(self) -> Obstacle:
         """The polyhedra as compiled code takes them."""
         return Obstacle(self.triangles, self.planes, np.cumsum([0, *self.sizes], dtype=np.int64))
@@ -88,6 +93,13 @@ class ConvexDistance:
         queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         gradients = np.empty_like(queries)
         return convex_distances(queries, self.obstacle, gradients), gradients
+
+
+def _corners(triangles: Array) -> Array:
+    """Return the corners (N, 3) [m] of triangles (F, 3, 3), each once."""
+    points = triangles.reshape(-1, 3)
+    first = np.unique(points, axis=0, return_index=True)[1]
+    return points[np.sort(first)]
 
 
 def _hull(points: Array) -> tuple[ConvexDistance, ConvexHull]:

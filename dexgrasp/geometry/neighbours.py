@@ -6,7 +6,7 @@ import numpy as np
 
 from dexgrasp.geometry.completion import completed_corners
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.geometry.target import PART_FACES, Parts, corners_of
+from dexgrasp.geometry.target import PART_FACES, Parts
 from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import cells_of
@@ -51,7 +51,7 @@ def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:
             distance = ConvexDistance.from_points(_grown(hull, cloud), PART_FACES)
             # A hull that holds points of the target 6 mm deep is not the neighbour's shape.
             if distance.distance(scene.target.points).min() >= -0.006:
-                return (corners_of(distance.triangles),)
+                return distance.corners
     return columns(cloud.points)
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.geometry.distance_grid import Field, field_of
 from dexgrasp.geometry.hull import REACH
 from dexgrasp.geometry.request import Demand
 from dexgrasp.geometry.volume import volume_and_centre
@@ -160,16 +159,6 @@ class GraspTarget:
         return ConvexDistance.union(parts) if parts else None
 
     @cached_property
-    def field(self) -> Field | None:
-        """Distances from the neighbours, m, tabled where a hand is that grasps the object; None where there is none."""
-        if self.around is None:
-            return None
-        corners = self.distance.triangles.reshape(-1, 3)
-        reach = 0.15  # m from an object that parts of a hand are which grasps it
-        low, high = corners.min(0) - reach, corners.max(0) + reach
-        return field_of(self.around, np.append(low[:2], 0.0), high)
-
-    @cached_property
     def everything(self) -> ConvexDistance:
         """Signed distance to the object and its neighbours, m: what a hand that is not grasping keeps clear of."""
         return self.distance if self.around is None else self.distance.joined(self.around)
@@ -177,7 +166,7 @@ class GraspTarget:
     @cached_property
     def corners(self) -> tuple[Array, ...]:
         """Corners (N, 3) m of each part."""
-        return tuple(corners_of(part) for part in self.distance.parts)
+        return self.distance.corners
 
     @cached_property
     def parts(self) -> "tuple[trimesh.Trimesh, ...]":
@@ -206,13 +195,6 @@ def _raised(points: Array) -> Array:
     return np.concatenate([points[..., :2], np.maximum(points[..., 2:], REACH)], axis=-1)
 
 
-def corners_of(triangles: Array) -> Array:
-    """Return the corners (N, 3) m of triangles (F, 3, 3), each once."""
-    points = triangles.reshape(-1, 3)
-    first = np.unique(points, axis=0, return_index=True)[1]
-    return points[np.sort(first)]
-
-
 def _mesh(triangles: Array) -> "trimesh.Trimesh":
     import trimesh
 
@@ -222,7 +204,7 @@ def _mesh(triangles: Array) -> "trimesh.Trimesh":
 def _hull(distance: ConvexDistance) -> "trimesh.Trimesh":
     import trimesh
 
-    return trimesh.convex.convex_hull(np.concatenate([corners_of(part) for part in distance.parts]))
+    return trimesh.convex.convex_hull(np.concatenate(distance.corners))
 
 
 def hull_volume(distance: ConvexDistance) -> tuple[float, Array]:

@@ -6,38 +6,37 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle, convex_distance
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.trajectory import densify
 from dexgrasp.mechanics.kinematics.clearance import (
     OBJECT,
-    ROUNDING,
     SELF,
     TABLE,
-    Cover,
-    bounds_clearance,
     clearances,
-    cover_of,
-    object_clearance,
-    palm_clearance,
+    from_box,
+    part_clearance,
+    place,
     self_clearance,
+    squared_way,
     table_clearance,
 )
-from dexgrasp.mechanics.kinematics.forward import Frames, empty_frames, forward
+from dexgrasp.mechanics.kinematics.forward import Frames, empty_frames, forward, to_world
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
-from dexgrasp.mechanics.kinematics.shapes import LEAST, near_shapes
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.mechanics.kinematics.world import World, make_world
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import leaf, njit
 from dexgrasp_env.robot.cell import Cell
 
-_NEAR = 0.004  # m beyond the margin, up to where clearances between bodies are measured
+_NEAR, _AROUND = 0.004, 0.016  # m beyond the margin up to which bodies, and parts, are measured
 _CLOSER = 5e-4  # m that bodies may come nearer than at the ends of a path
+_DEEPEST = -0.005  # m that they may overlap there, by errors of perception
+_ROUNDING = 1e-9  # m
 
 
 class Contact(NamedTuple):
-    """Why a path is not free: which bodies, and their clearance (a lower bound, m)."""
+    """Why a path is not free: which bodies, and their clearance, m."""
 
     bodies: tuple[str, str]
     clearance: float
@@ -47,10 +46,7 @@ class Contact(NamedTuple):
 
 
 class CollisionChecker:
-    """Clearance of the whole robot from objects (tips included), the table plane z = 0 and itself.
-
-    Clearances are lower bounds from covering spheres, or true where these tell nothing: what is called free is free.
-    """
+    """Clearance of the whole robot from objects (tips included), the table plane z = 0 and itself."""
 
     def __init__(self, cell: Cell, obstacle: ConvexDistance | None, margin: float = 0.004) -> None:
         """Prepare.
@@ -61,8 +57,8 @@ class CollisionChecker:
                 alone; None when there is nothing.
             margin: clearance to keep, m.
         """
-        self.tree, self.margin, self._cell = robot_tree(cell), margin, cell
-        self._obstacle = NOTHING if obstacle is None else obstacle.obstacle
+        self.tree, self.margin, self._bodies = robot_tree(cell), margin, cell.robot.bodies
+        self._world = make_world(cell, obstacle)
         bodies = len(self.tree.parent)
         # Clearance to keep for body a and body b; columns nb and nb + 1 are the object and the table.
         self._needed = np.full((bodies, bodies + 2), margin)
@@ -70,15 +66,12 @@ class CollisionChecker:
     def allow(self, q: Array) -> None:
         """Allow a path to begin or end at `q` (n,) though bodies are nearer there than the margin.
 
-        They may come as near as there, but no nearer than the covering spheres can be wrong (8 mm); shapes may touch.
+        They may come as near as there, but overlap by no more than 5 mm.
         """
-        values, labels = clearances(q, self.tree, (self._obstacle, NOTHING), self.margin, False)
+        values, labels = clearances(q, self.tree, self._world, self.margin, False)
         kind, body, other = labels.T
         column = np.where(kind == SELF, other, len(self._needed) + (kind != OBJECT))
-        # m: covering spheres exceed the palm by 7 mm, a finger link by 3 mm
-        np.minimum.at(self._needed, (body, column), np.maximum(values - _CLOSER, -0.008))
-        for pair, apart in near_shapes(q[None], self._cell):
-            self._needed[pair] = max(apart, 0.0) - _CLOSER
+        np.minimum.at(self._needed, (body, column), np.maximum(values - _CLOSER, _DEEPEST))
 
     def free(self, *path: Array) -> bool:
         """Return True for a free configuration (n,) rad, or the straight joint line between two."""
@@ -92,19 +85,15 @@ class CollisionChecker:
             slack: how much nearer than the margin may pass, m: for paths that follow a checked one.
         """
         nb, pairs = len(self._needed), len(self.tree.pairs)
-        known = np.zeros((2, nb)), np.full((2, nb), -1.0), np.full((2, pairs + 1), -1.0)
+        known = np.zeros((2, nb)), np.full((2, nb), -1.0), np.full((2, pairs), -1.0)
         label = np.empty(3, np.int64)
-        watch = _Watch(self._obstacle, self._needed - slack, self.margin, *known, label)
+        watch = _Watch(self._needed - slack, self.margin, *known, label)
         # rad of any joint between two checked states: under 12 mm of the fingertips
-        states, names = densify(path, 0.015), self._cell.robot.bodies
-        value = _first_contact(states, self.tree, watch)
+        value = _first_contact(densify(path, 0.015), self.tree, self._world, watch)
         if value == np.inf:
-            for (a, b), apart in near_shapes(states, self._cell):
-                if apart < min(self._needed[a, b], LEAST) - slack:
-                    return Contact((names[a], names[b]), apart)
             return None
-        other = names[label[2]] if label[0] == SELF else ("object" if label[0] == OBJECT else "table")
-        return Contact((names[label[1]], other), value)
+        other = self._bodies[label[2]] if label[0] == SELF else ("object" if label[0] == OBJECT else "table")
+        return Contact((self._bodies[label[1]], other), value)
 
 
 def carried_into(target: GraspTarget, path: Array, tree: RobotTree, start: Array | None = None) -> float:
@@ -143,36 +132,38 @@ def _moved_into(target: GraspTarget, origin: Array, poses: Iterable[tuple[Array,
 
 
 class _Watch(NamedTuple):
-    """Obstacles to keep clear of, and what is known of clearances along a path: none changes by more than bodies move.
+    """Clearances to keep, and what is known of them along a path: none changes by more than bodies move.
 
     A clearance is measured again when what the bodies have moved since could have used it up.
     """
 
-    obstacle: Obstacle
     needed: Array  # (nb, nb + 2) m, clearance to keep between bodies, from the object, and from the table
     margin: float  # m: more is never needed
     ways: Array  # (2, nb) m, how far each body has moved so far: in the world, and against the palm
     to_object: Array  # (2, nb) m: clearance from the object when it was measured, and the way up to then
-    to_self: Array  # (2, np + 1) m: the same between two bodies, and of thumb and palm
+    to_self: Array  # (2, np) m: the same between two bodies
     label: Index  # (3,) of what was too near: kind, body, other body
 
 
 @njit
-def _first_contact(path: Array, tree: RobotTree, watch: _Watch) -> float:
+def _first_contact(path: Array, tree: RobotTree, world: World, watch: _Watch) -> float:
     """Return the clearance at the first contact, infinity if there is none; the watch's label says between which."""
     frames, before, seen, seen_before = (
         empty_frames(tree), empty_frames(tree), empty_frames(tree), empty_frames(tree),
     )  # fmt: skip
+    bounds, ends = np.empty(frames.p.shape), np.empty((3, 6))
     for i in range(path.shape[0]):
         forward(path[i], tree, frames)
         _seen_from(frames, tree.palm, seen)
         if i > 0:
-            _add_ways(tree, frames, before, watch.ways[0])
-            _add_ways(tree, seen, seen_before, watch.ways[1])
-        cover = cover_of(tree, frames)
-        value = _object_contact(cover, watch)
+            _add_ways(world, frames, before, watch.ways[0])
+            _add_ways(world, seen, seen_before, watch.ways[1])
+        place(world, frames)
+        for b in range(bounds.shape[0]):
+            to_world(frames.R[b], frames.p[b], world.bound_centre[b], bounds[b])
+        value = _object_contact(world, bounds, watch, ends)
         if value == np.inf:
-            value = _self_contact(cover, watch)
+            value = _self_contact(tree, world, bounds, watch, ends)
         if value < np.inf:
             return value
         frames, before, seen, seen_before = before, frames, seen_before, seen
@@ -180,26 +171,26 @@ def _first_contact(path: Array, tree: RobotTree, watch: _Watch) -> float:
 
 
 @leaf
-def _object_contact(cover: Cover, watch: _Watch) -> float:
+def _object_contact(world: World, bounds: Array, watch: _Watch, ends: Array) -> float:
     """Return a clearance from table or object that is less than needed, infinity if there is none."""
-    obstacle, needed, margin, label = watch.obstacle, watch.needed, watch.margin, watch.label
-    tree, direction, known = cover.tree, cover.room[5], watch.to_object
-    nb = tree.parent.shape[0]
+    needed, margin, label, known = watch.needed, watch.margin, watch.label, watch.to_object
+    nb, parts = bounds.shape[0], world.part.shape[0]
     for b in range(2, nb):
-        if tree.bound_radius[b] < 0.0:
+        radius = world.bound_radius[b]
+        if radius < 0.0:
             continue
-        value = cover.bounds[b, 2] - tree.bound_radius[b]
-        if value <= margin:
-            value, _ = table_clearance(cover, b, margin)
+        value = table_clearance(world, b, margin, False, ends)
         if value < min(needed[b, nb + 1], margin):
             label[0], label[1], label[2] = TABLE, b, -1
             return value
         way = watch.ways[0, b]
-        if obstacle.planes.shape[0] == 0 or known[0, b] - (way - known[1, b]) > margin:
+        if parts == 0 or known[0, b] - (way - known[1, b]) > margin:
             continue
-        value = convex_distance(cover.bounds[b], obstacle, direction, np.inf) - tree.bound_radius[b]
+        value = np.inf
+        for m in range(parts):
+            value = min(value, np.sqrt(from_box(world, m, bounds[b])) - radius)
         if value <= margin:
-            value, _ = object_clearance(cover, b, obstacle, margin + 0.016, False, direction)
+            value = part_clearance(world, b, 0, parts, margin + _AROUND, False, ends)
         known[0, b], known[1, b] = value, way
         if value < min(needed[b, nb], margin):
             label[0], label[1], label[2] = OBJECT, b, -1
@@ -208,21 +199,18 @@ def _object_contact(cover: Cover, watch: _Watch) -> float:
 
 
 @leaf
-def _self_contact(cover: Cover, watch: _Watch) -> float:
+def _self_contact(tree: RobotTree, world: World, bounds: Array, watch: _Watch, ends: Array) -> float:
     """Return a clearance between two bodies that is less than needed, infinity if there is none."""
     needed, margin, label = watch.needed, watch.margin, watch.label
-    tree, known, ways = cover.tree, watch.to_self, watch.ways[1]
-    for k in range(-1, tree.pairs.shape[0]):  # the first is thumb and palm, by their boxes
-        a, b = (tree.beside, tree.palm) if k < 0 else (tree.pairs[k, 0], tree.pairs[k, 1])
+    known, ways, radius = watch.to_self, watch.ways[1], world.bound_radius
+    for k in range(tree.pairs.shape[0]):
+        a, b = tree.pairs[k, 0], tree.pairs[k, 1]
         way = ways[a] + ways[b]
         if known[0, k] - (way - known[1, k]) > margin:
             continue
-        if k < 0:
-            value = palm_clearance(cover, margin + _NEAR, cover.room[5], cover.room[6])
-        else:
-            value = bounds_clearance(cover, a, b)
-            if value <= margin:
-                value, _, _ = self_clearance(cover, a, b, margin + _NEAR)
+        value = np.sqrt(squared_way(bounds[a], bounds[b])) - radius[a] - radius[b]
+        if value <= margin:
+            value = self_clearance(world, a, b, margin + _NEAR, ends)
         known[0, k], known[1, k] = value, way
         if value < min(needed[a, b], margin):
             label[0], label[1], label[2] = SELF, a, b
@@ -231,9 +219,9 @@ def _self_contact(cover: Cover, watch: _Watch) -> float:
 
 
 @leaf
-def _add_ways(tree: RobotTree, now: Frames, before: Frames, way: Array) -> None:
-    """Add to `way` (nb,) how far (m) each body's spheres can have moved: the middle's way, and the turn's."""
-    centre, radius, R, p, R0, p0 = tree.bound_centre, tree.bound_radius, now.R, now.p, before.R, before.p
+def _add_ways(world: World, now: Frames, before: Frames, way: Array) -> None:
+    """Add to `way` (nb,) how far (m) each body's shapes can have moved: the middle's way, and the turn's."""
+    centre, radius, R, p, R0, p0 = world.bound_centre, world.bound_radius, now.R, now.p, before.R, before.p
     for b in range(p.shape[0]):
         shift, turn = 0.0, 0.0
         for r in range(3):
@@ -243,7 +231,7 @@ def _add_ways(tree: RobotTree, now: Frames, before: Frames, way: Array) -> None:
                 d += t * centre[b, c]
                 turn += t * t
             shift += d * d
-        way[b] += np.sqrt(shift) + np.sqrt(turn) * max(radius[b], 0.0) + ROUNDING
+        way[b] += np.sqrt(shift) + np.sqrt(turn) * max(radius[b], 0.0) + _ROUNDING
 
 
 @leaf

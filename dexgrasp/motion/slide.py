@@ -127,7 +127,7 @@ def _way(push: Push, cell: Cell) -> Array | None:
         for last in palm_postures(q, R, begin + length * ahead, tree):
             path, strayed = shift_palm(last, tree, (along[1:, None] - length) * ahead)
             way = np.vstack([last, path])[::-1]
-            # Covering spheres may be 4.3 mm in the table, which the tips press on.
+            # The tips press on the table, and may be told to be 4.3 mm in it.
             if strayed < 0.003 and CollisionChecker(cell, None, -0.0043).first_contact(way) is None:
                 return way
     return None

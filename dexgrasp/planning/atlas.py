@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
-from dexgrasp.mechanics.kinematics.clearance import cover_of, self_clearance
+from dexgrasp.mechanics.kinematics.clearance import place, place_body, self_clearance, table_clearance
 from dexgrasp.mechanics.kinematics.forward import empty_frames, forward, forward_part, tip_positions
-from dexgrasp.mechanics.kinematics.shapes import shapes_apart
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.mechanics.kinematics.world import World, make_world
 from dexgrasp_env.arrays import Array, Index, Mask, unit
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
@@ -22,15 +22,12 @@ from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 
-_VERSION = 6
+_VERSION = 7
 SAMPLES = 400_000
 _SEED = 0
 _ENOUGH, _ROUNDS = 20_000, 30  # postures of a hand from elsewhere that will do; how often to sample for them
 _APART = 0.003  # m between its bodies, so that it can open too
-_LOOKED_AT, _TRULY = (
-    500,
-    100,
-)  # postures that tell which of its bodies can be so far apart, or are by true shapes
+_LOOKED_AT = 500  # postures that tell which of its bodies can be so far apart
 _INWARD = -0.2  # least cosine of its tips' axes to the middle of all tips: the backs of tips cannot press
 _BESIDE, _DEPTH = 0.003, 0.005  # m that the link behind a tip may lie in a face that the tip presses so deep
 _LEAST = 0.05  # cosine of a tip's axis to what it presses against
@@ -64,26 +61,27 @@ def hand_atlas(cell: Cell) -> HandAtlas:
 @lru_cache(maxsize=4)
 def _atlas(cell: Cell) -> HandAtlas:
     robot, tree, rng = cell.robot, robot_tree(cell), np.random.default_rng(_SEED)
-    name = f"postures_{_key(robot, tree)}.npy"
+    world = make_world(cell)
+    name = f"postures_{_key(robot, tree, world)}.npy"
     if robot.hand.frame is not None:
-        q = cached_arrays(name, lambda: {"q": _many_kept(rng, cell, tree)})["q"]
+        q = cached_arrays(name, lambda: {"q": _many_kept(rng, robot, tree, world)})["q"]
     else:
         drawn = _drawn(rng, tree)
         file = cached_arrays(
             name, lambda: {"kept": np.packbits(_opposed(_postures(drawn, robot, tree), tree))}
         )
         q = _postures(drawn[np.unpackbits(file["kept"], count=SAMPLES) == 1], robot, tree)
-    tips = Tips(*_tip_frames(q, tree), _least_facing(tree))
+    tips = Tips(*_tip_frames(q, tree), _least_facing(tree, world))
     # A tree that is not balanced takes half the time, its queries no longer.
     search = KDTree(triangle_sides(tips.centres), leafsize=16, balanced_tree=False, compact_nodes=False)
     return HandAtlas(q[:, tree.arm :].copy(), tips, search)
 
 
-def _key(robot: Robot, tree: RobotTree) -> str:
+def _key(robot: Robot, tree: RobotTree, world: World) -> str:
     """Return a hash of all that the postures of a hand depend on."""
     hand = robot.hand
     places = tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body, tree.tip_offset, *robot.drive
-    shapes = tree.sphere_centre, tree.sphere_radius, tree.pairs, [finger.aside for finger in hand.fingers]
+    shapes = world.position, world.reach, tree.pairs, [finger.aside for finger in hand.fingers]
     foreign = () if hand.frame is None else (hand.stamp, *hand.tendons)
     return content_hash(_VERSION, SAMPLES, _SEED, *places, *shapes, *foreign)
 
@@ -113,23 +111,15 @@ def _drawn(rng: np.random.Generator, tree: RobotTree) -> Array:
     return rng.uniform(-1.0, 1.0, (SAMPLES, len(tree.lower) - tree.arm))
 
 
-def _many_kept(rng: np.random.Generator, cell: Cell, tree: RobotTree) -> Array:
-    """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn.
-
-    Where spheres tell too little, true shapes have to be apart as well, or the planner would refuse most of them.
-    """
-    robot, truly = cell.robot, False
+def _many_kept(rng: np.random.Generator, robot: Robot, tree: RobotTree, world: World) -> Array:
+    """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn."""
     kept, pairs = list[Array](), _moving_pairs(robot, tree)
     for k in range(_ROUNDS):
         q = _postures(_drawn(rng, tree), robot, tree)
         q = q[_opposed(q, tree)]
         if k == 0:
-            pairs = _telling(q[:_LOOKED_AT], tree, pairs)
-        q = q[_pressing(q, tree, pairs)]
-        if k == 0:
-            free = [shapes_apart(of, cell) for of in q[:_TRULY]]
-            truly = 2 * sum(free) < len(free)
-        kept.append(q[[shapes_apart(of, cell) for of in q]] if truly and len(q) else q)
+            pairs = _telling(q[:_LOOKED_AT], tree, world, pairs)
+        kept.append(q[_pressing(q, tree, world, pairs)])
         if sum(map(len, kept)) > _ENOUGH:
             break
     if not sum(map(len, kept)):
@@ -137,9 +127,9 @@ def _many_kept(rng: np.random.Generator, cell: Cell, tree: RobotTree) -> Array:
     return np.concatenate(kept)
 
 
-def _telling(q: Array, tree: RobotTree, pairs: Index) -> Index:
+def _telling(q: Array, tree: RobotTree, world: World, pairs: Index) -> Index:
     """Return the pairs of bodies that some of postures (N, n) keep apart: `_APART` is more than others ever are."""
-    kept = [len(q) == 0 or bool(_clear_of_itself(q, tree, pair[None]).any()) for pair in pairs]
+    kept = [len(q) == 0 or bool(_clear_of_itself(q, tree, world, pair[None]).any()) for pair in pairs]
     return pairs[np.array(kept, bool)]
 
 
@@ -165,43 +155,56 @@ def _opposed(q: Array, tree: RobotTree) -> Mask:
     return inside & opposed & in_front
 
 
-def _pressing(q: Array, tree: RobotTree, pairs: Index) -> Mask:
+def _pressing(q: Array, tree: RobotTree, world: World, pairs: Index) -> Mask:
     """Return in which postures the hand is clear of itself, and no tip turns its back to what is between them."""
     tips, axes, _ = _tip_frames(q, tree)
     inward = unit(tips.mean(1, keepdims=True) - tips)
     pressing: Mask = ((axes * inward).sum(2) > _INWARD).all(1)
-    pressing[pressing] = _clear_of_itself(q[pressing], tree, pairs)
+    pressing[pressing] = _clear_of_itself(q[pressing], tree, world, pairs)
     return pressing
 
 
 @njit
-def _clear_of_itself(q: Array, tree: RobotTree, pairs: Index) -> Mask:
+def _clear_of_itself(q: Array, tree: RobotTree, world: World, pairs: Index) -> Mask:
     """Return which postures keep pairs of bodies at `_APART` m from each other (N,)."""
-    frames, clear = empty_frames(tree), np.ones(len(q), np.bool_)
+    frames, clear, ends = empty_frames(tree), np.ones(len(q), np.bool_), np.empty((3, 6))
     for k in range(len(q)):
         forward(q[k], tree, frames)
-        cover = cover_of(tree, frames)
+        place(world, frames)
         for a, b in pairs:
-            if self_clearance(cover, a, b, _APART)[1] >= 0:
+            if self_clearance(world, a, b, _APART, ends) < _APART:
                 clear[k] = False
                 break
     return clear
 
 
-def _least_facing(tree: RobotTree) -> float:
+def _least_facing(tree: RobotTree, world: World) -> float:
     """Return the least cosine of a tip's axis to a face's inward normal at which the tip meets the face, not its link.
 
     Where tips bulge towards their pads, or are thin, the link behind them gets in the way of what they could press.
     """
     turns, least = np.linspace(0.0, 0.5 * np.pi, 91), _LEAST
-    ways = np.stack([np.sin(turns), 0.0 * turns, np.cos(turns)])
-    for body, offset in zip(tree.tip_body, tree.tip_offset, strict=True):
-        own = slice(tree.sphere_first[body], tree.sphere_first[body + 1])
-        behind = ~tree.sphere_is_tip[own]
-        reach = (tree.sphere_centre[own][behind] - offset) @ ways + tree.sphere_radius[own][behind, None]
-        meets = reach.max(0, initial=-1.0) > tree.tip_radius - _DEPTH + _BESIDE
+    for reach in _behind(turns, tree, world):
+        meets = reach > tree.tip_radius - _DEPTH + _BESIDE
         least = max(least, float(np.cos(turns[~meets].max(initial=0.0))))
     return least
+
+
+@njit
+def _behind(turns: Array, tree: RobotTree, world: World) -> Array:
+    """Return how far (g, N), m, links reach beyond their tips' centres along ways turned from the tip's axis (N,) rad.
+
+    A way points down on the table, and the tip's centre lies in its plane.
+    """
+    frames, ends, out = empty_frames(tree), np.empty((3, 6)), np.empty((len(tree.tip_body), len(turns)))
+    for i, b in enumerate(tree.tip_body):
+        for k, turn in enumerate(turns):
+            s, c = np.sin(turn), np.cos(turn)
+            frames.R[b] = np.array([[c, 0.0, -s], [0.0, -1.0, 0.0], [-s, 0.0, -c]])
+            frames.p[b] = -frames.R[b] @ tree.tip_offset[i]
+            place_body(world, frames, b)
+            out[i, k] = -table_clearance(world, b, 1.0, True, ends)
+    return out
 
 
 @njit

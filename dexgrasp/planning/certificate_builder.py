@@ -50,11 +50,8 @@ def certificate_of(
 
 
 def least_clearance(q: Array, problem: GraspProblem) -> float:
-    """Return the least clearance from object, table and itself, m, at most `FAR`.
-
-    It is a lower bound, as spheres cover the robot from outside.
-    """
-    values, labels = clearances(q, problem.tree, problem.obstacles, FAR, True)
+    """Return the least clearance from object, table and itself, m, at most `FAR`."""
+    values, labels = clearances(q, problem.tree, problem.world, FAR, True)
     return float(min(values[labels[:, 0] != NEIGHBOUR], default=FAR))
 
 
@@ -65,7 +62,7 @@ def too_near(q: Array, problem: GraspProblem, least: float) -> Index:
     Beside a low object tips may be as near the table as they grasp; fingers that stand close at home, and their first
     links, may be as close to each other as in a grasp.
     """
-    values, labels = clearances(q, problem.tree, problem.obstacles, least, False)
+    values, labels = clearances(q, problem.tree, problem.world, least, False)
     # 2 mm between the hand, closed or open, and what stands around the object.
     needed = np.where(labels[:, 0] == NEIGHBOUR, min(0.002, least), least)
     if problem.settings.is_low(problem.target.top):
@@ -83,12 +80,12 @@ def _close_at_home(labels: Index, problem: GraspProblem, least: float) -> Mask:
     tree, robot = problem.tree, problem.cell.robot
     knuckles = [robot.bodies.index(finger.bodies[0]) for finger in robot.hand.fingers]
     beside = (labels[:, 0] == SELF) & np.isin(labels[:, 1:], knuckles).all(1)
-    found = clearances(tree.home, tree, problem.obstacles, least, True)[1]
+    found = clearances(tree.home, tree, problem.world, least, True)[1]
     found = found[found[:, 0] == SELF]
     return beside | (labels[:, None] == found).all(2).any(1)
 
 
 def overlap(q: Array, problem: GraspProblem) -> float:
     """Return how deep, m, the robot lies in neighbours or in itself; 0 or less where it is clear of both."""
-    values, labels = clearances(q, problem.tree, problem.obstacles, 0.0, True)
+    values, labels = clearances(q, problem.tree, problem.world, 0.0, True)
     return float(-min(values[np.isin(labels[:, 0], (NEIGHBOUR, SELF))], default=0.0))

@@ -17,7 +17,6 @@ from dexgrasp.mechanics.kinematics.forward import (
     tip_jacobian,
 )
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
-from dexgrasp.mechanics.kinematics.shapes import shapes_apart
 from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
 from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp.mechanics.strength import capacity_of
@@ -72,8 +71,6 @@ def certified(candidate: Candidate, with_closure: bool) -> Grasp:
             raise NoGrasp(f"holding_forces: {UNBALANCED}", 1.0)
     # Firm grasps are many. One that is not is worth another way to open.
     rises = settings.rises[:1] if hold.robust_load >= settings.firm_load else settings.rises
-    if not shapes_apart(q, problem.cell):
-        raise NoGrasp("clearance_self")
     if problem.target.neighbours:
         ways = (_opened_each(q, at.normals, problem, rise) for rise in rises)
     else:
@@ -118,10 +115,8 @@ def _mendable(missed: Array, q: Array, tree: RobotTree) -> Array:
 
 def _is_open(pregrasp: Array, q: Array, problem: GraspProblem) -> bool:
     """Return True for a hand that is clear where it is open, and of neighbours until it has closed to `q` (n,) rad."""
-    return (
-        not len(too_near(pregrasp, problem, OPEN_CLEARANCE))
-        and shapes_apart(pregrasp, problem.cell)
-        and not (problem.target.neighbours and len(_in_the_way(pregrasp, q, problem)))
+    return not len(too_near(pregrasp, problem, OPEN_CLEARANCE)) and not (
+        problem.target.neighbours and len(_in_the_way(pregrasp, q, problem))
     )
 
 

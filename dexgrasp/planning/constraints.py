@@ -23,6 +23,7 @@ from dexgrasp.mechanics.kinematics.forward import (
     tip_positions,
 )
 from dexgrasp.mechanics.kinematics.tree import RobotTree
+from dexgrasp.mechanics.kinematics.world import World
 from dexgrasp.mechanics.margin import cone_margin
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
@@ -79,7 +80,7 @@ class _Touch(NamedTuple):
 
 @njit
 def evaluate(
-    q: Array, tree: RobotTree, obstacles: tuple[Obstacle, Obstacle], bounds: Bounds, shape: Shape,
+    q: Array, tree: RobotTree, obstacle: Obstacle, world: World, bounds: Bounds, shape: Shape,
     with_margin: bool,
 ) -> Evaluation:  # fmt: skip
     """Evaluate all constraints and gradients at `q` (n,) rad.
@@ -87,14 +88,15 @@ def evaluate(
     Args:
         q: (n,) rad.
         tree: the robot.
-        obstacles: the object in the world frame, and what stands around it.
+        obstacle: the object in the world frame.
+        world: the robot's shapes, the object and what stands around it.
         bounds: thresholds.
         shape: of the contacts.
         with_margin: whether the closure margin counts (ablation `cvae_kinematics` leaves it out).
     """
     frames = empty_frames(tree)
     forward(q, tree, frames)
-    touch = _touch(tree, frames, obstacles[0])
+    touch = _touch(tree, frames, obstacle)
     rows = Rows(
         np.full(MAX_ROWS, 1.0), np.zeros((MAX_ROWS, q.shape[0])), np.full((MAX_ROWS, 3), -1, dtype=np.int64)
     )
@@ -111,7 +113,7 @@ def evaluate(
     for k in range(fixed):
         rows.labels[k, 0] = -1 - k
     beyond = Rows(rows.values[fixed:], rows.gradients[fixed:], rows.labels[fixed:])
-    total = fixed + clearance_rows(tree, frames, obstacles, _ACTIVATION, True, beyond)
+    total = fixed + clearance_rows(tree, frames, world, _ACTIVATION, True, beyond)
     for k in range(fixed, total):
         rows.values[k] -= bounds.off_table if rows.labels[k, 0] == TABLE else bounds.clearance
     return Evaluation(

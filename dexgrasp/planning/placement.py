@@ -209,4 +209,4 @@ def place_on_atlas(
     goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
     _, near = atlas.search.query(triangle_sides(centres), neighbours, distance_upper_bound=SIDE_TOLERANCE)
     obstacle = problem.target.everything.obstacle
-    return _useful(goals, near, atlas.tips, obstacle, problem.tree.palm_box_centre, height)
+    return _useful(goals, near, atlas.tips, obstacle, problem.tree.palm_middle, height)

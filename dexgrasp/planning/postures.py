@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.geometry.distance_grid import Field, field_at
 from dexgrasp.mechanics.contacts import Contacts, Shape
 from dexgrasp.mechanics.internal_force import empty_room, squeeze_estimate
+from dexgrasp.mechanics.kinematics.clearance import part_clearance, place_body
 from dexgrasp.mechanics.kinematics.forward import (
     contact_jacobian,
     empty_frames,
@@ -24,6 +24,7 @@ from dexgrasp.mechanics.kinematics.forward import (
 from dexgrasp.mechanics.kinematics.palm_ik import PALM_DOWN, reach_palm
 from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
 from dexgrasp.mechanics.kinematics.tree import RobotTree
+from dexgrasp.mechanics.kinematics.world import World
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.certificate_builder import overlap
 from dexgrasp.planning.holding import ENOUGH, narrowed_friction
@@ -85,30 +86,29 @@ def atlas_postures(proposals: Proposals, problem: GraspProblem) -> Iterator[Post
 
 def _by_room(placed: Placements, rank: Array, problem: GraspProblem) -> Index:
     """Return placements, the likeliest first: by rank (M,), those set back in which neighbours crowd the hand."""
-    if problem.target.field is not None:
+    if problem.target.around is not None:
         robot, tree = problem.cell.robot, problem.tree
         bodies = [robot.bodies.index(name) for finger in robot.grasping for name in finger.bodies]
         joints = hand_atlas(problem.cell).joints
-        rooms = _rooms(placed, joints, tree, np.array([tree.palm, *bodies]), problem.target.field)
-        rank = rank - _CROWDED * (_ROOM - np.minimum(rooms, _ROOM))
+        rooms = _rooms(placed, joints, tree, np.array([tree.palm, *bodies]), problem.world)
+        rank = rank - _CROWDED * (_ROOM - rooms)
     return np.argsort(-rank, kind="stable")
 
 
 @njit
-def _rooms(placed: Placements, joints: Array, tree: RobotTree, bodies: Index, field: Field) -> Array:
-    """Clearances (M,) m of some bodies of the hand from what stands around, of placements."""
+def _rooms(placed: Placements, joints: Array, tree: RobotTree, bodies: Index, world: World) -> Array:
+    """Clearances (M,) m of some bodies of the hand from what stands around, of placements; at most `_ROOM`."""
     out, frames = np.empty(len(placed.which)), empty_frames(tree)
-    q, centre = np.zeros(len(tree.lower)), np.empty(3)
+    q, ends = np.zeros(len(tree.lower)), np.empty((3, 6))
     for m in range(len(out)):
         q[tree.arm :] = joints[placed.which[m]]
         frames.R[tree.palm] = placed.rotations[m] @ tree.palm_rotation.T
         frames.p[tree.palm] = placed.positions[m] - frames.R[tree.palm] @ tree.palm_offset
         forward_part(q, tree, frames, tree.palm + 1, len(tree.parent))
-        out[m] = np.inf
+        out[m] = _ROOM
         for b in bodies:
-            for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
-                to_world(frames.R[b], frames.p[b], tree.sphere_centre[s], centre)
-                out[m] = min(out[m], field_at(field, centre) - tree.sphere_radius[s])
+            place_body(world, frames, b)
+            out[m] = part_clearance(world, b, world.objects, len(world.part), out[m], False, ends)
     return out
 
 

@@ -1,8 +1,8 @@
 """Settings of the planner, and the problem that every step of planning takes: object, robot and settings."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
-from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle
 from dexgrasp.geometry.convex_parts import MOST_PARTS
 from dexgrasp.geometry.request import GraspRequest
 from dexgrasp.geometry.target import GraspTarget
@@ -10,6 +10,7 @@ from dexgrasp.grasp.thresholds import FROZEN, Thresholds, frozen_for, planned_fr
 from dexgrasp.mechanics.contact_models import ContactModel, contact_model
 from dexgrasp.mechanics.contacts import Shape, shape_of
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.mechanics.kinematics.world import World, make_world
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Hand
@@ -140,8 +141,7 @@ class GraspProblem:
         """Shape of the contacts that the grasping fingers make."""
         return shape_of(len(self.tree.tip_body), self.tree.model)
 
-    @property
-    def obstacles(self) -> tuple[Obstacle, Obstacle]:
-        """The object, which the tips may touch, and what stands around it, which nothing may."""
-        around = self.target.around
-        return self.target.distance.obstacle, NOTHING if around is None else around.obstacle
+    @cached_property
+    def world(self) -> World:
+        """The robot's shapes, the object, which the tips may touch, and what stands around it, which nothing may."""
+        return make_world(self.cell, self.target.distance, self.target.around)

@@ -77,7 +77,8 @@ class _Solver:
         tree, settings = problem.tree, problem.settings
         self._robot, self._moved = problem.cell.robot, tree.moved
         self._block, self._turn = np.ix_(tree.moved, tree.moved), _TURN * np.eye(len(tree.moved))
-        self._obstacles, self._tree, self._budget = problem.obstacles, tree, settings.iterations
+        self._obstacle, self._world = problem.target.distance.obstacle, problem.world
+        self._tree, self._budget = tree, settings.iterations
         self._with_margin, self._shape, self._unit = with_margin, problem.shape, tree.unit[tree.moved]
         self._low = tree.lower[tree.moved] + settings.joint_margin * self._unit
         self._high = tree.upper[tree.moved] - settings.joint_margin * self._unit
@@ -87,7 +88,7 @@ class _Solver:
 
     def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
         """Return constraints and their gradients at `q` (n,) rad."""
-        return evaluate(q, self._tree, self._obstacles, bounds, self._shape, self._with_margin)
+        return evaluate(q, self._tree, self._obstacle, self._world, bounds, self._shape, self._with_margin)
 
     def run(self, q: Array) -> Solution:
         """Work towards the margin aimed at; where that is too much, towards the least one."""

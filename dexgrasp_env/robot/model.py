@@ -46,6 +46,19 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
     return spec
 
 
+def colliding_spec(cell: Cell) -> mujoco.MjSpec:
+    """Build the robot without what is only seen, which would cost nine tenths of the compilation."""
+    spec = robot_spec(cell)
+    for geom in list(spec.geoms):
+        if geom.contype == 0 and geom.conaffinity == 0:
+            spec.delete(geom)
+    needed = {geom.meshname for geom in spec.geoms}
+    for mesh in list(spec.meshes):
+        if mesh.name not in needed:
+            spec.delete(mesh)
+    return spec
+
+
 def _stand(base: mujoco.MjsBody, cell: Cell) -> None:
     """Put a robot's base where the cell has it in the world."""
     base.pos = cell.base

@@ -189,7 +189,7 @@ class Hand:
         grasps: the like, to be tried in turn where `grasp` gives none that bears the weight.
         open: rad, the pre-shape of a grasp.
         mounts: how the hand may sit on an arm.
-        beside_palm: the link that works closer to the palm than spheres can tell; empty where there is none.
+        beside_palm: one more link whose distance from the palm is kept; empty where there is none.
         self_pairs: bodies that the hand's own motion can bring together; found by sampling where none is named.
         excluded: bodies that are not to collide, besides those of an MJCF that has frames of its own.
         frame: of the palm in its body, of an MJCF that has frames of its own.

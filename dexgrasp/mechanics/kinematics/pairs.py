@@ -5,15 +5,13 @@ from itertools import combinations
 import mujoco
 import numpy as np
 
-from dexgrasp.mechanics.kinematics.sphere_cover import Spheres
 from dexgrasp_env.arrays import Mask
 from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.robot.model import bodies_apart, excluded_pairs, swept
 from dexgrasp_env.robot.robot import Robot
 
 _SAMPLES = 300
-_NEAR = 0.01  # m between two bodies: covering spheres exceed the shapes by less
-_LOOKS, _MOSTLY = 60, 0.6  # covering spheres that overlap in so many postures can tell nothing of a pair
+_NEAR = 0.01  # m between two bodies
 
 Pairs = list[tuple[int, int]]
 
@@ -46,21 +44,3 @@ def _come_near(pairs: Pairs, robot: Robot, model: mujoco.MjModel) -> Mask:
         for k in np.flatnonzero(~near):
             near[k] = bodies_apart(data, *pairs[k], _NEAR) < _NEAR
     return near
-
-
-def told_apart(pairs: Pairs, robot: Robot, model: mujoco.MjModel, spheres: list[Spheres]) -> Pairs:
-    """Return the pairs, numbers of the robot's bodies, of which their covering spheres can tell something."""
-    inside, idle = np.zeros(len(pairs)), robot.home.copy()
-    for finger in robot.hand.fingers:
-        if finger.aside:
-            idle[robot.columns[finger.name]] = finger.aside
-    weights, postures = [_LOOKS, _LOOKS] + [1] * _LOOKS, [robot.home, idle, *robot.drawn(_LOOKS)]
-    for weight, data in zip(weights, swept(model, postures), strict=True):
-        placed = zip(spheres, map(data.body, robot.bodies), strict=True)
-        centres = [s.centre @ b.xmat.reshape(3, 3).T + b.xpos for s, b in placed]
-        for k, (a, b) in enumerate(pairs):
-            apart = np.linalg.norm(centres[a][:, None] - centres[b], axis=2)
-            # m that they leave where fingers are open or idle, or they cannot either
-            room = 0.002 if weight > 1 else 0.0
-            inside[k] += weight * (apart < spheres[a].radius[:, None] + spheres[b].radius + room).any()
-    return [pair for pair, often in zip(pairs, inside, strict=True) if often < _MOSTLY * _LOOKS]

@@ -7,17 +7,11 @@ import mujoco
 import numpy as np
 
 from dexgrasp.mechanics.contact_models import ContactModel, contact_model
-from dexgrasp.mechanics.kinematics.pairs import meeting_pairs, told_apart
-from dexgrasp.mechanics.kinematics.sphere_cover import (
-    Spheres,
-    body_spheres,
-    box_edges,
-    rotation_matrix,
-    together,
-)
-from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp.mechanics.kinematics.pairs import meeting_pairs
+from dexgrasp_env.arrays import Array, Index, Mask, middle
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import compiled_robot, posed
+from dexgrasp_env.robot.hulls import corners_of
+from dexgrasp_env.robot.model import colliding, compiled_robot, posed
 from dexgrasp_env.robot.robot import SLIDE, Robot
 
 _SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, where inverse kinematics begins
@@ -26,9 +20,7 @@ _SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, w
 class _Links(NamedTuple):
     """The links of a robot as compiled code takes them: each array more makes every call dearer.
 
-    Bodies in topological order, base first; nb bodies, n joints of which `arm` are the arm's, g tips, ns spheres.
-
-    Spheres cover the collision shapes from outside, so that a clearance computed from them never exceeds the true one.
+    Bodies in topological order, base first; nb bodies, n joints of which `arm` are the arm's, g tips.
     """
 
     parent: Index  # (nb,), -1 for the base
@@ -43,17 +35,8 @@ class _Links(NamedTuple):
     palm: int  # index of the palm body
     palm_offset: Array  # (3,) m, the palm frame in its body
     palm_rotation: Array  # (3, 3)
-    sphere_first: Index  # (nb + 1,): spheres of body b are sphere_first[b] .. sphere_first[b + 1]
-    sphere_centre: Array  # (ns, 3) m, body frame
-    sphere_radius: Array  # (ns,) m
-    sphere_is_tip: Mask  # (ns,): covers the tip of a grasping finger, which may touch the object
-    bound_centre: Array  # (nb, 3) m: one sphere around all of a body's
-    bound_radius: Array  # (nb,) m, -1 where a body has none
+    palm_middle: Array  # (3,) m of the box around the palm, palm body frame
     pairs: Index  # (np, 2) bodies whose distance is kept
-    palm_box_centre: Array  # (3,) m, palm body frame
-    palm_box_half: Array  # (3,) m
-    beside: int  # the link that works right beside the palm, -1 where none does
-    beside_edges: Array  # (ne, 3) m, points of its box's edges, in its frame
     torsion: float  # m, of soft tips: torsional friction over sliding friction
     follows: Index  # (n,) the joint that each follows, -1 where it does not; of a tendon's joints the last
     ratio: Array  # (n, 3) at which multiple, how much farther; of a tendon coefficient and stop, and 1 where it stands
@@ -90,6 +73,13 @@ class RobotTree(_Links):
         return tree
 
 
+def rotation_matrix(quat: Array) -> Array:
+    """Return the rotation (3, 3) of a quaternion wxyz, as the simulation computes it."""
+    out = np.zeros(9)
+    mujoco.mju_quat2Mat(out, quat)
+    return out.reshape(3, 3)
+
+
 @lru_cache(maxsize=8)
 def robot_tree(cell: Cell) -> RobotTree:
     """Return the tree of a cell's robot where it stands; the same arrays at every call."""
@@ -99,17 +89,12 @@ def robot_tree(cell: Cell) -> RobotTree:
     bodies = [model.body(name).id for name in robot.bodies]
     index = {body: i for i, body in enumerate(bodies)}
     touching = tuple(finger.tip for finger in robot.grasping)
-    spheres = [body_spheres(model, b, touching) for b in bodies]
-    every = together(spheres)
-    centres, radii = zip(*(s.bound() for s in spheres), strict=True)
     columns = model.body_jntadr[bodies].tolist()  # joints are in the order of the robot's files
     follows, ratio = _following(robot)
     stands = ratio[:, 2] > 0.0
     slides = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
     palm = robot.hand.palm
     site, tips = model.site(palm).id, [model.site(tip).id for tip in touching]
-    beside, edges = _beside_palm(model, robot)
-    middle, half = _palm_box(model, robot, spheres[robot.bodies.index(palm)])
     tree = RobotTree(
         parent=np.array([index.get(model.body_parentid[b], -1) for b in bodies]),
         offset=model.body_pos[bodies].copy(),
@@ -125,17 +110,8 @@ def robot_tree(cell: Cell) -> RobotTree:
         palm=index[model.site_bodyid[site]],
         palm_offset=model.site_pos[site].copy(),
         palm_rotation=rotation_matrix(model.site_quat[site]),
-        sphere_first=np.cumsum([0, *(len(s.radius) for s in spheres)]),
-        sphere_centre=every.centre,
-        sphere_radius=every.radius,
-        sphere_is_tip=every.is_tip,
-        bound_centre=np.array(centres),
-        bound_radius=np.array(radii),
-        pairs=_sphered_pairs(robot, model, spheres),
-        palm_box_centre=middle,
-        palm_box_half=half,
-        beside=beside,
-        beside_edges=edges,
+        palm_middle=_palm_middle(model, robot),
+        pairs=np.array(body_pairs(robot, model)),
         torsion=robot.hand.torsion,
         follows=follows,
         ratio=ratio,
@@ -215,37 +191,25 @@ def _followed(model: mujoco.MjModel, robot: Robot) -> Array:
     return followed
 
 
-def _beside_palm(model: mujoco.MjModel, robot: Robot) -> tuple[int, Array]:
-    name = robot.hand.beside_palm
-    if not name:
-        return -1, np.zeros((0, 3))
-    geom = model.geom(name)
-    return robot.bodies.index(name), box_edges(geom.pos, geom.size)
-
-
-def _palm_box(model: mujoco.MjModel, robot: Robot, spheres: Spheres) -> tuple[Array, Array]:
-    """Return centre and half lengths (3,) m of the palm's box, or of one around the palm where it is none."""
-    if robot.hand.frame is None:
-        geom = model.geom(robot.hand.palm)
-        return geom.pos.copy(), geom.size.copy()
-    low = (spheres.centre - spheres.radius[:, None]).min(0)
-    high = (spheres.centre + spheres.radius[:, None]).max(0)
-    return 0.5 * (low + high), 0.5 * (high - low)
+def _palm_middle(model: mujoco.MjModel, robot: Robot) -> Array:
+    """Return the middle (3,) m of the box around the palm's shapes, in its frame."""
+    geoms = colliding(model, model.body(robot.hand.palm).id)
+    turns = [rotation_matrix(model.geom_quat[g]) for g in geoms]
+    return middle(
+        np.concatenate(
+            [corners_of(model, g) @ R.T + model.geom_pos[g] for g, R in zip(geoms, turns, strict=True)]
+        )
+    )
 
 
 def body_pairs(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, int]]:
     """Return the pairs of bodies, their numbers, that a motion can bring together: no neighbours in the chain."""
     number = robot.bodies.index
     pairs = [(number(a), number(b)) for a, b in robot.hand.self_pairs or meeting_pairs(robot, model)]
+    if robot.hand.beside_palm:
+        pairs.append((number(robot.hand.beside_palm), number(robot.hand.palm)))
     arm, hand = (list(map(number, part.bodies)) for part in (robot.arm, robot.hand))
     low, elbow, wrist = arm[:-3], arm[-3], arm[-2:]
     pairs += [(a, b) for a in low for b in hand]
     pairs += [(a, b) for a in low[:3] for b in wrist]
     return pairs + [(elbow, b) for b in [*hand, *low[:3]]]
-
-
-def _sphered_pairs(robot: Robot, model: mujoco.MjModel, spheres: list[Spheres]) -> Index:
-    """Those of which covering spheres can tell something."""
-    pairs = body_pairs(robot, model)
-    foreign = robot.hand.frame is not None or robot.arm.frame is not None
-    return np.array(told_apart(pairs, robot, model, spheres) if foreign else pairs)
