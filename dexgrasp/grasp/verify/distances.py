@@ -6,7 +6,7 @@ The planner's are MuJoCo's. Of MuJoCo only the places of geoms are taken here.
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import daqp
 import mujoco
@@ -15,6 +15,9 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.objects.parts import ContactPart
 from dexgrasp_env.robot.hulls import mesh_of, planes_of
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 FAR = 0.05  # m: distances beyond are not measured
 _TOUCH = 1e-7  # m: hulls that are nearer count as overlapping
@@ -146,14 +149,17 @@ class Distances:
             most = min(most, self.apart(*pairs[k]))
         return most
 
-    def from_points(self, geoms: Index, points: Array, most: float = FAR) -> float:
-        """Return the least distance of geoms (G,) from points (N, 3) m, `most` m if none is nearer."""
-        places = self._data.geom_xpos[geoms]
-        gaps = np.linalg.norm(points[:, None] - places, axis=2) - self._model.geom_rbound[geoms]
-        for k in np.argsort(gaps.min(0)):
-            if gaps[:, k].min(initial=most) >= most:
+    def from_points(self, geoms: Index, points: "cKDTree", most: float = FAR) -> float:
+        """Return the least distance of geoms (G,) from points, m, `most` m if none is nearer."""
+        places, reach = self._data.geom_xpos[geoms], self._model.geom_rbound[geoms]
+        gaps = points.query(places)[0] - reach
+        for k in np.argsort(gaps):
+            if gaps[k] >= most:
                 break
-            placed, near = self._placed(geoms[k]), points[gaps[:, k] < most]
+            placed, near = (
+                self._placed(geoms[k]),
+                points.data[points.query_ball_point(places[k], reach[k] + most)],
+            )
             shape = placed.shape
             beyond = shape.beyond((near - placed.position) @ placed.axes)
             for i in np.argsort(beyond):

@@ -74,7 +74,12 @@ class Scene:
         self.object = {self.model.geom(f"object{k}").id for k in range(len(self.parts))}
         self.neighbours = {self.model.geom(f"around{k}").id for k in range(len(neighbours))}
         self.table = self.model.geom("table").id
-        self._seen = None if cell.table is None else placed(cell.T_world_base, cell.table.points)
+        self._seen: Any = None  # points as a tree
+        if cell.table is not None:
+            from scipy.spatial import cKDTree
+
+            seen = np.concatenate([cell.table.points, cell.table.around])
+            self._seen = cKDTree(placed(cell.T_world_base, seen))
         self._tip_geoms = [self.model.geom(finger.tip).id for finger in self._fingers]
         self._distances = Distances(self.model, self.data)
 
@@ -132,7 +137,7 @@ class Scene:
 
     def clearances(self, q: Array, tips_touch: bool) -> dict[str, float]:
         """Return the least distances, m, of the true collision shapes: hand and arm to object, table, themselves,
-        `hand_neighbour` where there are neighbours, and `hand_seen` to the points of a table that was seen.
+        `hand_neighbour` where there are neighbours, and `hand_seen` to points that were seen of table and surroundings.
         """
         self._move(q)
         seen = {} if self._seen is None else {"hand_seen": self._from_seen(FAR)}
@@ -146,7 +151,7 @@ class Scene:
         }
 
     def over_seen(self, path: Array) -> float:
-        """Return the least distance, m, along a path (T, n) from the points of the table that were seen."""
+        """Return the least distance, m, along a path (T, n) from the points that were seen."""
         least = FAR
         for q in densify(path) if self._seen is not None else ():
             self._move(q)
@@ -154,8 +159,7 @@ class Scene:
         return least
 
     def _from_seen(self, most: float) -> float:
-        """Return the least distance, m, from the points of the table that were seen, `most` m if none is nearer."""
-        assert self._seen is not None
+        """Return the least distance, m, from the points that were seen, `most` m if none is nearer."""
         return self._distances.from_points(self._pairs["hand_table"][:, 1], self._seen, most)
 
     @cached_property
