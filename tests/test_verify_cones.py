@@ -1,6 +1,9 @@
-"""The judge's programmes: the same as on fine pyramids, refused where open."""
+"""The judge's programmes: the same as on fine pyramids, refused where open; its distances those of MuJoCo."""
+
+from itertools import combinations
 
 import daqp
+import mujoco
 import numpy as np
 import pytest
 from oracles import random_grasps
@@ -8,6 +11,8 @@ from scipy.optimize import linprog
 
 from dexgrasp.grasp.verify import cones
 from dexgrasp.grasp.verify.cones import conic_margin, conic_residual, largest_push, pyramid_forces, wrench_map
+from dexgrasp.grasp.verify.distances import Distances
+from dexgrasp_env.poses import quat_to_matrix
 
 FACES = 256
 
@@ -64,3 +69,21 @@ def test_forces_of_eq_4_press_within_their_pyramids():
         press = -(f * n).sum(1)
         assert (press >= 1.0 - 1e-6).all()
         assert (np.linalg.norm(f + press[:, None] * n, axis=1) <= 2**0.5 * 0.5 * press + 1e-6).all()
+
+
+def test_distances_are_mujocos_between_all_kinds_of_geoms():
+    """Cylinders (kind 5) and ellipsoids (4) are taken for larger by what the docs say."""
+    rng, spec = np.random.default_rng(0), mujoco.MjSpec()
+    spec.add_mesh(name="it", uservert=rng.normal(0.0, 0.02, 60))
+    for kind in (0, 2, 3, 4, 5, 6, 7):
+        spec.worldbody.add_geom(type=kind, size=[0.02, 0.03, 0.015], meshname="it" if kind == 7 else "")
+    model = spec.compile()
+    data, larger = mujoco.MjData(model), np.array([0.0, 0.0, 0.0, 1.5e-4, 2.5e-5, 0.0, 0.0])  # m
+    for places in rng.normal(0.0, 0.03, (12, 7, 3)):
+        data.geom_xpos = places
+        data.geom_xmat = [quat_to_matrix(q / np.linalg.norm(q)).ravel() for q in rng.normal(size=(7, 4))]
+        for pair in combinations(range(7), 2):
+            true = mujoco.mj_geomDistance(model, data, *pair, 1.0, None)
+            found = Distances(model, data).least(np.array([pair]), 1.0)
+            assert found <= true + 1e-6
+            assert found >= true - larger[[*pair]].sum() - 1e-6 or true < 0.0

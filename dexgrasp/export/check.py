@@ -88,7 +88,7 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
         "hand_table": "robot to the table",
         "hand_object": "robot to the object on the approach",
         "hand_neighbour": "robot to what stands around",
-        "hand_seen": "robot to the points of the table that were seen",
+        "hand_seen": "robot to the points that were seen",
     }
     least, times, rows = dict[str, float](), recording.arm.times, _together(recording)
     for k in _looks(rows):

@@ -9,12 +9,14 @@ from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.target import PART_FACES, Parts
 from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.cloud import cells_of
+from dexgrasp_env.perception.cloud import cells_of, thinned
+from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 SEEN, UNSEEN = 0.003, 0.006
 """m by which a neighbour's sides are taken to lie farther out: those that were seen, and those that no camera saw."""
-_LEAST = 3  # points of a column: fewer are noise
+_LEAST = 3  # points that are near each other: fewer are noise
+_SIDE = 0.03  # m of the squares of columns
 _THICK = 0.004  # m that a column reaches at least to either side of its middle
 
 
@@ -33,6 +35,13 @@ def neighbours_of(scene: Scene, give: float = 0.0) -> tuple[Parts, ...]:
     found.append(columns(_beside(scene)) + scene.boxes)
     most = 60  # parts of a neighbour, as a grasp file takes them
     return tuple(parts[k : k + most] for parts in found for k in range(0, len(parts), most))
+
+
+def points_around(scene: Scene) -> Array:
+    """Return the points (N, 3) m, one a centimetre, that the parts of neighbours are made to hold."""
+    clouds = [*(one.points for one in scene.neighbours), _beside(scene)]
+    found = np.concatenate([_together(points, _SIDE) for points in clouds])
+    return found[thinned(found, 0.01)]
 
 
 def _beside(scene: Scene) -> Array:
@@ -78,25 +87,28 @@ def _smaller(corners: Array, give: float) -> Array:
 
 
 def columns(points: Array) -> Parts:
-    """Return the corners of boxes around points (N, 3) m, one for each square that holds some.
+    """Return the corners of boxes around points (N, 3) m, one for each square that holds some, and `SEEN` beyond.
 
     They stand on the table, but for what is seen far above it, which hangs.
     """
     hang = points[:, 2] > 0.55  # m above the table from where on points hang
-    return (*_boxes(points[~hang], 0.03, 0.0), *_boxes(points[hang], 0.10))  # m, side of their columns
+    return (*_boxes(points[~hang], _SIDE, 0.0), *_boxes(points[hang], 0.10))  # m, side of their columns
 
 
 def _boxes(points: Array, side: float, foot: float | None = None) -> Parts:
     """Return the boxes of columns: from their lowest points on, or from the height of a foot, m."""
-    if not len(points):
-        return ()
-    squares, boxes = cells_of(points[:, :2], side), list[Array]()
+    points, boxes = _together(points, side), list[Array]()
+    squares = cells_of(points[:, :2], side)
     for square in np.unique(squares):
         held = points[squares == square]
-        if len(held) < _LEAST:
-            continue
-        centre, half = middle(held), np.maximum(0.5 * np.ptp(held, axis=0), _THICK)
+        centre, half = middle(held), np.maximum(0.5 * np.ptp(held, axis=0) + SEEN, _THICK)
         low, high = centre - half, centre + half
         low[2] = low[2] if foot is None else foot
         boxes.append(np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T)
     return tuple(boxes)
+
+
+def _together(points: Array, step: float) -> Array:
+    """Return those of points (N, 3) m of which some are linked by steps of `step` m: fewer are noise."""
+    pieces = linked(points, step) if len(points) else np.zeros(0, int)
+    return points[np.bincount(pieces)[pieces] >= _LEAST]

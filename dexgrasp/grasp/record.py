@@ -306,4 +306,7 @@ def as_json(record: GraspRecord) -> Fields:
     del stated["here"]
     if record.request is None:
         del stated["request"]
-    return jsonable(stated)
+    found = jsonable(stated)
+    if record.table is not None and not len(record.table.around):
+        del found["table"]["around"]
+    return found

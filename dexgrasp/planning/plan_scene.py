@@ -10,7 +10,7 @@ import numpy as np
 
 from dexgrasp.agent import Observation
 from dexgrasp.geometry.completion import NoTarget, target_of
-from dexgrasp.geometry.neighbours import neighbours_of
+from dexgrasp.geometry.neighbours import neighbours_of, points_around
 from dexgrasp.geometry.request import ANYHOW, Demand, GraspRequest
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.diverse import plan_many, with_success_probability
@@ -26,9 +26,11 @@ from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.selection import TargetSelector, mask_of
+from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.robot.table import SeenTable
 from dexgrasp_env.valid import NATURAL, check, read
 
 
@@ -47,7 +49,7 @@ def plan_scene(
         neighbour_margin: m that neighbours may be pushed, see `neighbours_of`.
         relax: where what the planner is asked for cannot be had, say in `relaxation` what can.
     """
-    began, planner = time.perf_counter(), planner.seeing(scene.table)
+    began, planner = time.perf_counter(), planner.seeing(_table_of(scene, planner.cell, neighbour_margin))
     request = planner.request
     count = request.count
     try:
@@ -73,6 +75,15 @@ def plan_scene(
             result.relaxation = nearest_relaxation(planner, target, seed, start, result.log)
     result.planning_seconds = time.perf_counter() - began
     return result
+
+
+def _table_of(scene: Scene, cell: Cell, give: float) -> SeenTable | None:
+    """Return the table that was seen, with what was seen around the target and may not be pushed."""
+    table = scene.table
+    if table is None or scene.reason is not None or give:
+        return table
+    around = placed(cell.seeing(table).T_base_world, points_around(scene))
+    return replace(table, around=np.round(around, 5))
 
 
 def start_of(observation: Observation, robot: Robot) -> Array:

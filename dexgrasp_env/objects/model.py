@@ -13,6 +13,7 @@ from dexgrasp_env.arrays import Array, Index, fibonacci_directions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.parts import ContactPart
+from dexgrasp_env.robot.hulls import planes_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -183,20 +184,9 @@ def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
         return hull
     kept = list(np.unique((corners @ fibonacci_directions(limit // 4).T).argmax(0)))
     while len(kept) < limit:
-        planes = _planes(corners[kept])
+        planes = planes_of(corners[kept])
         kept.append((corners @ planes[:, :3].T + planes[:, 3]).max(axis=1).argmax())
     return convex_hull(corners[kept])
-
-
-def _planes(points: Array) -> Array:
-    """Return the planes (m, 4) of a hull; of what is flat to rounding, those of points that are joggled."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        equations = ConvexHull(points).equations
-    except QhullError:
-        equations = ConvexHull(points, qhull_options="QJ").equations
-    return np.unique(equations.round(9), axis=0)
 
 
 def _microns(values: Array) -> np.ndarray:

@@ -25,6 +25,7 @@ from dexgrasp_env.perception.cloud import (
     remove_flying,
     remove_outliers,
     smooth,
+    thinned,
 )
 from dexgrasp_env.perception.instances import Instances, segment_instances
 from dexgrasp_env.perception.neighbourhoods import linked
@@ -206,10 +207,16 @@ def scene_around(
             mine[mine] = without_skirt(cloud.points[mine], heights[mine])
         things.append((cloud.select(mine), {"doubt": instances.doubts[k], "foot": foot}))
     (target, said), *others = things
+    rest = cloud.select(~np.isin(instances.labels, numbers))
+
+    def enough(one: Cloud, count: int) -> int:
+        """Return how many points show it: of recorded clouds one a centimetre, that walls have no gaps."""
+        return count if cameras_known else max(count, len(thinned(one.points, 0.01)))
+
     around = Scene(
         plane=plane,
-        neighbours=tuple(seen(one, count=300, **its) for one, its in others),
-        rest=seen(cloud.select(~np.isin(instances.labels, numbers)), count=1000),
+        neighbours=tuple(seen(one, count=enough(one, 300), **its) for one, its in others),
+        rest=seen(rest, count=enough(rest, 1000)),
     )
     if len(target) < MIN_POINTS:
         return replace(around, reason="too_few_points" if len(target) else "object_out_of_view")

@@ -7,7 +7,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.poses import quat_to_matrix
-from dexgrasp_env.robot.hulls import mesh_of
+from dexgrasp_env.robot.hulls import mesh_of, planes_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -26,10 +26,16 @@ class RobotShape:
 
     def __init__(self, model: "mujoco.MjModel") -> None:
         """Read the geoms of the robot, or of a scene with it."""
+        import mujoco
+
         self.geoms = robot_geoms(model)
         self._types, self._sizes = model.geom_type[self.geoms], model.geom_size[self.geoms]
         self._radii = model.geom_rbound[self.geoms]
-        self._facets = [_mesh_facets(model, g) for g in self.geoms]
+        self._facets = {
+            k: planes_of(mesh_of(model, g)[0].astype(float))
+            for k, g in enumerate(self.geoms)
+            if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_MESH
+        }
         bodies, which = np.unique(model.geom_bodyid[self.geoms], return_inverse=True)
         self._covers = np.array([self._cover(model, body) for body in bodies])[which]
 
@@ -107,14 +113,3 @@ def robot_geoms(model: "mujoco.MjModel") -> Index:
     roots = np.unique(model.body_rootid[model.jnt_bodyid[driven]])
     colliding = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
     return np.flatnonzero(colliding & np.isin(model.body_rootid[model.geom_bodyid], roots))
-
-
-def _mesh_facets(model: "mujoco.MjModel", geom: int) -> Array:
-    """Return the half-spaces (n, 4) of a mesh geom's hull in the geom's frame; none for other geoms."""
-    import mujoco
-
-    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
-        return np.empty((0, 4))
-    from scipy.spatial import ConvexHull
-
-    return np.unique(ConvexHull(mesh_of(model, geom)[0].astype(float)).equations.round(9), axis=0)

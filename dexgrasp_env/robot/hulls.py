@@ -38,6 +38,17 @@ def hull_of(points: Array) -> tuple[Array, Any]:
     return np.asarray(hull.vertices), np.asarray(hull.faces)
 
 
+def planes_of(points: Array) -> Array:
+    """Return the planes (m, 4) of a hull; of what is flat to rounding, those of points that are joggled."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        equations = ConvexHull(points).equations
+    except QhullError:
+        equations = ConvexHull(points, qhull_options="QJ").equations
+    return np.unique(equations.round(9), axis=0)
+
+
 def cut(points: Array, height: float) -> tuple[Array, Array]:
     """Return corners (n, 3) m of what lies above, and of what lies below a height, of the hull of points (k, 3) m."""
     corners, faces = hull_of(points)

@@ -5,7 +5,7 @@ it was expected. Gravity is taken along the plane's normal: tables are level, so
 the calibration.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
@@ -17,14 +17,18 @@ from dexgrasp_env.valid import Rule, number
 
 _AMID = np.array([0.53, 0.0])  # m, the middle of the workspace: where objects stand
 _LEANING = np.radians(1.0)  # from where it is said
-_FEWEST, _MOST = 3, 1000  # points
 
 
-def _seen(value: Any) -> Array:
-    points: Array = array(None, 3).validate(value)
-    if not _FEWEST <= len(points) <= _MOST:
-        raise ValueError
-    return points
+def _points(least: int, most: int) -> Rule:
+    """Return the rule of points, so many at least and at most."""
+
+    def validate(value: Any) -> Array:
+        points: Array = array(None, 3).validate(value if len(value) else np.zeros((0, 3)))
+        if not least <= len(points) <= most:
+            raise ValueError
+        return points
+
+    return Rule(f"{least} to {most} points (x, y, z)", validate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +39,13 @@ class SeenTable:
         normal: (3,) unit, upwards.
         offset: m.
         points: (N, 3) m of its top around the object; none of them is above the plane.
+        around: (M, 3) m of what was seen to stand on it besides the object.
     """
 
     normal: Annotated[Array, array(3)]
     offset: Annotated[float, number(ge=-1, le=1)]
-    points: Annotated[Array, Rule(f"{_FEWEST} to {_MOST} points (x, y, z)", _seen)]
+    points: Annotated[Array, _points(3, 1000)]
+    around: Annotated[Array, _points(0, 10_000)] = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __post_init__(self) -> None:
         if abs(np.linalg.norm(self.normal) - 1.0) > 1e-6 or self.normal[2] < 0.5:

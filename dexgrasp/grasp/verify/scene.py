@@ -1,9 +1,9 @@
-"""The judge's own kinematics and distances: the robot, the object's parts and the table as MuJoCo has them."""
+"""The judge's scene: the robot, the object's parts and the table where MuJoCo's kinematics have them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import mujoco
@@ -11,14 +11,12 @@ import numpy as np
 
 from dexgrasp.geometry.mesh_distance import Closest, closest_on_mesh
 from dexgrasp.grasp.trajectory import densify
-from dexgrasp_env.arrays import Array
+from dexgrasp.grasp.verify.distances import FAR, Distances
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import excluded_pairs, robot_spec
-
-FAR = 0.05  # m: distances beyond are not measured
-_DOT = 1e-4  # m, radius of a point of the table that was seen
 
 
 @dataclass(frozen=True)
@@ -71,15 +69,19 @@ class Scene:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
             spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
         spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
-        spec.worldbody.add_geom(name="dot", size=[_DOT, 0, 0], contype=0, conaffinity=0)
         self.model: mujoco.MjModel = with_decimal_points(spec.compile)
         self.data = mujoco.MjData(self.model)
         self.object = {self.model.geom(f"object{k}").id for k in range(len(self.parts))}
         self.neighbours = {self.model.geom(f"around{k}").id for k in range(len(neighbours))}
         self.table = self.model.geom("table").id
-        self._dot = self.model.geom("dot").id
-        self._seen = None if cell.table is None else placed(cell.T_world_base, cell.table.points)
-        self._tip_geoms = {self.model.geom(finger.tip).id for finger in self._fingers}
+        self._seen: Any = None  # points as a tree
+        if cell.table is not None:
+            from scipy.spatial import cKDTree
+
+            seen = np.concatenate([cell.table.points, cell.table.around])
+            self._seen = cKDTree(placed(cell.T_world_base, seen))
+        self._tip_geoms = [self.model.geom(finger.tip).id for finger in self._fingers]
+        self._distances = Distances(self.model, self.data)
 
     @cached_property
     def hull(self) -> Any:
@@ -90,6 +92,11 @@ class Scene:
         """Put the robot at `q` (n,) rad."""
         self.data.qpos[:] = q
         mujoco.mj_forward(self.model, self.data)
+
+    def _move(self, q: Array) -> None:
+        """Put the bodies of the robot where they are at `q` (n,) rad."""
+        self.data.qpos[:] = q
+        mujoco.mj_kinematics(self.model, self.data)
 
     def touch(self, q: Array) -> Touch:
         """Return where the tips of `q` (n,) are on the object."""
@@ -124,67 +131,53 @@ class Scene:
 
     def palm(self, q: Array) -> tuple[Array, Array]:
         """Return position (3,) m and rotation (3, 3) of the palm at `q` (n,)."""
-        self.data.qpos[:] = q
-        mujoco.mj_kinematics(self.model, self.data)
+        self._move(q)
         site = self.data.site(self.robot.hand.palm)
         return site.xpos.copy(), site.xmat.reshape(3, 3).copy()
 
     def clearances(self, q: Array, tips_touch: bool) -> dict[str, float]:
         """Return the least distances, m, of the true collision shapes: hand and arm to object, table, themselves,
-        `hand_neighbour` where there are neighbours, and `hand_seen` to the points of a table that was seen.
+        `hand_neighbour` where there are neighbours, and `hand_seen` to points that were seen of table and surroundings.
         """
-        self.place(q)
-        seen = {} if self._seen is None else {"hand_seen": self._from_seen()}
+        self._move(q)
+        seen = {} if self._seen is None else {"hand_seen": self._from_seen(FAR)}
         return seen | {
-            kind: self._least(
-                [(a, b) for a, b in pairs if not (tips_touch and a in self._tip_geoms and b in self.object)]
+            kind: self._distances.least(
+                pairs[~np.isin(pairs[:, 1], self._tip_geoms)]
+                if tips_touch and kind == "hand_object"
+                else pairs
             )
             for kind, pairs in self._pairs.items()
         }
 
     def over_seen(self, path: Array) -> float:
-        """Return the least distance, m, along a path (T, n) from the points of the table that were seen."""
+        """Return the least distance, m, along a path (T, n) from the points that were seen."""
         least = FAR
         for q in densify(path) if self._seen is not None else ():
-            self.data.qpos[:] = q
-            mujoco.mj_kinematics(self.model, self.data)
-            least = min(least, self._from_seen())
+            self._move(q)
+            least = self._from_seen(least)
         return least
 
-    def _from_seen(self) -> float:
-        """Return the least distance, m, of the true shapes from the points of the table that were seen."""
-        assert self._seen is not None
-        geoms = [g for g, _ in self._pairs["hand_table"]]
-        centres, reach = self.data.geom_xpos[geoms], self.model.geom_rbound[geoms]
-        least, from_to = FAR, np.zeros(6)
-        gaps = np.linalg.norm(self._seen[:, None] - centres, axis=2) - reach
-        for point, k in np.argwhere(gaps < least):
-            self.data.geom_xpos[self._dot] = self._seen[point]
-            apart = mujoco.mj_geomDistance(self.model, self.data, geoms[k], self._dot, FAR, from_to)
-            least = min(least, apart + _DOT)
-        return least
+    def _from_seen(self, most: float) -> float:
+        """Return the least distance, m, from the points that were seen, `most` m if none is nearer."""
+        return self._distances.from_points(self._pairs["hand_table"][:, 1], self._seen, most)
 
     @cached_property
-    def _pairs(self) -> dict[str, list[tuple[int, int]]]:
-        """Geoms that may meet in the simulation, by what they are of."""
-        model = self.model
-        robot = [
-            g
-            for g in range(model.ngeom)
-            if model.geom_contype[g] and g not in self.object | self.neighbours | {self.table}
-        ]
+    def _pairs(self) -> dict[str, Index]:
+        """Geoms (K, 2) that may meet, the robot's second, by what they are of."""
+        model, things = self.model, self.object | self.neighbours | {self.table}
+        robot = [g for g in range(model.ngeom) if model.geom_contype[g] and g not in things]
         moving = [g for g in robot if model.body_weldid[model.geom_bodyid[g]] != 0]
         excluded = excluded_pairs(model)
-        beside = (
-            {"hand_neighbour": [(g, part) for g in moving for part in self.neighbours]}
-            if self.neighbours
-            else {}
-        )
-        return beside | {
-            "hand_object": [(g, part) for g in moving for part in self.object],
-            "hand_table": [(g, self.table) for g in moving if not self._on_plinth(g)],
-            "self": [pair for pair in combinations(robot, 2) if self._may_meet(*pair, excluded)],
+        # links 0 to 2 stand on the arm's plinth, not over the table
+        plinth = {model.body(name).id for name in self.robot.arm.bodies[:3]}
+        pairs = {
+            "hand_neighbour": product(self.neighbours, moving),
+            "hand_object": product(self.object, moving),
+            "hand_table": product([self.table], [g for g in moving if model.geom_bodyid[g] not in plinth]),
+            "self": (pair for pair in combinations(robot, 2) if self._may_meet(*pair, excluded)),
         }
+        return {kind: _pairs(of) for kind, of in pairs.items() if kind != "hand_neighbour" or self.neighbours}
 
     def _may_meet(self, a: int, b: int, excluded: set[frozenset[int]]) -> bool:
         """Return True for two geoms that are not of one body, of neighbours, or excluded by the model."""
@@ -201,47 +194,26 @@ class Scene:
             path: (T, n), the first row where the hand takes it; overlaps are negative.
         """
         places = {g: (self.data.geom_xpos[g].copy(), self.data.geom_xmat[g].copy()) for g in self.object}
-        pairs, (p, R) = [(g, other) for g in self.object for other in self.neighbours], self.palm(path[0])
-        found = []
-        for q in path:
+        pairs, (p, R) = _pairs(product(self.object, self.neighbours)), self.palm(path[0])
+        lying = nearest = FAR
+        for k, q in enumerate(path):
             at, now = self.palm(q)
             for g, (centre, axes) in places.items():
                 turn = now @ R.T
                 self.data.geom_xpos[g] = turn @ (centre - p) + at
                 self.data.geom_xmat[g] = (turn @ axes.reshape(3, 3)).ravel()
-            found.append(self._least(pairs))
-        return found[0], min(found)
+            nearest = self._distances.least(pairs, nearest)
+            lying = lying if k else nearest
+        return lying, nearest
 
     def first_contact(self, path: Array, with_object: bool = True) -> float:
-        """Return the deepest penetration, m, where on a path (T, n) anything touches first; else 0."""
-        for q in densify(path):
-            self.data.qpos[:] = q
-            mujoco.mj_kinematics(self.model, self.data)
-            mujoco.mj_collision(self.model, self.data)
-            depths = [
-                -float(c.dist) for c in self.data.contact if self._is_collision(set(c.geom), with_object)
-            ]
-            if (depth := max(depths, default=0.0)) > 0.0:
-                return depth
-        return 0.0
+        """Return how deep, m, anything lies in anything where on a path (T, n) it first does; else 0."""
+        pairs = [of for kind, of in self._pairs.items() if with_object or kind != "hand_object"]
+        return self._distances.first_overlap(np.concatenate(pairs), map(self._move, densify(path)))
 
-    def _is_collision(self, pair: set[int], with_object: bool) -> bool:
-        """Object, neighbours and table belong together, and so do the table and what stands on its plinth."""
-        if pair <= self.object | self.neighbours | {self.table}:
-            return False
-        if pair & self.object:
-            return with_object
-        return self.table not in pair or not any(map(self._on_plinth, pair - {self.table}))
 
-    def _on_plinth(self, geom: int) -> bool:
-        # links 0 to 2 stand on the arm's plinth, not over the table
-        return self.model.body(self.model.geom_bodyid[geom]).name in self.robot.arm.bodies[:3]
-
-    def _least(self, pairs: list[tuple[int, int]]) -> float:
-        from_to = np.zeros(6)
-        return min(
-            (mujoco.mj_geomDistance(self.model, self.data, a, b, FAR, from_to) for a, b in pairs), default=FAR
-        )
+def _pairs(of: Iterable[tuple[int, int]]) -> Index:
+    return np.array(list(of), int).reshape(-1, 2)
 
 
 def _hull(vertices: Array) -> Any:

@@ -5,7 +5,7 @@ import numpy as np
 from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import Check, at_least, at_most
 
-_TRUE = 2e-5  # m, of MuJoCo's distances
+_TRUE = 2e-5  # m: what two ways to compute a distance of shapes may differ by
 
 
 def clearance_checks(case: Case) -> list[Check]:

@@ -113,7 +113,7 @@ def lift_checks(case: Case) -> list[Check]:
 
 
 def _table_checks(case: Case, phase: Phase) -> list[Check]:
-    """Check a way against the points of the table that were seen, where some were."""
+    """Check a way against the points that were seen of the table and around, where some were."""
     if case.cell.table is None:
         return []
     found = case.scene.over_seen(phase.setpoints)
