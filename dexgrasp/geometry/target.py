@@ -110,6 +110,12 @@ class GraspTarget:
         return np.array([0.0, 0.0, -GRAVITY * self.mass])
 
     @property
+    def known_mass(self) -> float | None:
+        """The mass, kg, where it is another than is assumed of the shape."""
+        known = abs(self.mass - assumed_mass(hull_volume(self.distance)[0])) > 1e-9
+        return self.mass if known else None
+
+    @property
     def is_convex(self) -> bool:
         """True where there is but one part."""
         return len(self.distance.parts) == 1
@@ -198,7 +204,8 @@ class GraspTarget:
         if not parts:
             return None
         walls = ConvexDistance.union(parts)
-        return replace(self, distance=walls, centre=volume_centre(walls))
+        mass = self.known_mass or assumed_mass(hull_volume(walls)[0])
+        return replace(self, distance=walls, centre=volume_centre(walls), mass=mass)
 
 
 def _raised(points: Array) -> Array:

@@ -69,7 +69,8 @@ def plan_scene(
         if request.min_probability is not None:
             result = with_success_probability(result, planner, start, progress)
         result.log.seconds = {"hull": hull_seconds} | result.log.seconds
-        if relax and request and planner.settings.seconds is None and not result.found:
+        holds = any(grasp.certificate.holds for grasp in result.grasps)
+        if relax and request and planner.settings.seconds is None and not holds:
             result.relaxation = nearest_relaxation(planner, target, seed, start, result.log)
     result.planning_seconds = time.perf_counter() - began
     return result

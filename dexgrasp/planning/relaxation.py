@@ -20,7 +20,7 @@ def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: 
     """Return in words which constraint of the planner's request rules a grasp out, and what can be had; "" without any.
 
     Args:
-        planner: that found no grasp.
+        planner: that found no grasp, or none that bears the weight.
         target: the object.
         seed: of everything that is drawn.
         start: (n,) rad, set-points the robot approaches from.
@@ -28,18 +28,19 @@ def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: 
     """
 
     def planned(asked: GraspRequest) -> Grasp | None:
-        """Return the grasp that there is for another request."""
+        """Return the grasp that there is for another request, and that bears the weight."""
         demand = Demand(asked, planner.cell.T_base_world) if asked else None
-        return planner.asking(asked).plan(replace(target, demand=demand), seed, start).grasp
+        grasp = planner.asking(asked).plan(replace(target, demand=demand), seed, start).grasp
+        return grasp if grasp is not None and grasp.certificate.holds else None
 
     request, words = planner.request, list[str]()
     if UNSURE in log.blocked:
         sure = float(request.min_probability or 0.0)
-        return f"none held with probability {sure:g}; one with {sure - log.blocked[UNSURE][1]:.2f}"
+        return f"none held with probability {sure}; one with {sure - log.blocked[UNSURE][1]:.2f}"
     if not request.constrains:  # what is known of the object cannot be left out
         return ""
     if planned(ANYHOW) is None:
-        return "there is no grasp without the request either"
+        return "no grasp bears the weight without the request either"
     for name, steps in relaxations(request):
         for step in steps:
             found = planned(step)
