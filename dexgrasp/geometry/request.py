@@ -3,7 +3,7 @@
 All places are in the frame of the robot's base, whatever the table: a request is stated before anything is seen.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -104,7 +104,7 @@ class Region:
     def grown(self, by: float) -> "Region":
         """Return it larger by `by` m on all sides; one that is made smaller than a point stays one."""
         least = -1.0 if self.points is None else 1e-6
-        return replace(self, radius=max(self.radius + by, least))
+        return replace(self, radius=float(np.clip(self.radius + by, least, 1.0)))
 
 
 def _region(value: Any) -> Region:
@@ -254,11 +254,6 @@ class GraspRequest:
         return any(value not in (None, ()) for value in vars(self).values())
 
     @property
-    def narrows(self) -> bool:
-        """True where contacts or palm may not be anywhere: proposals that know nothing of that are mostly lost."""
-        return bool(self.hold or self.avoid or self.approach)
-
-    @property
     def constrains(self) -> list[str]:
         """Names of what it asks of the grasp itself, beyond that it holds an object of some mass and friction."""
         names = ("hold", "avoid", "approach", "fingers", "max_force", "goal")
@@ -298,33 +293,23 @@ class Demand:
     def faces(self, faces: Array) -> Mask:
         """Return which palms that face the ways (N, 3), world frame, do as is asked."""
         approach = self.request.approach
-        return np.ones(len(faces), bool) if approach is None else self.off(faces) <= approach.degrees
+        return self.off(faces) <= (180.0 if approach is None else approach.degrees)
 
 
-def relaxations(request: GraspRequest) -> Sequence[tuple[str, tuple[GraspRequest, ...]]]:
-    """Return the name of each constraint, and requests that relax it alone, nearest first, at last without it."""
-    found = []
-    if request.approach is not None:
-        approach = request.approach
-        wider = (15.0, 30.0, 50.0, 80.0, 180.0)
-        steps = tuple(
-            replace(request, approach=replace(approach, degrees=min(approach.degrees + by, 180.0)))
-            for by in wider
-        )
-        found.append(("approach", steps))
-    grown = (0.005, 0.01, 0.02, 0.04, 0.08)
-    if request.hold:
-        steps = tuple(replace(request, hold=tuple(r.grown(by) for r in request.hold)) for by in grown)
-        found.append(("hold", (*steps, replace(request, hold=()))))
-    if request.avoid:
-        steps = tuple(replace(request, avoid=tuple(r.grown(-by) for r in request.avoid)) for by in grown)
-        found.append(("avoid", (*steps, replace(request, avoid=()))))
-    if request.fingers:
-        found.append(("fingers", (replace(request, fingers=()),)))
-    if request.goal is not None:
-        found.append(("goal", (replace(request, goal=None),)))
-    if request.max_force is not None:
-        firmer = (1.25, 1.6, 2.0, 3.0, 5.0)
-        steps = tuple(replace(request, max_force=by * request.max_force) for by in firmer)
-        found.append(("max_force", (*steps, replace(request, max_force=None))))
-    return found
+def relaxations(request: GraspRequest) -> dict[str, list[GraspRequest]]:
+    """Return by constraint the requests that relax it alone, nearest first, at last without it."""
+    approach, most = request.approach, request.max_force
+    grown = 0.005, 0.01, 0.02, 0.04, 0.08
+    values: dict[str, list[Any]] = {
+        "approach": [
+            approach and replace(approach, degrees=min(approach.degrees + by, 180.0))
+            for by in (15.0, 30.0, 50.0, 80.0, 180.0)
+        ],
+        "hold": [*(tuple(region.grown(by) for region in request.hold) for by in grown), ()],
+        "avoid": [*(tuple(region.grown(-by) for region in request.avoid) for by in grown), ()],
+        "fingers": [()],
+        "goal": [None],
+        "max_force": [*(most and min(by * most, 1000.0) for by in (1.25, 1.6, 2.0, 3.0, 5.0)), None],
+    }
+    asked = request.constrains
+    return {name: [replace(request, **{name: to}) for to in values[name]] for name in values if name in asked}

@@ -98,7 +98,7 @@ def planned_record(
         certificate=grasp.certificate,
         holds_probability=None,
         table=grasp.cell.table,
-        request=None if target.demand is None else target.demand.request,
+        request=target.demand.request or None,
     )
     return replace(record, holds_probability=probability_of(record, target.guessed(grasp.normals)))
 

@@ -99,8 +99,6 @@ def certified(candidate: Candidate, with_closure: bool) -> Grasp:
 def _check_demand(q: Array, contacts: Array, problem: GraspProblem) -> None:
     """Raise `NoGrasp` for contacts (N, 3) m or a palm that are not as is asked."""
     demand = problem.target.demand
-    if demand is None:
-        return
     if not demand.allows(contacts).all():
         raise NoGrasp("contact_outside_request")
     if demand.request.hold or demand.request.avoid:

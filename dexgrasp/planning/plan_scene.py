@@ -54,7 +54,7 @@ def plan_scene(
         target = replace(
             target_of(scene, request.mass, planner.settings.most_parts),
             neighbours=neighbours_of(scene, neighbour_margin),
-            demand=Demand(request, planner.cell.T_base_world) if request else None,
+            demand=Demand(request, planner.cell.T_base_world),
         )
     except NoTarget as none:
         result = PlanResult(
