@@ -85,15 +85,16 @@ def pair(each: Rule) -> Rule:
     return Rule(f"a pair low <= high, each {each.words}", validate)
 
 
-def several(each: Rule, count: int | None = None) -> Rule:
-    """Return the rule of lists of what a rule admits, `count` long where it is given; kept as tuples."""
+def several(each: Rule, count: int | None = None, most: float = math.inf) -> Rule:
+    """Return the rule of lists of what a rule admits, `count` long or up to `most`; kept as tuples."""
 
     def validate(value: Any) -> tuple[Any, ...]:
         """Return the values."""
-        known = isinstance(value, list | tuple) and count in (None, len(value))
+        known = isinstance(value, list | tuple) and count in (None, len(value)) and len(value) <= most
         return tuple(map(each.validate, value)) if known else _refuse()
 
-    return Rule(f"a list of {count or 'any length'}, each {each.words}", validate)
+    size = f"{most} at most" if math.isfinite(most) else count or "any length"
+    return Rule(f"a list of {size}, each {each.words}", validate)
 
 
 def list_of(kind: type[Any], least: int = 0, most: int = 100, *, more: bool = False) -> Rule:

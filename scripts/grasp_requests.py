@@ -3,9 +3,10 @@
     python scripts/grasp_requests.py OUT [--seed 0] [--count 200]
 
 Each is of an object of all20 in a drawn pose, seen by the cameras: a half-space through the object that 20 to 60 % of
-its surface lies in, to hold or to avoid, or a cone of five. `bilevel` answers and carries out. What is not answered is
-searched for at length (four seeds, three times the surface points, nine times the triples): what then has a grasp could
-be met. Rows go to OUT/rows.jsonl; the table is printed with Wilson intervals.
+its surface lies in, to hold or to avoid, or a cone of five. `bilevel` carries out what it finds; an answer is a grasp
+that bears the assumed weight, as for the exit code of `dexgrasp plan`. What is not answered is searched for at length
+(four seeds, three times the surface points, nine times the triples): what then has an answer could be met. Rows go to
+OUT/rows.jsonl; the table is printed with Wilson intervals.
 """
 
 import sys
@@ -42,8 +43,9 @@ FAR = 1.0  # m
 
 def drawn(k: int, surface: Array, rng: Generator) -> tuple[str, GraspRequest]:
     """Return the kind of request number `k`, and one for an object with a surface (N, 3) m."""
-    if k % 3 == 2:
-        return "approach", GraspRequest(approach=Approach.of_text(CONES[k // 3 % len(CONES)]))
+    kind = ("hold", "avoid", "approach")[k // 20 % 3]
+    if kind == "approach":
+        return kind, GraspRequest(approach=Approach.of_text(CONES[(k + k // 60) % len(CONES)]))
     axis, share = int(rng.integers(3)), rng.uniform(0.2, 0.6)
     low, high = np.full(3, -FAR), np.full(3, FAR)
     if rng.random() < 0.5:
@@ -51,7 +53,7 @@ def drawn(k: int, surface: Array, rng: Generator) -> tuple[str, GraspRequest]:
     else:
         high[axis] = np.quantile(surface[:, axis], share)
     region = (Region(low, high),)
-    return ("hold", GraspRequest(hold=region)) if k % 3 == 0 else ("avoid", GraspRequest(avoid=region))
+    return kind, GraspRequest(hold=region) if kind == "hold" else GraspRequest(avoid=region)
 
 
 def tip_contacts(lift: Any, start: Array) -> Array:
@@ -65,12 +67,13 @@ def tip_contacts(lift: Any, start: Array) -> Array:
 
 
 def is_possible(look: Look, request: GraspRequest) -> bool:
-    """Search at length for a grasp that meets a request."""
+    """Search at length for a grasp that meets a request and bears the weight."""
     settings = replace(PlannerSettings().broadened(DENSER), patience=8)
     for own in range(SEARCHES):
         other = BilevelAgent("surface", settings, request=request, regrasps=0)
         other.seed(own)
-        if other.plan(look.observation, look.info).success:
+        grasp = other.plan(look.observation, look.info).grasp
+        if grasp is not None and grasp.certificate.holds:
             return True
     return False
 
@@ -83,14 +86,15 @@ def trial(k: int, seed: int) -> Fields:
     look = look_at(target, BilevelAgent(), scene)
     pose, solid = look.subject.pose.T_world_object, look.subject.pose.surface
     surface = placed(pose, triangle_samples(solid.vertices[solid.faces], 400, rng).points)
-    kind, request = drawn(k // 20, surface, rng)
+    kind, request = drawn(k, surface, rng)
     agent = BilevelAgent(request=request, regrasps=0)  # a second look finds the object elsewhere
     outcome, grasp = run_trial(look.env, agent, TrialSeeds(scene, scene))
+    load = None if grasp is None else grasp["certificate"]["load"]
     row = {
-        "k": k, "object": target, "kind": kind, "answered": grasp is not None, "reason": outcome.reason,
-        "lifted": outcome.success,
+        "k": k, "object": target, "kind": kind, "answered": grasp is not None and grasp["certificate"]["holds"],
+        "reason": outcome.reason, "lifted": outcome.success, "load": load,
     }  # fmt: skip
-    if grasp is None:
+    if not row["answered"]:
         return row | {"possible": is_possible(look, request)}
     checks = [check.name for check in verify(record_of(grasp)) if not check.holds]
     lift: Any = look.env.unwrapped

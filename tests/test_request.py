@@ -23,6 +23,8 @@ from dexgrasp.geometry.request import (
 )
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.poses import about_z, rigid
 from dexgrasp_env.valid import check
 
@@ -42,11 +44,11 @@ def judged(plan):
 @pytest.mark.parametrize(
     "request_",
     [
-        GraspRequest(hold=(Region.of_text("box:0.4,0.03,0,0.6,0.12,0.12"),)),
-        GraspRequest(avoid=(Region.of_text("box:0.4,-0.2,0,0.6,0.2,0.045"),)),
-        GraspRequest(hold=(Region.of_text("sphere:0.52,0.02,0.09,0.06"),)),
-        GraspRequest(approach=Approach.of_text("side,40")),
-        GraspRequest(approach=Approach.of_text("0.5,0,-1,25"), fingers=("middle", "thumb", "index")),
+        GraspRequest(hold=["box:0.4,0.03,0,0.6,0.12,0.12"]),
+        GraspRequest(avoid=["box:0.4,-0.2,0,0.6,0.2,0.045"]),
+        GraspRequest(hold=["sphere:0.52,0.02,0.09,0.06"]),
+        GraspRequest(approach="side,40"),
+        GraspRequest(approach="0.5,0,-1,25", fingers=("middle", "thumb", "index")),
     ],
     ids=["half", "above", "sphere", "side", "direction"],
 )
@@ -78,19 +80,13 @@ def test_the_judge_refuses_a_grasp_that_is_not_as_asked():
 
 
 def test_what_cannot_be_had_is_said_with_the_nearest_that_can():
-    low = plan_cloud(
-        block((0.06, 0.07, 0.05)), seed=1, request=GraspRequest(approach=Approach.of_text("0,0,1,20"))
-    )
+    low = plan_cloud(block((0.06, 0.07, 0.05)), seed=1, request=GraspRequest(approach="0,0,1,20"))
     assert not low.success
     assert "none whose palm faces along 0.00 0.00 1.00 within 20 degrees; one at" in low.relaxation
-    beside = GraspRequest(
-        hold=(Region.of_text("box:0.5,0.2,0,0.6,0.3,0.2"),), approach=Approach.of_text("top")
-    )
+    beside = GraspRequest(hold=["box:0.5,0.2,0,0.6,0.3,0.2"], approach="top")
     none = plan_cloud(block(), seed=1, request=beside)
     assert none.reason == "no_grasp:no_surface_as_requested"
-    assert (
-        "is to be held; one that misses it by" in none.relaxation or "none where one part" in none.relaxation
-    )
+    assert "is to be held; one that misses it by" in none.relaxation
 
 
 @pytest.mark.parametrize("most", [3.0, 8.0])
@@ -109,8 +105,10 @@ def test_fingers_press_no_harder_than_is_asked(most):
 
 
 def test_too_gentle_is_said():
-    heavy = plan_cloud(block(), seed=2, request=GraspRequest(mass=2.0, max_force=4.0))
+    hasty = Planner(PlannerSettings(patience=0))
+    heavy = plan_cloud(block(), seed=2, planner=hasty, request=GraspRequest(mass=0.6, max_force=3.0))
     assert not heavy.success or not heavy.grasp.certificate.holds
+    assert heavy.relaxation.startswith("none with at most 3 N a finger; one with ")
     gentle = {"request": {"max_force": 2.0}}  # as GraspRequest(max_force=2.0)
     for wrong, words in (
         (gentle, "fingers press with 2.5 N"),
@@ -159,13 +157,16 @@ def test_regions_and_ways_in_words():
 
 def test_a_request_is_of_the_frame_of_the_base_wherever_the_world_is():
     T = rigid(about_z(0.7), np.array([0.1, -0.2, 0.3]))
-    request = GraspRequest(hold=(Region.of_text("box:0,0,0,1,1,1"),), approach=Approach.of_text("1,0,0"))
+    request = GraspRequest(hold=["box:0,0,0,1,1,1"], approach="1,0,0")
     demand = Demand(request, T)
     inside = np.linalg.inv(T) @ [0.5, 0.5, 0.5, 1.0]
     assert demand.allows(inside[:3])
     assert not demand.allows(inside[:3], margin=0.6)
     assert np.allclose(demand.off((T[:3, :3].T @ [1.0, 0.0, 0.0])[None]), 0.0, atol=1e-5)
-    assert {name for name, _ in relaxations(request)} == {"hold", "approach"}
+    assert relaxations(request).keys() == {"hold", "approach"}
+    assert relaxations(
+        GraspRequest(hold=["sphere:5,0,0,1"], max_force=1000.0)
+    )  # at the edge of what is valid
 
 
 def test_the_command_takes_it(tmp_path, capsys, printed):

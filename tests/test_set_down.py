@@ -30,7 +30,7 @@ PHASES = ["approach", "lift", "carry", "set_down", "release", "retreat"]
 
 
 def asked(*goal, **more):
-    return plan_cloud(block(), seed=2, request=GraspRequest(goal=PLACE_WORDS.validate(goal), **more))
+    return plan_cloud(block(), seed=2, request=GraspRequest(goal=goal, **more))
 
 
 @pytest.fixture(scope="module")
@@ -80,19 +80,15 @@ def test_what_stands_there_is_not_set_upon():
     other[np.arange(3000), rng.integers(0, 3, 3000)] = rng.integers(0, 2, 3000)
     points = np.concatenate([block(), [0.43, -0.27, 0.0] + other * 0.06])
     goals = [(0.46, -0.24, 0.0), (0.6, -0.2, 0.0)]
-    plans = [
-        plan_cloud(
-            points, near=(0.52, 0.02, 0.04), seed=2, request=GraspRequest(goal=PLACE_WORDS.validate(goal))
-        )
-        for goal in goals
-    ]
+    near = (0.52, 0.02, 0.04)
+    plans = [plan_cloud(points, near=near, seed=2, request=GraspRequest(goal=goal)) for goal in goals]
     assert [plan.reason for plan in plans] == ["no_grasp:goal_occupied", None]
     (content,) = plans[1].contents("block")
     assert failing(json.loads(json.dumps(content))) == set()
 
 
 def test_the_agent_sets_the_object_down():
-    agent = BilevelAgent(request=GraspRequest(goal=PLACE_WORDS.validate((0.4, -0.25, 0.0))))
+    agent = BilevelAgent(request=GraspRequest(goal=(0.4, -0.25, 0.0)))
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", disable_env_checker=True, **agent.env_settings)
     observation, info = env.reset(seed=2)
     agent.reset(observation, public_info(env, info))

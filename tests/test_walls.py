@@ -26,7 +26,7 @@ def bowl(radius=0.12, height=0.08, foot=0.04, count=1200, middle=(0.5, 0.0)):
 
 def target(points, mass=0.25, hollow=True):
     hull = GraspTarget.of_corners([np.concatenate([points, points * [1.0, 1.0, 0.0]])], mass=mass)
-    return GraspTarget(hull.distance, hull.centre, mass, seen=points if hollow else None)
+    return GraspTarget(hull.distance, hull.centre, hull.mass, seen=points if hollow else None)
 
 
 def test_fingers_may_go_inside_a_bowl_but_not_into_its_wall():
@@ -38,6 +38,8 @@ def test_fingers_may_go_inside_a_bowl_but_not_into_its_wall():
     assert walls.distance.distance([in_wall])[0] < 0.0
     assert walls.distance.distance([above])[0] > 0.03
     assert walls.mass == whole.mass
+    guessed = target(bowl(), mass=None).opened()
+    assert guessed.known_mass is None
     assert np.linalg.norm(walls.centre[:2] - [0.5, 0.0]) < 0.005
 
 

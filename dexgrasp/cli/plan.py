@@ -127,8 +127,9 @@ class Plan(Command, Request, Scan, Scene):
 
     def _request(self, marked: "Callable[[Mask], Array]") -> "GraspRequest":
         """Return all that is asked for, see `grasp_request`."""
-        known = {"friction": self.friction, "mass": self.mass, "count": self.count}
-        return self.grasp_request(marked, min_probability=self.at_least, **known)
+        return self.grasp_request(
+            marked, friction=self.friction, mass=self.mass, count=self.count, min_probability=self.at_least
+        )
 
     def _plan(self, progress: "Progress | None") -> "tuple[PlanResult, Fields]":
         """Plan for the named object; return what came of it, and the same as JSON."""

@@ -62,8 +62,8 @@ def describe(result: Fields, unseen: str = "") -> str:
         figures[f"probability to be lifted and held{given}"] = _chance(known["lifted"])
         if not known["guessed"]:  # with a side that no camera saw it is not calibrated
             figures["probability to be pushed by its weight as well"] = _chance(known["pushed"])
-    hidden = [result["hidden_side"]] if "hidden_side" in result else []
-    return "\n  ".join([f"{name}: {found} in {seconds}", *columns(figures), *hidden])
+    beside = [result[key] for key in ("hidden_side", "relaxation") if key in result]
+    return "\n  ".join([f"{name}: {found} in {seconds}", *columns(figures), *beside])
 
 
 def _describe_set(result: Fields) -> str:

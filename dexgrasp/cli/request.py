@@ -51,15 +51,14 @@ class Request(Options):
         Raises:
             InputError: for what is no region, no way or no mask.
         """
-        from dexgrasp.geometry.request import APPROACH_WORDS, PLACE_WORDS, GraspRequest
+        from dexgrasp.geometry.request import PLACE_WORDS, GraspRequest
 
-        approach = None if self.approach is None else check("approach", self.approach, APPROACH_WORDS)
         hold, avoid = (
             tuple(self._region(name, said, marked) for said in getattr(self, name))
             for name in ("hold", "avoid")
         )
         goal = None if self.place is None else check("place", self.place, PLACE_WORDS)
-        own = (hold, avoid, approach, self.fingers, self.max_force)
+        own = (hold, avoid, self.approach, self.fingers, self.max_force)
         return GraspRequest(*own, seconds=self.budget, goal=goal, **known)
 
     def _region(self, name: str, said: Any, marked: "Callable[[Mask], Array]") -> "Region":

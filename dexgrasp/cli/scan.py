@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from dexgrasp.cli.command import File, Options
 from dexgrasp_env.errors import InputError, first_line
-from dexgrasp_env.valid import Positive
+from dexgrasp_env.valid import Mass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -52,7 +52,7 @@ class Scan(Options):
     mask: Annotated[Path | None, "FILE"] = None
     label: Annotated[int | None, "K"] = None
     pixel: Annotated[tuple[str, str, str] | None, "CAMERA", "U", "V"] = None
-    mass: Annotated[Positive | None, "KG"] = None
+    mass: Annotated[Mass | None, "KG"] = None
 
     @property
     def of_cloud(self) -> list[str]:

@@ -3,7 +3,7 @@
 All places are in the frame of the robot's base, whatever the table: a request is stated before anything is seen.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -12,7 +12,18 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Mask, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import placed
-from dexgrasp_env.valid import POSITIVE, Friction, Rule, Share, check_fields, list_of, number, several
+from dexgrasp_env.valid import (
+    POSITIVE,
+    Friction,
+    Mass,
+    Rule,
+    Share,
+    check,
+    check_fields,
+    number,
+    read,
+    several,
+)
 
 _MOST_POINTS = 5000
 MOST = 10_000
@@ -61,16 +72,10 @@ class Region:
         """Return the region that `box:X0,Y0,Z0,X1,Y1,Z1` or `sphere:X,Y,Z,RADIUS` states, m.
 
         Raises:
-            ValueError: for any other text.
-            InputError: for a region without inside.
+            InputError: for any other text, and for a region without inside.
         """
-        kind, _, rest = text.partition(":")
-        numbers = [float(word) for word in rest.split(",")]
-        if not np.isfinite(numbers).all() or len(numbers) != {"box": 6, "sphere": 4}.get(kind):
-            raise ValueError
-        if kind == "sphere":
-            return cls(points=np.array([numbers[:3]]), radius=numbers[3])
-        return cls(np.array(numbers[:3]), np.array(numbers[3:]))
+        region: Region = check("region", text, REGION)
+        return region
 
     @classmethod
     def of_points(cls, points: Array) -> "Region":
@@ -99,13 +104,23 @@ class Region:
     def grown(self, by: float) -> "Region":
         """Return it larger by `by` m on all sides; one that is made smaller than a point stays one."""
         least = -1.0 if self.points is None else 1e-6
-        return replace(self, radius=max(self.radius + by, least))
+        return replace(self, radius=float(np.clip(self.radius + by, least, 1.0)))
 
 
-REGION = Rule(
-    "box:X0,Y0,Z0,X1,Y1,Z1 or sphere:X,Y,Z,RADIUS, m in the frame of the robot's base",
-    lambda value: value if isinstance(value, Region) else Region.of_text(value),
-)
+def _region(value: Any) -> Region:
+    if isinstance(value, Region | Mapping):
+        return read(Region, value, "region")
+    kind, _, rest = value.partition(":")
+    numbers = [float(word) for word in rest.split(",")]
+    if not np.isfinite(numbers).all() or len(numbers) != {"box": 6, "sphere": 4}.get(kind):
+        raise ValueError
+    if kind == "sphere":
+        return Region(points=np.array([numbers[:3]]), radius=numbers[3])
+    return Region(np.array(numbers[:3]), np.array(numbers[3:]))
+
+
+REGION = Rule("box:X0,Y0,Z0,X1,Y1,Z1 or sphere:X,Y,Z,RADIUS, m in the frame of the robot's base", _region)
+_REGIONS = several(REGION, most=20)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,18 +150,10 @@ class Approach:
         """Return the approach that `top`, `side`, `front` or `X,Y,Z` states, each with `,DEGREES` behind if it likes.
 
         Raises:
-            ValueError: for any other text.
+            InputError: for any other text.
         """
-        name, *rest = text.split(",")
-        if name in _WAYS:
-            (way, degrees), given = _WAYS[name], [float(word) for word in rest]
-            if len(given) > 1:
-                raise ValueError
-            return cls(None if way is None else np.array(way), (given or [degrees])[0], name)
-        numbers = [float(word) for word in (name, *rest)]
-        if len(numbers) not in (3, 4) or not np.isfinite(numbers).all():
-            raise ValueError
-        return cls(np.array(numbers[:3]), (numbers[3:] or [30.0])[0])
+        approach: Approach = check("approach", text, APPROACH_WORDS)
+        return approach
 
     def off(self, faces: Array) -> Array:
         """Return by how many degrees (N,) palms that face the ways (N, 3) are off."""
@@ -160,15 +167,29 @@ class Approach:
         return f"{way} within {self.degrees:g} degrees"
 
 
+def _approach(value: Any) -> Approach:
+    if isinstance(value, Approach | Mapping):
+        return read(Approach, value, "approach")
+    name, *rest = value.split(",")
+    if name in _WAYS:
+        (way, degrees), given = _WAYS[name], [float(word) for word in rest]
+        if len(given) > 1:
+            raise ValueError
+        return Approach(None if way is None else np.array(way), (given or [degrees])[0], name)
+    numbers = [float(word) for word in (name, *rest)]
+    if len(numbers) not in (3, 4) or not np.isfinite(numbers).all():
+        raise ValueError
+    return Approach(np.array(numbers[:3]), (numbers[3:] or [30.0])[0])
+
+
 APPROACH_WORDS = Rule(
-    "top, side, front or X,Y,Z, the way that the palm faces, with ,DEGREES behind",
-    lambda value: value if isinstance(value, Approach) else Approach.of_text(value),
+    "top, side, front or X,Y,Z, the way that the palm faces, with ,DEGREES behind", _approach
 )
 
 
 def _place(value: Any) -> "Goal":
-    if isinstance(value, Goal):
-        return value
+    if isinstance(value, Goal | Mapping):
+        return read(Goal, value, "goal")
     x, y, z, *yaw = (number().validate(each) for each in value)
     if len(yaw) > 1:
         raise ValueError
@@ -198,6 +219,8 @@ PLACE_WORDS = Rule("X Y Z, m in the frame of the robot's base, and YAW, degrees,
 class GraspRequest:
     """Request of a grasp: what is known of the object, and constraints besides that it is held.
 
+    Regions, approach and goal may also be stated as the command line has them.
+
     Attributes:
         hold: every contact lies in one of these regions; none asks for nothing.
         avoid: no contact lies in any of these.
@@ -212,28 +235,23 @@ class GraspRequest:
         goal: where the object is set down after the lift; None: it is held.
     """
 
-    hold: Annotated[tuple[Region, ...], list_of(Region, 0, 20)] = ()
-    avoid: Annotated[tuple[Region, ...], list_of(Region, 0, 20)] = ()
-    approach: Approach | None = None
+    hold: Annotated[tuple[Region, ...], _REGIONS] = ()
+    avoid: Annotated[tuple[Region, ...], _REGIONS] = ()
+    approach: Annotated[Approach | None, APPROACH_WORDS] = None
     fingers: Annotated[tuple[str, ...], several(Rule("a finger's name", str))] = ()
     max_force: Annotated[float | None, number(gt=0, le=1000)] = None
     friction: Friction | None = None
-    mass: Annotated[float | None, POSITIVE] = None
+    mass: Mass | None = None
     min_probability: Share | None = None
     count: Annotated[int | None, _GRASPS] = None
-    seconds: Annotated[float | None, number(gt=0)] = None
-    goal: Goal | None = None
+    seconds: Annotated[float | None, POSITIVE] = None
+    goal: Annotated[Goal | None, PLACE_WORDS] = None
 
     def __post_init__(self) -> None:
         check_fields(self)
 
     def __bool__(self) -> bool:
         return any(value not in (None, ()) for value in vars(self).values())
-
-    @property
-    def narrows(self) -> bool:
-        """True where contacts or palm may not be anywhere: proposals that know nothing of that are mostly lost."""
-        return bool(self.hold or self.avoid or self.approach)
 
     @property
     def constrains(self) -> list[str]:
@@ -275,34 +293,23 @@ class Demand:
     def faces(self, faces: Array) -> Mask:
         """Return which palms that face the ways (N, 3), world frame, do as is asked."""
         approach = self.request.approach
-        return np.ones(len(faces), bool) if approach is None else self.off(faces) <= approach.degrees
+        return self.off(faces) <= (180.0 if approach is None else approach.degrees)
 
 
-def relaxations(request: GraspRequest) -> Sequence[tuple[str, tuple[GraspRequest, ...]]]:
-    """Return the name of each constraint, and requests that relax it alone, nearest first."""
-    found = []
-    if request.approach is not None:
-        approach = request.approach
-        wider = (15.0, 30.0, 50.0, 80.0, 180.0)
-        steps = tuple(
-            replace(request, approach=replace(approach, degrees=min(approach.degrees + by, 180.0)))
-            for by in wider
-        )
-        found.append(("approach", steps))
-    grown = (0.005, 0.01, 0.02, 0.04, 0.08)
-    if request.hold:
-        steps = tuple(replace(request, hold=tuple(r.grown(by) for r in request.hold)) for by in grown)
-        found.append(("hold", steps))
-    if request.avoid:
-        steps = tuple(replace(request, avoid=tuple(r.grown(-by) for r in request.avoid)) for by in grown)
-        found.append(("avoid", steps))
-    if request.fingers:
-        found.append(("fingers", (replace(request, fingers=()),)))
-    if request.goal is not None:
-        found.append(("goal", (replace(request, goal=None),)))
-    if request.max_force is not None:
-        firmer = (1.25, 1.6, 2.0, 3.0, 5.0)
-        found.append(
-            ("max_force", tuple(replace(request, max_force=by * request.max_force) for by in firmer))
-        )
-    return found
+def relaxations(request: GraspRequest) -> dict[str, list[GraspRequest]]:
+    """Return by constraint the requests that relax it alone, nearest first, at last without it."""
+    approach, most = request.approach, request.max_force
+    grown = 0.005, 0.01, 0.02, 0.04, 0.08
+    values: dict[str, list[Any]] = {
+        "approach": [
+            approach and replace(approach, degrees=min(approach.degrees + by, 180.0))
+            for by in (15.0, 30.0, 50.0, 80.0, 180.0)
+        ],
+        "hold": [*(tuple(region.grown(by) for region in request.hold) for by in grown), ()],
+        "avoid": [*(tuple(region.grown(-by) for region in request.avoid) for by in grown), ()],
+        "fingers": [()],
+        "goal": [None],
+        "max_force": [*(most and min(by * most, 1000.0) for by in (1.25, 1.6, 2.0, 3.0, 5.0)), None],
+    }
+    asked = request.constrains
+    return {name: [replace(request, **{name: to}) for to in values[name]] for name in values if name in asked}

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, cast
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.hull import REACH
-from dexgrasp.geometry.request import Demand
+from dexgrasp.geometry.request import ANYHOW, Demand
 from dexgrasp.geometry.volume import volume_and_centre
 from dexgrasp.geometry.walls import walls_of
 from dexgrasp_env.arrays import Array, Mask
@@ -55,7 +55,7 @@ class GraspTarget:
         neighbours: what stands around it and must not be touched.
         seen: (N, 3) m, points of its surface, where the parts hold air: a cup's mouth is none. None where all of their
             surface is the object's, as far as is known.
-        demand: what is asked of its grasp; None for nothing.
+        demand: what is asked of its grasp.
         near: the least that the object may be, where `distance` completes a side that no camera saw, farther out; None
             where nothing was guessed.
     """
@@ -66,7 +66,7 @@ class GraspTarget:
     uncertainty: Uncertainty | None = None
     neighbours: tuple[Parts, ...] = ()
     seen: Array | None = None
-    demand: Demand | None = None
+    demand: Demand = field(default_factory=lambda: Demand(ANYHOW, np.eye(4)))
     near: ConvexDistance | None = None
 
     @classmethod
@@ -109,6 +109,12 @@ class GraspTarget:
         return np.array([0.0, 0.0, -GRAVITY * self.mass])
 
     @property
+    def known_mass(self) -> float | None:
+        """The mass, kg, where it is another than is assumed of the shape."""
+        known = abs(self.mass - assumed_mass(hull_volume(self.distance)[0])) > 1e-9
+        return self.mass if known else None
+
+    @property
     def is_convex(self) -> bool:
         """True where there is but one part."""
         return len(self.distance.parts) == 1
@@ -133,13 +139,13 @@ class GraspTarget:
 
     @property
     def narrowed(self) -> bool:
-        """True where contacts or palm may not be anywhere."""
-        return self.demand is not None and self.demand.request.narrows
+        """True where contacts or palm may not be anywhere: proposals that know nothing of that are mostly lost."""
+        asked = self.demand.request
+        return bool(asked.hold or asked.avoid or asked.approach)
 
     def may_touch(self, points: Array, margin: float = 0.0) -> Mask:
         """Return which points (..., 3) m of the parts' surface were seen and are where contacts are asked for (...)."""
-        seen = self.was_seen(points)
-        return seen if self.demand is None else seen & self.demand.allows(points, margin)
+        return self.was_seen(points) & self.demand.allows(points, margin)
 
     @cached_property
     def _seen_tree(self) -> "cKDTree":
@@ -187,7 +193,8 @@ class GraspTarget:
         if not parts:
             return None
         walls = ConvexDistance.union(parts)
-        return replace(self, distance=walls, centre=volume_centre(walls))
+        mass = self.known_mass or assumed_mass(hull_volume(walls)[0])
+        return replace(self, distance=walls, centre=volume_centre(walls), mass=mass)
 
 
 def _raised(points: Array) -> Array:

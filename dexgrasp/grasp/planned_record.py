@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.geometry.target import GraspTarget, assumed_mass, hull_volume, volume_centre
+from dexgrasp.geometry.target import GraspTarget, hull_volume, volume_centre
 from dexgrasp.grasp.grasp import RAISED, Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.probability import probability_of
@@ -98,7 +98,7 @@ def planned_record(
         certificate=grasp.certificate,
         holds_probability=None,
         table=grasp.cell.table,
-        request=None if target.demand is None else target.demand.request,
+        request=target.demand.request or None,
     )
     return replace(record, holds_probability=probability_of(record, target.guessed(grasp.normals)))
 
@@ -111,11 +111,9 @@ def grasp_json(record: GraspRecord) -> Fields:
 
 def _with_known(identity: ObjectIdentity, target: GraspTarget) -> ObjectIdentity:
     """Add what the planner was told of the object, rather than assumed from its shape."""
-    told = abs(target.mass - assumed_mass(hull_volume(target.distance)[0])) > 1e-9
     moved = np.abs(target.centre - volume_centre(target.distance)).max() > 1e-9
-    return replace(
-        identity, known_mass=target.mass if told else None, known_centre=target.centre if moved else None
-    )
+    centre = target.centre if moved else None
+    return replace(identity, known_mass=target.known_mass, known_centre=centre)
 
 
 def _executed(script: ActionScript, grasp: Grasp) -> Script:

@@ -197,7 +197,7 @@ def chances_of(planned: Planned, result: PlanResult) -> HoldsProbability:
     known = planned_record("", planned.grasp, result.target, result.settings).holds_probability
     if known is None:
         raise InputError(
-            "at_least: how likely a grasp holds is known of the Panda with the Allegro hand alone, of objects without "
-            "neighbours, on surfaces of friction 0.7 or more, where nothing else is asked for"
+            "min_probability (--at-least): how likely a grasp holds is known of the Panda with the Allegro hand alone, "
+            "of objects without neighbours, on surfaces of friction 0.7 or more, where nothing else is asked for"
         )
     return known

@@ -56,7 +56,7 @@ def plan_scene(
         target = replace(
             target_of(scene, request.mass, planner.settings.most_parts),
             neighbours=neighbours_of(scene, neighbour_margin),
-            demand=Demand(request, planner.cell.T_base_world) if request else None,
+            demand=Demand(request, planner.cell.T_base_world),
         )
     except NoTarget as none:
         result = PlanResult(
@@ -71,7 +71,8 @@ def plan_scene(
         if request.min_probability is not None:
             result = with_success_probability(result, planner, start, progress)
         result.log.seconds = {"hull": hull_seconds} | result.log.seconds
-        if relax and request and planner.settings.seconds is None and not result.found:
+        holds = any(grasp.certificate.holds for grasp in result.grasps)
+        if relax and request and planner.settings.seconds is None and not holds:
             result.relaxation = nearest_relaxation(planner, target, seed, start, result.log)
     result.planning_seconds = time.perf_counter() - began
     return result

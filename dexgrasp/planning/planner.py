@@ -168,7 +168,7 @@ class Planner:
 
     def _otherwise(self, target: GraspTarget) -> Iterator[tuple["Planner", GraspTarget]]:
         """Yield who plans next, on what shape of the object, where there is no grasp that holds."""
-        if target.demand is None or not target.demand.request.fingers:
+        if not target.demand.request.fingers:
             yield from ((other, target) for other in self.others())
         if (walls := target.opened()) is not None:
             yield self, walls
@@ -269,8 +269,7 @@ class Search:
         # What does not get past its neighbours straight up is lifted by no grasp.
         if raised_into(target, RAISED) > 0.0:
             return LIFT_BLOCKED
-        goal = target.demand and target.demand.request.goal
-        if goal:
+        if goal := target.demand.request.goal:
             try:
                 self._poses = goal_poses(target, goal, self.planner.cell)
             except NoPath as fault:

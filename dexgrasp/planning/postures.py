@@ -65,8 +65,7 @@ def atlas_postures(proposals: Proposals, problem: GraspProblem) -> Iterator[Post
     settings, tree = problem.settings, problem.tree
     orders = assignments(settings.proposed.contacts)[: 1 if proposals.assigned else None]
     placed = place_on_atlas(proposals.contacts, proposals.normals, problem, orders, settings.neighbours)
-    if problem.target.demand is not None:
-        placed = placed.select(problem.target.demand.faces(placed.rotations[:, :, 0]))
+    placed = placed.select(problem.target.demand.faces(placed.rotations[:, :, 0]))
     rank = loads_on(placed, problem) + _POSE * placed.scores
     tried: set[int] = set()
     found = 0

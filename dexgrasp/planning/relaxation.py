@@ -20,7 +20,7 @@ def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: 
     """Return in words which constraint of the planner's request rules a grasp out, and what can be had; "" without any.
 
     Args:
-        planner: that found no grasp.
+        planner: that found no grasp, or none that bears the weight.
         target: the object.
         seed: of everything that is drawn.
         start: (n,) rad, set-points the robot approaches from.
@@ -28,19 +28,20 @@ def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: 
     """
 
     def planned(asked: GraspRequest) -> Grasp | None:
-        """Return the grasp that there is for another request."""
-        demand = Demand(asked, planner.cell.T_base_world) if asked else None
-        return planner.asking(asked).plan(replace(target, demand=demand), seed, start).grasp
+        """Return the grasp that there is for another request, and that bears the weight."""
+        demand = Demand(asked, planner.cell.T_base_world)
+        grasp = planner.asking(asked).plan(replace(target, demand=demand), seed, start).grasp
+        return grasp if grasp is not None and grasp.certificate.holds else None
 
     request, words = planner.request, list[str]()
     if UNSURE in log.blocked:
         sure = float(request.min_probability or 0.0)
-        return f"none held with probability {sure:g}; one with {sure - log.blocked[UNSURE][1]:.2f}"
+        return f"none held with probability {sure}; one with {sure - log.blocked[UNSURE][1]:.2f}"
     if not request.constrains:  # what is known of the object cannot be left out
         return ""
     if planned(ANYHOW) is None:
-        return "there is no grasp without the request either"
-    for name, steps in relaxations(request):
+        return "no grasp bears the weight without the request either"
+    for name, steps in relaxations(request).items():
         for step in steps:
             found = planned(step)
             if found is not None:
@@ -62,7 +63,6 @@ def _in_words(name: str, request: GraspRequest, grasp: Grasp) -> str:
     if name == "max_force":
         press = -(grasp.forces[:, :3] * grasp.normals).sum(1).min()
         return f"none with at most {request.max_force:g} N a finger; one with {press:.1f} N"
-    own = replace(GraspRequest(), **{name: getattr(request, name)})
-    outside = own.outside(placed(grasp.cell.T_base_world, grasp.contacts)).max()
+    outside = request.outside(placed(grasp.cell.T_base_world, grasp.contacts)).max()
     where = "within what is to be held" if name == "hold" else "outside what is to be avoided"
     return f"none whose contacts are all {where}; one that misses it by {1000.0 * np.maximum(outside, 0.0):.0f} mm"

@@ -67,15 +67,14 @@ class _Sent(Plan):
 
     def scan(self) -> Cloud:
         """Return the cloud that was sent."""
-        if (self.points is None) == (self.depth is None) or (self.depth is None) != (self.K is None):
+        T, of_camera = self.T_base_camera, self.depth is not None
+        given = self.points is None, self.K is not None, of_camera and T is not None
+        if given != (of_camera,) * 3:
             raise InputError("send points, or depth with K and T_base_camera")
-        T = self.T_base_camera
-        if self.points is not None:
+        if not of_camera:
             cloud = cloud_of(self.points)
             cloud = cloud.moved(cloud.points * UNITS[self.unit])
             return cloud if T is None else posed(cloud, T)
-        if T is None:
-            raise InputError("send points, or depth with K and T_base_camera")
         check_count(self.depth.size, "depth")
         (height, width), K = self.depth.shape, np.asarray(self.K, dtype=float)
         lens = CameraIntrinsics(width, height, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
