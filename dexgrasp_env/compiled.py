@@ -45,6 +45,13 @@ def njit(function: F, **options: Any) -> F:
     return cast(F, kernel)
 
 
+def wide(function: F) -> F:
+    """Compile a function whose loops handle several numbers at once, which takes longer and is seldom faster."""
+    kernel = njit(function)
+    vars(kernel)["vectorized"] = True
+    return kernel
+
+
 def leaf(function: F) -> F:
     """Compile a function that neither makes nor returns arrays, nor calls one that does: no references are counted."""
     return njit(function, _nrt=False)
@@ -147,6 +154,7 @@ class _Compiled(CPUDispatcher):
     """A function for types of arguments; compiled where either Python or a compiled function calls it with those."""
 
     _files: type[caching.FunctionCache]
+    vectorized = False
 
     def compile(self, sig: Any) -> Any:
         """Compile for types, at a lower level than numba's 3."""
@@ -156,7 +164,7 @@ class _Compiled(CPUDispatcher):
             before = config.OPT, config.LOOP_VECTORIZE, maker._library_class
             maker._library_class = _Library
             if "NUMBA_OPT" not in os.environ:
-                config.OPT, config.LOOP_VECTORIZE = _LEVEL, 0
+                config.OPT, config.LOOP_VECTORIZE = _LEVEL, int(self.vectorized)
             try:
                 return super().compile(sig)
             finally:

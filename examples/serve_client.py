@@ -5,6 +5,7 @@ python examples/serve_client.py [ws://127.0.0.1:8000]    without an address a se
 
 import subprocess
 import sys
+import time
 from typing import Any
 
 import msgpack
@@ -50,6 +51,12 @@ try:
         plan = ask(socket, request="plan_cloud", points=points, seed=1, mass=0.2)
         print("grasp:", plan["success"], "load", plan["certificate"]["load"])
         print("holds:", ask(socket, request="verify", grasp=plan["grasp"])["holds"])
+        spent = []
+        for seed in range(20):
+            began = time.perf_counter()
+            timing = ask(socket, request="plan_cloud", points=points, seed=seed)["timing_ms"]
+            spent.append(1e3 * (time.perf_counter() - began) - timing["perception"])
+        print(f"planning and transport: median {np.median(spent):.0f} ms of {len(spent)} requests")
 finally:
     if server is not None:
         server.terminate()

@@ -187,12 +187,12 @@ def test_an_agent_rests_on_what_it_reads_under_whatever_name(tmp_path):
 
 EVALUATE = "-m dexgrasp.cli.main evaluate --agents late:Late --objects pear --trials 1 --out run"
 READS_LATE = """
-import runpy, numpy as np
+import os, runpy, numpy as np
 from dexgrasp.agent import Agent
 class Late(Agent):
     env_settings = {"obs_mode": "state", "control_mode": "joint_delta"}
     def reset(self, observation, info): self.gain = runpy.run_path("gain.py")["GAIN"]
-    def act(self, observation): return np.full(23, self.gain * float(open("weights.txt").read()))
+    def act(self, observation): return np.full(23, self.gain * float(open(os.path.abspath("weights.txt")).read()))
 """
 
 
@@ -209,7 +209,7 @@ def test_what_an_agent_reads_while_it_acts_counts(tmp_path, monkeypatch, changed
     (tmp_path / changed).write_text((tmp_path / changed).read_text() + " ")
     again = evaluated()
     assert again.returncode == 2
-    assert f"{changed} while it acted, and that has changed since: choose another --out" in again.stderr
+    assert f"read {changed} while it acted, and that has changed since: choose another --out" in again.stderr
 
 
 class Harm:

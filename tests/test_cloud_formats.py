@@ -58,11 +58,17 @@ def test_arrays(tmp_path):
 
 
 def test_a_ply_that_was_cut_off_is_refused(tmp_path):
-    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    axes, path = "".join(f"property float {axis}\n" for axis in "xyz"), tmp_path / "a.ply"
     head = f"ply\nformat ascii 1.0\nelement vertex 3\n{axes}end_header\n"
-    (tmp_path / "a.ply").write_text(f"{head}0 0 0\n")
+    path.write_text(f"{head}0 0 0\n")
     with refused("ends after 1 of 3 points"):
-        read_scan(tmp_path / "a.ply")
+        read_scan(path)
+    binary = head.replace("ascii", "binary_little_endian").encode() + POINTS[:3].tobytes()
+    path.write_bytes(binary)
+    assert_array_equal(read_scan(path).points, POINTS[:3])
+    path.write_bytes(binary[:-1])
+    with refused("ends after 2 of 3 rows"):
+        read_scan(path)
 
 
 def test_las(tmp_path):

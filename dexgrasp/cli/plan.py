@@ -2,6 +2,7 @@
 
 import os
 import sys
+import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -159,7 +160,9 @@ class Plan(Command, Request, Scan, Scene):
         from dexgrasp_env.perception.selection import TargetSelector
 
         request = self._request(lambda mask: scan.points[TargetSelector(mask=mask).marks(scan)])
+        began = time.perf_counter()
         scene, seen = self._look(scan)
+        looked = time.perf_counter() - began
         if scene.reason == "several_objects":
             self._draw(scan, scene, seen)
             stand = "; ".join(line.strip() for line in list_lines(seen))
@@ -175,6 +178,7 @@ class Plan(Command, Request, Scan, Scene):
             planner = Planner(cell=self.cell)
         there = self.seed, self.cell.robot.home
         found = plan_scene(planner.asking(request), scene, *there, progress=progress, relax=True)
+        found.log.seconds = {"perception": looked} | found.log.seconds
         self._draw(scan, scene, seen, found)
         beside = {"seen": seen, "table": off, "in_the_way": blocking_lines(scene, seen, found)}
         return found, found.as_json(scan_name(Path(str(self.cloud)))) | beside

@@ -167,10 +167,7 @@ class EvaluationSettings:
             **settings,
             **({"servers": servers} if servers else {}),
             "cell": make_cell(self.robot).version,
-            "files": {
-                _from_here(path): short_hash(path)
-                for path in (self._files() if files is None else map(Path, files))
-            },
+            "files": hashes_by_name(self._files() if files is None else map(Path, files)),
             "code": code_hash((*self.agents, *self._own_wrappers())),
             "versions": versions(),
         }
@@ -281,7 +278,8 @@ def short_hash(path: Path) -> str:
         return file_hash(path)[:16]
 
 
-def _from_here(path: Path) -> str:
-    """Return how a file is called from this folder, the same in every copy of it."""
+def hashes_by_name(paths: Iterable[Path]) -> dict[str, str]:
+    """Return the hashes of files by what they are called from this folder, the same in every copy of it."""
     here = Path.cwd()
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)
+    names = ((path.relative_to(here) if path.is_relative_to(here) else path, path) for path in paths)
+    return {str(name): short_hash(path) for name, path in names}

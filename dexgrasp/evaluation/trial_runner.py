@@ -10,7 +10,7 @@ import gymnasium as gym
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import Env
 from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_seeds
-from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, short_hash
+from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, hashes_by_name
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.evaluation.video import Video, VideoSettings
 from dexgrasp.registry import make_agent, placing_agent
@@ -47,7 +47,7 @@ class TrialRunner:
             "scene_seed": seeds.scene, "agent_seed": seeds.agent, "env": self._env_arguments(spec),
         }  # fmt: skip
         if late and ":" in spec.agent:  # an agent of the user's, which reads when it acts
-            row["files"] = {str(path): short_hash(path) for path in late}
+            row["files"] = hashes_by_name(late)
         return jsonable(row | asdict(outcome)), grasp
 
     def agent(self, spec: TrialSpec) -> Any:

@@ -91,7 +91,9 @@ def _in_processes(packed: bytes, tasks: Sequence[Any], workers: int) -> Iterator
 
     share = str(max(1, usable_cores() // workers))  # of the processors, that each may use
     limits = {name: os.environ.get(name, share) for name in THREADS}
-    warnings.filterwarnings("ignore", "A worker was restarted")  # the libraries that it loads are no leak
+    warnings.filterwarnings(
+        "ignore", "A worker was restarted", UserWarning, r"loky\."
+    )  # the libraries that it loads are no leak
     pool = ProcessPoolExecutor(workers, initializer=_begin, initargs=(os.getpid(),), env=limits)
     waiting = set[Future[Any]]()
     resource_tracker.ensure_running()  # its start lets signals through again

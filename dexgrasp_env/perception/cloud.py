@@ -46,6 +46,9 @@ class Cloud:
 
     def select(self, keep: NDArray[Any] | slice) -> "Cloud":
         """Return the rows of a mask, of indices or of a slice."""
+        if not isinstance(keep, slice):  # rows are taken by number three times as fast as by a mask
+            rows = np.flatnonzero(keep) if keep.dtype == bool else keep
+            return replace(self, **{name: getattr(self, name).take(rows, axis=0) for name in _ROWS})
         return replace(self, **{name: getattr(self, name)[keep] for name in _ROWS})
 
     def moved(self, points: Array) -> "Cloud":
@@ -109,7 +112,7 @@ def gather(depths: NDArray[Any], cameras: tuple[Camera, ...]) -> Cloud:
 
 def crop(cloud: Cloud, low: Iterable[float], high: Iterable[float]) -> Cloud:
     """Return the points inside the axis-aligned box from `low` to `high`, (3,) m each, world frame."""
-    return cloud.select(np.flatnonzero(inside(cloud.points, low, high)))
+    return cloud.select(inside(cloud.points, low, high))
 
 
 def inside(points: Array, low: Iterable[float], high: Iterable[float]) -> Mask:
@@ -174,11 +177,11 @@ def downsample(points: Array, count: int, rng: Generator) -> Index:
 
 def cells_of(points: Array, side: float) -> Index:
     """Return the number of the cell, `side` m wide, that each of points (M, n) lies in; they sort as cells do."""
-    cells = np.floor(points / side).astype(np.int64)
-    if not len(cells):
+    if not len(points):
         return np.zeros(0, np.int64)
-    cells -= cells.min(0)
-    return np.ravel_multi_index(tuple(cells.T), tuple(cells.max(0) + 1))
+    cells = np.floor(np.ascontiguousarray(points.T) / side).astype(np.int64)  # an axis a row, as above
+    cells -= cells.min(1, keepdims=True)
+    return np.ravel_multi_index(tuple(cells), tuple(cells.max(1) + 1))
 
 
 def thinned(points: Array, side: float) -> Index:

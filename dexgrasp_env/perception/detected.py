@@ -48,7 +48,10 @@ def detected_objects(scene: Scene, T_base_world: Array) -> list[DetectedObject]:
     shown = [one for one in (scene.target, *scene.neighbours) if len(one)]
     clouds = [one.points for one in shown]
     gaps = np.array(
-        [[cKDTree(a).query(b)[0].min() if a is not b else np.inf for b in clouds] for a in clouds]
+        [
+            [tree.query(other)[0].min() if other is not own else np.inf for other in clouds]
+            for own, tree in zip(clouds, map(cKDTree, clouds), strict=True)
+        ]
     )
     return [
         DetectedObject(

@@ -4,28 +4,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index
-from dexgrasp_env.compiled import njit
+from dexgrasp_env.compiled import njit, wide
 
 
-@njit
+@wide
 def farthest_points(points: Array, count: int, first: int) -> Index:
     """Return `count` indices, each the farthest from all before it (Gonzalez 1985)."""
     chosen = np.empty(count, np.int64)
     chosen[0] = first
+    x, y, z = points[:, 0].copy(), points[:, 1].copy(), points[:, 2].copy()
     nearest = np.full(len(points), np.inf)
+    bits = nearest.view(
+        np.int64
+    )  # numbers that are not negative sort as their bits do, which are compared at once
     for k in range(1, count):
-        last = chosen[k - 1]
-        best = -1.0
-        pick = 0
+        last, best, pick = chosen[k - 1], np.int64(0), 0
         for i in range(len(points)):
-            d = 0.0
-            for a in range(3):
-                d += (points[i, a] - points[last, a]) ** 2
-            if d < nearest[i]:
-                nearest[i] = d
-            if nearest[i] > best:
-                best = nearest[i]
-                pick = i
+            dx, dy, dz = x[i] - x[last], y[i] - y[last], z[i] - z[last]
+            d = dx * dx + dy * dy + dz * dz
+            nearest[i] = d if d < nearest[i] else nearest[i]
+        for i in range(len(points)):
+            best = max(best, bits[i])
+        while bits[pick] != best:
+            pick += 1
         chosen[k] = pick
     return chosen
 
@@ -56,7 +57,8 @@ def pairs_within(
     """Return the pairs of queries (Q, 3) m and points (M, 3) m that are at most `reach` m apart, by their points.
 
     Returns:
-        The query of each pair (P,), where the pairs of each point begin (M + 1,), and the distances (P,) m.
+        The query of each pair (P,), where the pairs of each point begin (M + 1,), and the squared
+        distances (P,) m2.
     """
     low, high, size = np.empty(3), np.empty(3), np.empty(3, np.int64)
     for a in range(3):
@@ -94,4 +96,4 @@ def pairs_within(
                     within[count], away[count] = order[k], dx * dx + dy * dy + dz * dz
                     count += away[count] <= reach * reach  # without a branch: three times as fast
         begins[j + 1] = count
-    return within[:count], begins, np.sqrt(away[:count])
+    return within[:count], begins, away[:count]

@@ -4,6 +4,7 @@ import asyncio
 import os
 import signal
 import sys
+import time
 from asyncio.subprocess import PIPE, Process
 from collections import Counter
 from contextlib import suppress
@@ -64,13 +65,15 @@ class Worker:
         Raises:
             Refusal: for a mistake of the client's, a fault, a worker that died, or one that took too long.
         """
+        came = time.perf_counter()
         async with self._turn:
             try:
                 if self._process is None or self._process.returncode is not None:
                     self._counters["restarts"] += 1
                     await self.start()
+                waited = time.perf_counter() - came
                 kind, data = await asyncio.wait_for(
-                    self._exchange(MESSAGE, connection, message), self._seconds
+                    self._exchange(MESSAGE, connection, message, waited), self._seconds
                 )
             except TimeoutError:
                 self._counters["timeouts"] += 1
@@ -95,7 +98,7 @@ class Worker:
         """Tell the worker that a connection is closed."""
         async with self._turn:
             if self._process is not None and self._process.returncode is None and self._process.stdin:
-                self._process.stdin.write(HEAD.pack(0, CLOSED, connection))
+                self._process.stdin.write(HEAD.pack(0, CLOSED, connection, 0.0))
 
     async def stop(self) -> None:
         """End the process when it has answered."""
@@ -107,10 +110,12 @@ class Worker:
                 except TimeoutError:
                     self._kill()
 
-    async def _exchange(self, kind: int, connection: int, data: bytes) -> tuple[int, bytes]:
+    async def _exchange(
+        self, kind: int, connection: int, data: bytes, waited: float = 0.0
+    ) -> tuple[int, bytes]:
         process = self._process
         assert process is not None and process.stdin is not None and process.stdout is not None
-        process.stdin.write(HEAD.pack(len(data), kind, connection))
+        process.stdin.write(HEAD.pack(len(data), kind, connection, waited))
         process.stdin.write(data)
         await process.stdin.drain()
         size, answer = SIZE.unpack(await process.stdout.readexactly(SIZE.size))

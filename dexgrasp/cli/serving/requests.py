@@ -1,6 +1,7 @@
 """Requests of clients: the options of `dexgrasp plan` and `verify` by name, with arrays in place of files."""
 
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -99,21 +100,26 @@ class _Sent(Plan):
         return TargetSelector(mask=mask_of(self.marked, self.label))
 
 
-def answer(message: Fields, robot: str | None) -> Fields:
-    """Return what a request is answered, as the command's `--json` prints it.
+def answer(message: Fields, robot: str | None, waited: float = 0.0) -> Fields:
+    """Return what a request is answered, as the command's `--json` prints it, and `timing_ms`: where time went.
 
     Args:
         message: `request` is one of `REQUESTS`; the rest is its options.
         robot: the server's cell or robot.
+        waited: s, for a worker.
 
     Raises:
         InputError: for anything that is wrong with it.
     """
-    options = dict(message)
+    options, began = dict(message), time.perf_counter()
     name = options.pop("request", None)
     if not isinstance(name, str) or name not in REQUESTS:
         raise unknown_name("request", name, REQUESTS)
-    return jsonable({"schema": 1, **REQUESTS[name](options, robot)})
+    content = jsonable({"schema": 1, **REQUESTS[name](options, robot)})
+    seen, planned = content.get("stages", {}).get("perception", 0.0), content.get("planning_seconds") or 0.0
+    encoding = time.perf_counter() - began - seen - planned
+    stages = {"queue": waited, "perception": seen, "planning": planned, "encoding": encoding}
+    return content | {"timing_ms": {stage: round(1e3 * seconds, 3) for stage, seconds in stages.items()}}
 
 
 def _sent(options: Fields, robot: str | None) -> _Sent:

@@ -1,6 +1,7 @@
 """The process that answers: frames come in on standard input, answers go out where standard output was.
 
-A frame is its length (4 bytes), a kind (1), the number of a connection (8), and a message; an answer is its length, a
+A frame is its length (4 bytes), a kind (1), the number of a connection (8), the seconds that it waited (8), and a
+message; an answer is its length, a
 kind, and a message or the text of an error. `python -m dexgrasp.cli.serving.worker` is started by the server alone.
 """
 
@@ -14,7 +15,7 @@ from dexgrasp.runs.messages import pack, unpack
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 
-HEAD = struct.Struct("<IBQ")
+HEAD = struct.Struct("<IBQd")
 SIZE = struct.Struct("<IB")
 MESSAGE, CLOSED = 0, 1
 """Kinds of frames."""
@@ -48,13 +49,13 @@ class _Answers:
             self._episodes = Episodes(agent, robot)
             self.metadata |= self._episodes.metadata()
 
-    def to(self, connection: int, data: bytes) -> Fields:
-        """Return what a message is answered."""
+    def to(self, connection: int, waited: float, data: bytes) -> Fields:
+        """Return what a message is answered that waited for so many seconds."""
         from dexgrasp.cli.serving.requests import answer
 
         message = unpack(data)
         if "request" in message:
-            return answer(message, self._robot)
+            return answer(message, self._robot, waited)
         if self._episodes is None:
             raise InputError(
                 "a message has a request: plan, plan_cloud, objects or verify (no agent is served)"
@@ -85,18 +86,18 @@ def main() -> int:
     source, target = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is not an answer
     try:
-        answers = _Answers(unpack(_frame(source)[2]))
+        answers = _Answers(unpack(_frame(source)[3]))
     except InputError as error:
         _write(target, REFUSED, str(error).encode())
         return 2
     _write(target, ANSWER, pack(answers.metadata))
     while (frame := _frame(source))[0] is not None:
-        kind, connection, data = frame
+        kind, connection, waited, data = frame
         if kind == CLOSED:
             answers.end(connection)
             continue
         try:
-            _write(target, ANSWER, pack(answers.to(connection, data)))
+            _write(target, ANSWER, pack(answers.to(connection, waited, data)))
         except InputError as error:
             _write(target, REFUSED, str(error).encode())
         except Exception as error:
@@ -105,12 +106,12 @@ def main() -> int:
     return 0
 
 
-def _frame(source: BinaryIO) -> tuple[int | None, int, bytes]:
+def _frame(source: BinaryIO) -> tuple[int | None, int, float, bytes]:
     head = source.read(HEAD.size)
     if len(head) < HEAD.size:
-        return None, 0, b""
-    size, kind, connection = HEAD.unpack(head)
-    return kind, connection, source.read(size)
+        return None, 0, 0.0, b""
+    size, kind, connection, waited = HEAD.unpack(head)
+    return kind, connection, waited, source.read(size)
 
 
 def _write(target: BinaryIO, kind: int, data: bytes) -> None:
