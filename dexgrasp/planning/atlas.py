@@ -26,6 +26,10 @@ _VERSION = 6
 SAMPLES = 400_000
 _SEED = 0
 _ENOUGH, _ROUNDS = 20_000, 30  # postures of a hand from elsewhere that will do; how often to sample for them
+_TOLD, _STEP = (
+    2000,
+    0.15,
+)  # those that will do by true shapes, 10 ms each; how far to draw from some, of half a range
 _APART = 0.003  # m between its bodies, so that it can open too
 _LOOKED_AT, _TRULY = (
     500,
@@ -84,7 +88,7 @@ def _key(robot: Robot, tree: RobotTree) -> str:
     hand = robot.hand
     places = tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body, tree.tip_offset, *robot.drive
     shapes = tree.sphere_centre, tree.sphere_radius, tree.pairs, [finger.aside for finger in hand.fingers]
-    foreign = () if hand.frame is None else (hand.stamp, *hand.tendons)
+    foreign = () if hand.frame is None else (_ENOUGH, _TOLD, _STEP, hand.stamp, *hand.tendons)
     return content_hash(_VERSION, SAMPLES, _SEED, *places, *shapes, *foreign)
 
 
@@ -113,25 +117,39 @@ def _drawn(rng: np.random.Generator, tree: RobotTree) -> Array:
     return rng.uniform(-1.0, 1.0, (SAMPLES, len(tree.lower) - tree.arm))
 
 
+def _around(rng: np.random.Generator, drawn: Array) -> Array:
+    """Return draws near some of others (N, h)."""
+    near = drawn[rng.integers(len(drawn), size=SAMPLES)]
+    return np.clip(near + rng.normal(0.0, _STEP, near.shape), -1.0, 1.0)
+
+
 def _many_kept(rng: np.random.Generator, cell: Cell, tree: RobotTree) -> Array:
     """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn.
 
-    Where spheres tell too little, true shapes have to be apart as well, or the planner would refuse most of them.
+    Where spheres tell too little, true shapes have to be apart as well, or the planner would refuse most of them. Where
+    all rounds would bring too few, further ones draw around those that come nearest to it.
     """
-    robot, truly = cell.robot, False
-    kept, pairs = list[Array](), _moving_pairs(robot, tree)
+    robot, drawn, pairs = cell.robot, _drawn(rng, tree), _moving_pairs(cell.robot, tree)
+    kept, truly, enough, few = list[Array](), None, _ENOUGH, False
     for k in range(_ROUNDS):
-        q = _postures(_drawn(rng, tree), robot, tree)
-        q = q[_opposed(q, tree)]
+        q = _postures(drawn, robot, tree)
+        opposed = np.flatnonzero(_opposed(q, tree))
         if k == 0:
-            pairs = _telling(q[:_LOOKED_AT], tree, pairs)
-        q = q[_pressing(q, tree, pairs)]
-        if k == 0:
-            free = [shapes_apart(of, cell) for of in q[:_TRULY]]
+            pairs = _telling(q[opposed[:_LOOKED_AT]], tree, pairs)
+        inward = opposed[_inward(q[opposed], tree)]
+        found = clear = inward[_clear_of_itself(q[inward], tree, pairs)]
+        if truly is None and len(clear):
+            free = [shapes_apart(of, cell) for of in q[clear[:_TRULY]]]
             truly = 2 * sum(free) < len(free)
-        kept.append(q[[shapes_apart(of, cell) for of in q]] if truly and len(q) else q)
-        if sum(map(len, kept)) > _ENOUGH:
+            enough = _TOLD if truly else _ENOUGH
+        if truly:
+            found = np.array([i for i in clear[:_LOOKED_AT] if shapes_apart(q[i], cell)], int)
+        kept.append(q[found])
+        if sum(map(len, kept)) > enough:
             break
+        few = few or (k == 0 and _ROUNDS * len(found) < enough)
+        nearest = next((own for own in (found, clear, inward, opposed) if len(own)), opposed)
+        drawn = _around(rng, drawn[nearest]) if few and len(nearest) else _drawn(rng, tree)
     if not sum(map(len, kept)):
         raise InputError(f"hand {robot.hand.name!r} can press with no two tips: see `dexgrasp robot check`")
     return np.concatenate(kept)
@@ -165,13 +183,14 @@ def _opposed(q: Array, tree: RobotTree) -> Mask:
     return inside & opposed & in_front
 
 
-def _pressing(q: Array, tree: RobotTree, pairs: Index) -> Mask:
-    """Return in which postures the hand is clear of itself, and no tip turns its back to what is between them."""
+def _inward(q: Array, tree: RobotTree) -> Mask:
+    """Return in which postures no tip turns its back to what is between them."""
+    if not len(q):
+        return np.zeros(0, bool)
     tips, axes, _ = _tip_frames(q, tree)
-    inward = unit(tips.mean(1, keepdims=True) - tips)
-    pressing: Mask = ((axes * inward).sum(2) > _INWARD).all(1)
-    pressing[pressing] = _clear_of_itself(q[pressing], tree, pairs)
-    return pressing
+    towards = unit(tips.mean(1, keepdims=True) - tips)
+    inward: Mask = ((axes * towards).sum(2) > _INWARD).all(1)
+    return inward
 
 
 @njit
