@@ -10,6 +10,7 @@ from robots import variant
 from tables import mistakes
 
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
+from dexgrasp.planning.payload import payload
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.make import make_robot
 
@@ -40,7 +41,6 @@ def _shifted(hand: dict, finger: int, frame: dict) -> dict:
         pytest.param(lambda h: {"stiffness": 0.01}, "follows its servo by", "raise its stiffness", marks=SLOW),
         (lambda h: _shifted(h, 0, {"position": [0.0, 0.0, 0.1]}), "mm from its centre", "shift the tip's frame"),
         (lambda h: _shifted(h, 3, {"quat_wxyz": [0.0, 0.0, 0.0, 1.0]}), "looks away|face each other", "tip.s frame"),
-        pytest.param(lambda h: {"torque": 0.05}, "can press with", "torque of its joints", marks=SLOW),
         pytest.param(lambda h: {"upper": [*h["upper"][:12], *(q + 0.01 for q in h["lower"][12:])],
                     "open": [*h["open"][:12], *h["lower"][12:]]}, "face each other", "wider ranges", marks=SLOW),
         pytest.param(lambda h: {"mounts": {"palm_normal": {"position": [0.0, 0.0, 0.3], "quat_wxyz": _BACKWARDS}}},
@@ -52,6 +52,11 @@ def test_the_check_finds_a_fault_and_says_its_mend(change, problem, mend, made, 
     cell = make_cell(variant(tmp_path, made, hand=change(hand)))
     found = [finding for finding in check_robot(cell) if finding.level != "info"]
     assert any(re.search(problem, f.problem) and re.search(mend, f.remedy) for f in found), found
+
+
+def test_what_a_hand_lifts_grows_with_its_torques(tmp_path):
+    weak = make_cell(variant(tmp_path, hand={"torque": 0.35}))
+    assert payload(weak) == pytest.approx(0.5 * payload(make_cell()), rel=1e-6)
 
 
 @pytest.mark.parametrize(("changes", "problem"), mistakes("descriptions"))

@@ -197,16 +197,24 @@ def test_inertias_that_no_body_has_are_mended_or_taken_from_the_shapes(tmp_path,
     assert not any("inertia" in note for note in read_source(written(tmp_path)).notes)
 
 
-@pytest.mark.parametrize(("pattern", "put", "said", "joints"), table("mended"))
-def test_what_makers_write_otherwise_is_mended_or_refused_in_a_line(pattern, put, said, joints, tmp_path):
-    path = mjcf(tmp_path, lambda text: re.sub(pattern, put, text, count=1))
-    if not joints:
+@pytest.mark.parametrize(
+    ("write", "pattern", "put", "said", "joints"),
+    [
+        *((mjcf, *row) for row in table("mended")),
+        *((lambda folder, edit: written(folder, edit(urdf())), *row) for row in table("mended_urdf")),
+    ],
+)
+def test_what_makers_write_otherwise_is_mended_or_refused_in_a_line(
+    write, pattern, put, said, joints, tmp_path
+):
+    path = write(tmp_path, lambda text: re.sub(pattern, put, text, count=0 if joints < 0 else 1))
+    if joints <= 0:
         with refused(said):
-            HandMaker(path)
+            HandMaker(path).entry()
         return
     maker = HandMaker(path)
-    assert any(said in note for note in maker.notes)
     assert len(maker.entry()["torque"]) == joints
+    assert any(said in note for note in maker.notes)
 
 
 AROUND = table("fingers_around")
@@ -305,13 +313,6 @@ def test_a_palm_that_is_the_world_becomes_a_body(tmp_path):
     assert any("'base'" in note for note in maker.notes)
     named = lambda text: edit(text).replace('"fore_base"', '"base"')  # noqa: E731
     assert HandMaker(mjcf(tmp_path, named)).entry()["palm"] == "base_base"
-
-
-def test_a_floating_base_of_a_urdf_is_fixed(tmp_path):
-    base = '<joint name="floats" type="floating"><parent link="world"/><child link="plate"/></joint>'
-    source = read_source(written(tmp_path, prefix=('<link name="world"/>', base)))
-    assert source.model.njnt == 9
-    assert any("'floats' floats: it is fixed" in note for note in source.notes)
 
 
 def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(tmp_path):

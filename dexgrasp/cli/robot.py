@@ -161,7 +161,7 @@ class CheckRobot(Command):
         cell = make_cell(self.robot)
         findings = check_robot(cell)
         if not any(finding.level == "error" for finding in findings):
-            findings.append(_presses(cell))
+            findings += _presses(cell)
         wrong = any(finding.level == "error" for finding in findings)
         if self.picture is not None and not wrong:
             findings += [
@@ -174,22 +174,25 @@ class CheckRobot(Command):
         return Answer({"ok": not wrong, "score": score(findings), "findings": findings}, lines, wrong)
 
 
-def _presses(cell: Any) -> Finding:
-    """Report how many postures of the hand the planner can start from: without one it plans nothing."""
+def _presses(cell: Any) -> list[Finding]:
+    """Report the postures that the planner can start from, without one of which it plans nothing, and the payload."""
     from dexgrasp.planning.atlas import hand_atlas
+    from dexgrasp.planning.payload import payload
 
+    mend = "other fingers in `grasp`, wider ranges, or `excluded` for links that overlap as they are built"
     try:
-        count = len(hand_atlas(cell).joints)
+        count, mass = len(hand_atlas(cell).joints), payload(cell)
     except InputError as none:
-        mend = (
-            "other fingers in `grasp`, wider ranges, or `excluded` for links that overlap as they are built"
-        )
-        return Finding("error", str(none), mend)
-    if count < 200:  # plans are rare then
-        return Finding(
-            "warning", f"only {count} postures in which the hand can press", "wider ranges, or `excluded`"
-        )
-    return Finding("info", f"{count} postures in which the hand can press")
+        return [Finding("error", str(none), mend)]
+    found = (
+        (count < 200, f"{count} postures in which the hand can press", mend),  # with fewer plans are rare
+        (
+            mass < 0.2,
+            f"the hand lifts about {mass:.2g} kg",
+            "torque of its joints, Nm: most objects are heavier",
+        ),
+    )
+    return [Finding("warning", what, mend) if poor else Finding("info", what) for poor, what, mend in found]
 
 
 def _draw(cell: Any, path: Path) -> list[str]:

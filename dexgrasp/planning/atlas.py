@@ -26,6 +26,7 @@ _VERSION = 7
 SAMPLES = 400_000
 _SEED = 0
 _ENOUGH, _ROUNDS = 20_000, 30  # postures of a hand from elsewhere that will do; how often to sample for them
+_STEP = 0.15  # how far to draw from those that are near, of half a range
 _APART = 0.003  # m between its bodies, so that it can open too
 _LOOKED_AT = 500  # postures that tell which of its bodies can be so far apart
 _INWARD = -0.2  # least cosine of its tips' axes to the middle of all tips: the backs of tips cannot press
@@ -82,7 +83,7 @@ def _key(robot: Robot, tree: RobotTree, world: World) -> str:
     hand = robot.hand
     places = tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body, tree.tip_offset, *robot.drive
     shapes = world.position, world.reach, tree.pairs, [finger.aside for finger in hand.fingers]
-    foreign = () if hand.frame is None else (hand.stamp, *hand.tendons)
+    foreign = () if hand.frame is None else (_ENOUGH, _STEP, hand.stamp, *hand.tendons)
     return content_hash(_VERSION, SAMPLES, _SEED, *places, *shapes, *foreign)
 
 
@@ -111,17 +112,31 @@ def _drawn(rng: np.random.Generator, tree: RobotTree) -> Array:
     return rng.uniform(-1.0, 1.0, (SAMPLES, len(tree.lower) - tree.arm))
 
 
+def _around(rng: np.random.Generator, drawn: Array) -> Array:
+    """Return draws near some of others (N, h)."""
+    near = drawn[rng.integers(len(drawn), size=SAMPLES)]
+    return np.clip(near + rng.normal(0.0, _STEP, near.shape), -1.0, 1.0)
+
+
 def _many_kept(rng: np.random.Generator, robot: Robot, tree: RobotTree, world: World) -> Array:
-    """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn."""
-    kept, pairs = list[Array](), _moving_pairs(robot, tree)
+    """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn.
+
+    Where all rounds would bring too few, further ones draw around those that come nearest to it.
+    """
+    kept, pairs, drawn, few = list[Array](), _moving_pairs(robot, tree), _drawn(rng, tree), False
     for k in range(_ROUNDS):
-        q = _postures(_drawn(rng, tree), robot, tree)
-        q = q[_opposed(q, tree)]
+        q = _postures(drawn, robot, tree)
+        opposed = np.flatnonzero(_opposed(q, tree))
         if k == 0:
-            pairs = _telling(q[:_LOOKED_AT], tree, world, pairs)
-        kept.append(q[_pressing(q, tree, world, pairs)])
+            pairs = _telling(q[opposed[:_LOOKED_AT]], tree, world, pairs)
+        inward = opposed[_inward(q[opposed], tree)]
+        found = inward[_clear_of_itself(q[inward], tree, world, pairs)]
+        kept.append(q[found])
         if sum(map(len, kept)) > _ENOUGH:
             break
+        few = few or (k == 0 and _ROUNDS * len(found) < _ENOUGH)
+        nearest = next((own for own in (found, inward, opposed) if len(own)), opposed)
+        drawn = _around(rng, drawn[nearest]) if few and len(nearest) else _drawn(rng, tree)
     if not sum(map(len, kept)):
         raise InputError(f"hand {robot.hand.name!r} can press with no two tips: see `dexgrasp robot check`")
     return np.concatenate(kept)
@@ -155,13 +170,14 @@ def _opposed(q: Array, tree: RobotTree) -> Mask:
     return inside & opposed & in_front
 
 
-def _pressing(q: Array, tree: RobotTree, world: World, pairs: Index) -> Mask:
-    """Return in which postures the hand is clear of itself, and no tip turns its back to what is between them."""
+def _inward(q: Array, tree: RobotTree) -> Mask:
+    """Return in which postures no tip turns its back to what is between them."""
+    if not len(q):
+        return np.zeros(0, bool)
     tips, axes, _ = _tip_frames(q, tree)
-    inward = unit(tips.mean(1, keepdims=True) - tips)
-    pressing: Mask = ((axes * inward).sum(2) > _INWARD).all(1)
-    pressing[pressing] = _clear_of_itself(q[pressing], tree, world, pairs)
-    return pressing
+    towards = unit(tips.mean(1, keepdims=True) - tips)
+    inward: Mask = ((axes * towards).sum(2) > _INWARD).all(1)
+    return inward
 
 
 @njit

@@ -5,6 +5,7 @@ moves with it is fitted with a line.
 """
 
 import copy
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,7 +42,7 @@ def couplings(model: mujoco.MjModel, path: Path) -> Coupled:
     lines, still, notes = stated_lines(model), list[str](), list[str]()
     if has_loops(model):
         still, notes = _reduce_loops(model, path, lines)
-    for e in _equalities(model):
+    for e in _active(model, mujoco.mjtEq.mjEQ_JOINT):
         place, ratio, off = _line(model, e)
         name = model.joint(int(model.eq_obj1id[e])).name
         if off > _OFF:
@@ -77,7 +78,7 @@ def stated_lines(model: mujoco.MjModel) -> Lines:
     A servo's tendon between two fingers moves both by its coefficients.
     """
     lines, driven = Lines(), set(_driven(model))
-    for e in _equalities(model):
+    for e in _active(model, mujoco.mjtEq.mjEQ_JOINT):
         follower, leader = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
         offset, ratio, off = _line(model, e)
         if ratio == 0.0 or off > _OFF:
@@ -85,12 +86,10 @@ def stated_lines(model: mujoco.MjModel) -> Lines:
         if follower in driven and leader not in driven:
             follower, leader, ratio, offset = leader, follower, 1.0 / ratio, -offset / ratio
         lines[follower] = leader, ratio, offset
-    for tendon in np.flatnonzero(model.tendon_limited).tolist():
-        joints, coefs = wrapped_joints(model, tendon)
-        slack = np.ptp(model.tendon_range[tendon])
-        if len(joints) == 2 and coefs[0] * coefs[1] < 0 and slack < 0.3 * min(map(abs, coefs)):  # rad
-            (leader, a), (follower, b) = sorted(zip(joints, coefs, strict=True))
-            lines[follower] = leader, -a / b, float(model.tendon_range[tendon].mean() / b)
+    for coefs, length in _constant_sums(model):
+        if len(coefs) == 2:
+            (leader, a), (follower, b) = sorted(coefs.items())
+            lines[follower] = leader, -a / b, length / b
     for tendon in model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0].tolist():
         joints, coefs = wrapped_joints(model, tendon)
         if len(joints) == 2 and not set(joints) & (lines.keys() | {of for of, *_ in lines.values()}):
@@ -100,9 +99,29 @@ def stated_lines(model: mujoco.MjModel) -> Lines:
     return lines
 
 
+def _constant_sums(model: mujoco.MjModel) -> Iterator[tuple[dict[int, float], float]]:
+    """Yield coefficients of joints whose sum stays as it is, and what it is: of slackless tendons, and of tied ones."""
+    for tendon in np.flatnonzero(model.tendon_limited).tolist():
+        joints, coefs = wrapped_joints(model, tendon)
+        slack = np.ptp(model.tendon_range[tendon])
+        if len(joints) == 2 and coefs[0] * coefs[1] < 0 and slack < 0.3 * min(map(abs, coefs)):  # rad
+            yield dict(zip(joints, coefs, strict=True)), float(model.tendon_range[tendon].mean())
+    for e in _active(model, mujoco.mjtEq.mjEQ_TENDON):
+        found, (offset, ratio) = dict[int, float](), model.eq_data[e, :2].tolist()
+        for tendon, share in ((model.eq_obj1id[e], 1.0), (model.eq_obj2id[e], -ratio)):
+            for joint, coef in zip(*wrapped_joints(model, tendon), strict=True) if tendon >= 0 else ():
+                found[joint] = found.get(joint, 0.0) + share * coef
+        yield found, offset + sum(coef * float(model.qpos0[joint]) for joint, coef in found.items())
+
+
 def has_loops(model: mujoco.MjModel) -> bool:
-    """Tell whether active equalities couple bodies, not joints."""
-    return bool((model.eq_active0.astype(bool) & (model.eq_type != mujoco.mjtEq.mjEQ_JOINT)).any())
+    """Tell whether active equalities join bodies that move against each other."""
+    for e in _active(model, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+        ends = [model.eq_obj1id[e], model.eq_obj2id[e]]
+        bodies = model.site_bodyid[ends] if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE else ends
+        if np.ptp(model.body_weldid[bodies]):
+            return True
+    return False
 
 
 def wrapped_joints(model: mujoco.MjModel, tendon: int) -> tuple[list[int], list[float]]:
@@ -152,9 +171,9 @@ def share(joints: list[str], torque: list[float], found: list[Coupling]) -> None
             torque[k] = float(f"{each:.6g}")
 
 
-def _equalities(model: mujoco.MjModel) -> list[int]:
-    """Return the active equalities of joints."""
-    return np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & model.eq_active0.astype(bool)).tolist()
+def _active(model: mujoco.MjModel, *kinds: mujoco.mjtEq) -> list[int]:
+    """Return the active equalities of some kinds."""
+    return np.flatnonzero(np.isin(model.eq_type, kinds) & model.eq_active0.astype(bool)).tolist()
 
 
 def _line(model: mujoco.MjModel, e: int) -> tuple[float, float, float]:

@@ -59,6 +59,8 @@ class Description:
         """Which geoms (ngeom,) collide; of a description in which nothing does, and of ends of chains, all."""
         m = self.model
         solid = (m.geom_contype | m.geom_conaffinity) != 0
+        if not solid.any():
+            return np.ones_like(solid)
         whole, bearing = (
             m.body_weldid[m.geom_bodyid],
             {*m.body_weldid[m.body_parentid[m.jnt_bodyid]].tolist()},
@@ -66,7 +68,7 @@ class Description:
         for body in {*m.jnt_bodyid.tolist()} - bearing:
             if not solid[whole == body].any():
                 solid = solid | (whole == body)
-        return solid if solid.any() else np.ones_like(solid)
+        return solid
 
     def shape_points(self, geom: int) -> Array:
         """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in the world of the file."""

@@ -233,19 +233,23 @@ class HandMaker(Part):
         along = np.abs(self.data.xaxis[joints] @ self.data.xaxis[joints[-1]])
         return int(joints[np.argmax(along > 0.8)])
 
-    def _flexing(self, j: int, way: Array) -> Array:
+    def _flexing(self, chain: list[int], way: Array) -> Array:
         """Return the axis (3,) about which a finger bends by its last joint, the finger pointing along `way`."""
-        axis, anchor, (low, high) = self.data.xaxis[j], self.data.xanchor[j], self.ranges([j])[0]
-        if abs(high + low) >= 0.2 * (high - low):
-            return axis if high > -low else -axis
-        # It bends as far to either side: towards what is between the fingers, or away from the palm.
-        name, pad = self.model.body(self.model.jnt_bodyid[j]).name, np.cross(axis, way / np.linalg.norm(way))
+        joints = self.model.body_jntadr[chain]
+        axis, anchor = self.data.xaxis[joints[-1]], self.data.xanchor[joints[-1]]
+        along = self.data.xaxis[joints] @ axis
+        for k in np.flatnonzero(np.abs(along) > 0.8)[::-1]:
+            low, high = np.sort(np.sign(along[k]) * self.ranges(joints[[k]])[0])
+            if abs(high + low) >= 0.2 * (high - low):
+                return axis if high > -low else -axis
+        # All bend as far to either side: towards what is between the fingers, or away from the palm.
+        name, pad = self.model.body(chain[-1]).name, np.cross(axis, way / np.linalg.norm(way))
         self.notes.append(f"hand pads: which side of {name!r} is the pad is a guess: --flip {name} turns it")
         last = self.model.body_jntadr[[chain[-1] for chain in self.chains[self.linkages :]]]
         for towards in (self.data.xanchor[last].mean(0) - anchor, anchor - middle(self.outline(self.palm))):
             if abs(towards @ pad) > 0.3 * np.linalg.norm(towards):
                 return axis * np.sign(towards @ pad)
-        return axis if high > -low else -axis
+        return -axis
 
     def _tip(self, chain: list[int]) -> tuple[Array, float]:
         """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
@@ -254,7 +258,7 @@ class HandMaker(Part):
         points, radius = self.points(chain[-1]) - anchor, 0.01
         along = points - np.outer(points @ axis, axis)
         way = along[np.argmax(np.linalg.norm(along, axis=1))]
-        flexing = self._flexing(j, way)
+        flexing = self._flexing(chain, way)
         if self.model.body(chain[-1]).name in self.named.flip:
             flexing = -flexing
         for _ in range(10):  # the section at the sphere's middle says where the tip is, and how wide
@@ -386,9 +390,9 @@ class HandMaker(Part):
     def _mount(self) -> dict[str, list[float]]:
         """The back of the hand on the flange, the palm's middle on the flange's axis."""
         solids = [
-            (self.points(b) - self.frame[:3, 3]) @ self.frame[:3, :3]
+            (self.outline(b) - self.frame[:3, 3]) @ self.frame[:3, :3]
             for b in (self.palm, *(b for chain in self.chains for b in chain[:2]))
-            if self.has_shape(b)
+            if self.has_shape(b) or b == self.palm
         ]
         back = min(points[:, 0].min() for points in solids)
         _, y, z = middle(solids[0])

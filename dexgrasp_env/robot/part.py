@@ -150,6 +150,12 @@ class Part(Description):
         """
         numbers = self.joint_ids(joints)
         units = self.units(numbers)
+        widths = (np.ptp(self.ranges(numbers), axis=1) / units)[units == 1.0]
+        if len(widths) and not 0.05 < np.median(widths) < 8.0 * np.pi:  # rad
+            raise InputError(
+                f"{self.path}: its joints range over {np.median(widths):.3g} rad: URDF states radians, MJCF degrees"
+                ' unless its <compiler> has angle="radian"'
+            )
         stated = [self._torque(j, self.servos.get(j)) for j in numbers]
         missing = self._bearing() if kind == "arm" else {"hand": 0.7, "gripper": 4.0}[kind]
         passive = kind == "gripper" and any(stated)

@@ -51,7 +51,8 @@ def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, boo
 def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...]:
     """Return the pairs of bodies that stay so near each other in any posture that none can make them collide.
 
-    So are links with two joints between them that are near in most: hulls fill what such links turn in.
+    So are links with two joints between them that are near in most: hulls fill what such links turn in. So are links of
+    fingers that are in each other where all joints are at 0, as the maker drew them (MoveIt's "default" collisions).
 
     Args:
         hand: whose bodies and ranges count.
@@ -59,9 +60,8 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
     """
     number = {name: model.body(name).id for name in hand.bodies}
     always = 0.01  # m within which bodies that need not collide always are
-    near = {
-        (a, b): always for a, b in combinations(hand.bodies, 2) if model.body_parentid[number[b]] != number[a]
-    }
+    pairs = [p for p in combinations(hand.bodies, 2) if model.body_parentid[number[p[1]]] != number[p[0]]]
+    near = dict.fromkeys(pairs, always)
     # Links with two joints between them are counted where they touch: in half of the postures is too often.
     joined = {pair: 0 for pair in near if len(joints_between(model, *(number[name] for name in pair))) <= 2}
     count = 300
@@ -78,6 +78,11 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
                     del near[a, b]
     found = {pair for pair, least in near.items() if least < touching}
     found |= {pair for pair, often in joined.items() if often > 0.5 * count}
+    if not hand.torsion:  # jaws may be drawn closed
+        as_drawn = posed(model, np.clip(hand.free[1], *hand.joints.ranges))
+        found |= {
+            (a, b) for a, b in pairs if bodies_apart(as_drawn, number[a], number[b], always) < -touching
+        }
     return tuple(sorted(found))
 
 

@@ -1,7 +1,6 @@
 """Reader of robot descriptions as their makers ship them: URDF or MJCF, cleaned until MuJoCo compiles them.
 
-Each step is a function on the description's XML tree that returns what it changed, a line each. A tree that no step
-changes is read by MuJoCo from its file.
+Each step is a function on the description's XML tree that returns what it changed, a line each.
 """
 
 import re
@@ -23,6 +22,7 @@ from dexgrasp_env.robot.urdf import as_urdf
 
 BASE = "base"
 """Name of the body that everything hangs on where a description has its first links in the world itself."""
+_XACRO = "{} is a xacro: expand it first, with `xacro {} > robot.urdf`"
 _MOST, _DEEPEST = 100_000, 150  # elements of a description, and how deep they nest
 
 
@@ -47,11 +47,10 @@ def read_source(path: Path) -> Source:
         notes = as_urdf(root, path)
     else:
         notes = [note for step in _BEFORE for note in step(root)]
-    changed = bool(notes) or root.tag == "robot"
-    model = _compile(root, path, changed, notes)
+    model = _compile(root, path, notes)
     if _begins_in_world(model) and root.tag != "robot":
         notes.append(f"links that stand in the world are those of one body, {_gather(root)!r}")
-        model = _compile(root, path, True, notes)
+        model = _compile(root, path, notes)
     numbers = (
         model.body_pos,
         model.body_quat,
@@ -75,13 +74,16 @@ def _velocities(root: Element) -> dict[str, float]:
     return {name: rate for name, rate in found.items() if 0.0 < rate < inf}
 
 
-def _tree(path: Path, seen: tuple[Path, ...] = (), read: list[int] | None = None) -> Element:
+def _tree(
+    path: Path, seen: tuple[Path, ...] = (), read: list[int] | None = None, base: Path | None = None
+) -> Element:
     """Return the XML tree of a file, what it includes put in its place.
 
     Args:
         path: of the file.
-        seen: files that include it.
+        seen: files that include or attach it.
         read: bytes that were read so far, of all files.
+        base: folder of the model that includes it; its own without.
     """
     path, read = path.resolve(), read or [0]
     if path in seen:
@@ -97,18 +99,24 @@ def _tree(path: Path, seen: tuple[Path, ...] = (), read: list[int] | None = None
     except OSError:
         raise InputError(f"MuJoCo cannot read {path}: it is no file") from None
     except ElementTree.ParseError as error:
-        raise InputError(f"MuJoCo cannot read {path}: {error}") from None
+        said = _XACRO.format(path, path.name) if b"<xacro:" in text else f"MuJoCo cannot read {path}: {error}"
+        raise InputError(said) from None
     for element in root.iter():
         if "xacro" in element.tag or any("${" in text or "$(" in text for text in element.attrib.values()):
-            raise InputError(f"{path} is a xacro: expand it first, with `xacro {path.name} > robot.urdf`")
+            raise InputError(_XACRO.format(path, path.name))
         element.tag = element.tag.rpartition("}")[2]  # a namespace says nothing here
     if root.tag not in ("robot", "mujoco", "mujocoinclude"):
         raise InputError(f"MuJoCo cannot read {path}: <{root.tag}> is neither URDF nor MJCF")
+    root.tag = root.tag.removesuffix("include")
+    base = base or path.parent
     for parent in list(root.iter()):
         for k, child in reversed(list(enumerate(parent))):
+            file = base / str(child.get("file"))
             if child.tag == "include":
-                base = seen[0].parent if seen else path.parent
-                parent[k : k + 1] = list(_tree(base / str(child.get("file")), (*seen, path), read))
+                parent[k : k + 1] = list(_tree(file, (*seen, path), read, base))
+            elif child.tag == "model" and child.get("file"):
+                _tree(file, (*seen, path), read)  # MuJoCo ends where one attaches itself
+                child.set("file", str(file))
     return root
 
 
@@ -140,16 +148,33 @@ def _drop_floors(root: Element) -> list[str]:
     return [f"{len(found)} floors are left out"] if found else []
 
 
+def _drop_pictures(root: Element) -> list[str]:
+    """Take textures and skins out, of which nothing here is seen."""
+    for holder in [*root.findall("asset"), *root.findall("deformable")]:
+        for own in [*holder.findall("texture"), *holder.findall("skin")]:
+            holder.remove(own)
+    for material in root.iter("material"):
+        material.attrib.pop("texture", None)
+        for layer in material.findall("layer"):
+            material.remove(layer)
+    return []
+
+
+def _held(holder: Element, tag: str) -> list[tuple[Element, Element]]:
+    """Return the elements of a tag in another, or in frames in it, each with what it lies in."""
+    found = [(holder, own) for own in holder.findall(tag)]
+    return found + [pair for frame in holder.findall("frame") for pair in _held(frame, tag)]
+
+
 def _drop_others(root: Element) -> list[str]:
     """Leave out what floats or is moved by hand and has no joints, objects and goals of a scene, and what names it."""
     gone = set[str]()
-    for world in root.findall("worldbody"):
-        for body in world.findall("body"):
-            free = body.find("freejoint") is not None or body.find("joint[@type='free']") is not None
-            joints = [joint for joint in body.iter("joint") if joint.get("type") != "free"]
-            if (free or body.get("mocap") == "true") and not joints:
-                world.remove(body)
-                gone |= {own.get("name", "a body without a name") for own in body.iter("body")}
+    for holder, body in [pair for world in root.findall("worldbody") for pair in _held(world, "body")]:
+        free = body.find("freejoint") is not None or body.find("joint[@type='free']") is not None
+        joints = [joint for joint in body.iter("joint") if joint.get("type") != "free"]
+        if (free or body.get("mocap") == "true") and not joints:
+            holder.remove(body)
+            gone |= {own.get("name", "a body without a name") for own in body.iter("body")}
     if not gone:
         return []
     for section in [*root.findall("equality"), *root.findall("contact"), *root.findall("keyframe")]:
@@ -180,13 +205,13 @@ def _drop_free_joints(root: Element) -> list[str]:
 def _name(root: Element) -> list[str]:
     """Name bodies that bear others or have joints, and joints, where they have no name."""
     bodies = [
-        body for body in root.iter("body") if body.find("body") is not None or body.find("joint") is not None
+        body
+        for body in root.iter("body")
+        if any(body.find(f".//{tag}") is not None for tag in ("body", "joint"))
     ]
+    joints = [joint for body in bodies for _, joint in _held(body, "joint")]
     notes = []
-    for what, all_of in (
-        (BASE, bodies),
-        ("joint", [joint for body in bodies for joint in body.findall("joint")]),
-    ):
+    for what, all_of in ((BASE, bodies), ("joint", joints)):
         found = [own for own in all_of if not own.get("name")]
         for k, own in enumerate(found):
             own.set("name", f"{what}_{k}")
@@ -238,12 +263,12 @@ def _begins_in_world(model: mujoco.MjModel) -> bool:
     return len(roots) > 1 or bool(len(roots) and model.body_jntnum[min(roots)] and (solid == 0).any())
 
 
-def _compile(root: Element, path: Path, changed: bool, notes: list[str]) -> mujoco.MjModel:
+def _compile(root: Element, path: Path, notes: list[str]) -> mujoco.MjModel:
     """Compile a tree, mending what MuJoCo asks for."""
     message, meshes = "", dict[str, bytes]()
     for _ in range(100):  # one change after the other
         try:
-            spec = with_decimal_points(_spec, root, path, changed, meshes)
+            spec = with_decimal_points(_spec, root, path, meshes)
             model = with_decimal_points(spec.compile)
         except (ValueError, OSError, MemoryError) as error:
             message = " ".join(str(error).split())
@@ -255,17 +280,12 @@ def _compile(root: Element, path: Path, changed: bool, notes: list[str]) -> mujo
         if mend is None:
             break
         notes.append(mend)
-        changed = True
     raise InputError(f"MuJoCo cannot read {path}: {message[:200]}")
 
 
-def _spec(root: Element, path: Path, changed: bool, meshes: dict[str, bytes]) -> mujoco.MjSpec:
-    if changed:
-        text = ElementTree.tostring(root, encoding="unicode")
-        spec = mujoco.MjSpec.from_string(text, assets=meshes)
-    else:
-        spec = mujoco.MjSpec.from_file(str(path))
-    if changed and root.tag == "mujoco":
+def _spec(root: Element, path: Path, meshes: dict[str, bytes]) -> mujoco.MjSpec:
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"), assets=meshes)
+    if root.tag == "mujoco":
         spec.modelfiledir = str(path.resolve().parent)
         spec.meshdir, spec.texturedir = _folder(path, spec.meshdir), _folder(path, spec.texturedir)
     spec.compiler.balanceinertia = True
@@ -339,30 +359,25 @@ def _drop_attribute(root: Element, message: str) -> Iterator[str]:
 
 
 def _from_shapes(root: Element, message: str) -> Iterator[str]:
-    """Take a body's inertia from its shapes where the one that is stated is none."""
+    """Take a body's mass and inertia from its shapes where those that are stated are none."""
     found = re.search(r"Element name '([^']*)'", message)
-    if found is not None and "must have positive eigenvalues" in message:
-        for body in [*root.iter("link"), *root.iter("body")]:
-            if body.get("name") == found[1] and (inertial := body.find("inertial")) is not None:
-                body.remove(inertial)
-                yield f"inertia of {found[1]!r} is none: that of its shapes is taken"
-                return
-    compiler = root.find("mujoco/compiler" if root.tag == "robot" else "compiler")
-    if compiler is None:
-        compiler = ElementTree.SubElement(root, "compiler")
-    if "mass and inertia" in message and compiler.get("inertiafromgeom") != "true":
-        compiler.set("inertiafromgeom", "true")
-        yield "masses or inertias are missing: those of the shapes are taken"
+    if found is None or not re.search("must have positive eigenvalues|mass and inertia", message):
+        return
+    for body in [*root.iter("link"), *root.iter("body")]:
+        if body.get("name") == found[1] and (inertial := body.find("inertial")) is not None:
+            body.remove(inertial)
+            yield f"mass or inertia of {found[1]!r} is none: that of its shapes is taken"
 
 
 def _drop_actuator(root: Element, message: str) -> Iterator[str]:
     """Drop a servo of what is not in the file."""
-    found = re.search(r"unknown transmission target '([^']*)'.*Element name '([^']*)'", message)
+    found = re.search(r"unknown transmission target '([^']*)'", message)
     for section in root.findall("actuator") if found else ():
-        for servo in section:
-            if found and servo.get("name") == found[2]:
+        for servo in list(section):
+            if found and any(text == found[1] for key, text in servo.items() if key != "name"):
                 section.remove(servo)
-                yield f"actuator {found[2]!r} drives {found[1]!r}, which is not in the file: it is left out"
+                what = f"actuator {servo.get('name', '')!r} drives {found[1]!r}"
+                yield f"{what}, which is not in the file: it is left out"
                 return
 
 
@@ -373,5 +388,5 @@ def _drop_sensors(root: Element, message: str) -> Iterator[str]:
         yield "sensors are left out: one is of what is not in the file"
 
 
-_BEFORE = (_drop_floors, _drop_others, _drop_free_joints, _part_joints, _name)
+_BEFORE = (_drop_pictures, _drop_floors, _drop_others, _drop_free_joints, _part_joints, _name)
 _AFTER = (_drop_sensors, _drop_actuator, _drop_attribute, _from_shapes)

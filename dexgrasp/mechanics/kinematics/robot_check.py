@@ -30,7 +30,7 @@ def check_robot(cell: Cell) -> list[Finding]:
     """Return what is found of a cell's robot: errors have to be mended, warnings looked at."""
     checks = (
         _kinematics, _excluded, _authority, check_drives, check_limits, check_masses, _tips, _opposition, _meeting,
-        _strength, _reach,
+        _bearing, _reach,
     )  # fmt: skip
     compiled_robot(cell)  # refuses what no simulation can tell anything of
     model = _alone(cell)
@@ -259,24 +259,13 @@ def _gaps(first: Array, own: Array, other: Array, theirs: Array) -> Array:
     return np.where(np.minimum(*facing) > 0.5 * distance, distance, np.inf)
 
 
-def _strength(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
-    """Report the press of a finger, and what the arm has left of its torque at home."""
-    robot, J = cell.robot, np.zeros((3, home.model.nv))
-    for finger in robot.grasping:
-        body = home.body(finger.bodies[-1])
-        mujoco.mj_jac(home.model, home, J, None, home.site(finger.tip).xpos, body.id)
-        lever = np.abs(_pad(home, finger) @ J)[robot.arm_dof :]
-        force = (robot.torque[robot.hand_columns] / np.maximum(lever, 1e-9)).min()
-        mend = "torque of its joints, Nm: heavy objects will be beyond it"
-        yield _finding(force >= 5.0, f"{finger.name} can press with {force:.1f} N", mend, "warning")
-    yield from _bearing(cell, home.model)
-
-
-def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+def _bearing(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Report the share of its torque that the arm needs to bear itself and the hand, at home and over the table."""
     arm = cell.robot.arm_columns
     postures = [cell.robot.home, *_palms_down(cell)]
-    share = np.max([np.abs(_at(model, q).qfrc_bias[arm]) for q in postures], axis=0) / cell.robot.torque[arm]
+    share = (
+        np.max([np.abs(_at(home.model, q).qfrc_bias[arm]) for q in postures], axis=0) / cell.robot.torque[arm]
+    )
     name = f"{cell.robot.joints[int(share.argmax())]} needs {100 * share.max():.0f} % of its torque to bear its weight"
     yield _finding(share.max() <= 0.9, name, "state the maker's torque, or the true masses in the MJCF")
 
