@@ -1,9 +1,9 @@
 """A grasp checked again by another way, so that a wrong planner cannot certify itself.
 
 The planner uses its own kinematics, its own distance to convex hulls, MuJoCo's between shapes and closed forms. Here:
-MuJoCo's kinematics, exact distances to the mesh by closest triangles, distances between the true collision shapes by quadratic
-programmes over their half-spaces, cone and quadratic programmes. `checks` has one file a subject; `docs/grasp-file.md`
-says what each field is held to.
+MuJoCo's kinematics, exact distances to the mesh by closest triangles, distances between the true collision shapes by
+quadratic programmes over their half-spaces, cone and quadratic programmes. `checks` has one file a subject;
+`docs/grasp-file.md` says what each field is held to.
 """
 
 from collections.abc import Callable, Collection
