@@ -1,6 +1,7 @@
 """Kinematics and clearances against MuJoCo's, and gradients against differences."""
 
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
 import mujoco
@@ -8,9 +9,11 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
+from refusals import refused
 from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
 
 from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.mechanics.kinematics import geom_distance
 from dexgrasp.mechanics.kinematics.clearance import OBJECT, SELF, TABLE, clearances
 from dexgrasp.mechanics.kinematics.forward import body_frames, contact_jacobian, fingertips, tip_jacobian
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, reach_palm, solve_palm
@@ -134,13 +137,20 @@ def test_palm_ik_reaches_poses_that_can_be_reached(mount):
 
 
 def test_clearances_are_mujocos_distances_of_the_true_shapes():
-    """Of more parts than a world has room for at first, and of one that was pickled, as a process pool does."""
+    """Of more parts than a world has room for at first, of one that was pickled for another process, in threads."""
     rng, tree = np.random.default_rng(5), robot_tree(CELL)
     far = ConvexDistance.from_points(np.add(HULL.vertices, [0.0, 5.0, 0.0]))
     worlds = [make_world(CELL, SHAPE), make_world(CELL, SHAPE, ConvexDistance.union([far] * 70))]
-    worlds.append(pickle.loads(pickle.dumps(worlds[0])))
-    seen = {OBJECT: 0, TABLE: 0, SELF: 0}
-    for q in [*around_the_object(rng, 60), *anywhere(rng, 30)]:
+    kept = pickle.dumps(worlds[0])
+    make_world.cache_clear()
+    worlds.append(pickle.loads(kept))
+    assert worlds[2].model != worlds[0].model
+    seen, alone, postures = (
+        {OBJECT: 0, TABLE: 0, SELF: 0},
+        [],
+        [*around_the_object(rng, 60), *anywhere(rng, 30)],
+    )
+    for q in postures:
         values, labels = clearances(q, tree, worlds[0], NEAR, True)
         ours, true = dict(zip(map(tuple, labels.tolist()), values, strict=True)), true_distances(q)
         assert ours.keys() == {key for key, distance in true.items() if distance < NEAR}
@@ -150,6 +160,16 @@ def test_clearances_are_mujocos_distances_of_the_true_shapes():
             seen[key[0]] += value > 0.0
         for world in worlds[1:]:
             assert_array_equal(clearances(q, tree, world, NEAR, True)[0], values)
+        alone.append(values.tolist())
+    with ThreadPoolExecutor(4) as pool:
+        shared = pool.map(lambda q: clearances(q, tree, worlds[0], NEAR, True)[0].tolist(), 4 * postures)
+        assert list(shared) == 4 * alone
     assert seen[OBJECT] > 60
     assert seen[TABLE] > 30
     assert seen[SELF] > 100
+
+
+def test_a_library_without_the_distance_is_said_so(monkeypatch):
+    monkeypatch.setattr(geom_distance, "_NAME", "mj_none")
+    with refused("MuJoCo's library has no mj_none"):
+        geom_distance._bound()

@@ -151,7 +151,7 @@ def _first_contact(path: Array, tree: RobotTree, world: World, watch: _Watch) ->
     frames, before, seen, seen_before = (
         empty_frames(tree), empty_frames(tree), empty_frames(tree), empty_frames(tree),
     )  # fmt: skip
-    bounds, ends = np.empty(frames.p.shape), np.empty((3, 6))
+    bounds, ends = np.empty_like(frames.p), np.empty((3, 6))
     for i in range(path.shape[0]):
         forward(path[i], tree, frames)
         _seen_from(frames, tree.palm, seen)

@@ -9,6 +9,7 @@ from mujoco import _functions
 from numba.core import types
 
 from dexgrasp_env.compiled import config
+from dexgrasp_env.errors import InputError
 
 _NAME = "mj_geomDistance"
 
@@ -17,14 +18,14 @@ def _bound() -> Any:
     """Return MuJoCo's function, known to compiled code from now on.
 
     Raises:
-        ImportError: for a MuJoCo whose library does not have it.
+        InputError: for a MuJoCo whose library does not have it.
     """
     # Elsewhere than on Windows the bindings' own file leads to the library that they are linked with.
     library = "mujoco.dll" if sys.platform == "win32" else _functions.__file__
     try:
         function = getattr(ctypes.CDLL(library), _NAME)
     except (AttributeError, OSError) as error:
-        raise ImportError(f"MuJoCo's library has no {_NAME}: {error}; install mujoco anew") from None
+        raise InputError(f"MuJoCo's library has no {_NAME}, install mujoco anew: {error}") from None
     llvm.add_symbol(_NAME, ctypes.cast(function, ctypes.c_void_p).value)
     function.restype, number = ctypes.c_double, ctypes.c_int32
     function.argtypes = [ctypes.c_void_p, ctypes.c_void_p, number, number, ctypes.c_double, ctypes.c_void_p]

@@ -15,16 +15,14 @@ from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import colliding, colliding_spec
 from dexgrasp_env.robot.robot import Robot
 
-_PARTS, _CORNERS = (
-    32,
-    64,
-)  # a model has room for so many parts, or twice as many and so on, of so many corners each
+_PARTS, _CORNERS = 32, 64  # there is room for so many parts of so many corners; or twice as many, and so on
 
 
 class _Geoms(NamedTuple):
     """Geoms as compiled code takes them: nb bodies of a robot with ng geoms, and P convex parts around it.
 
-    Each call writes where the robot is and then measures; no other thread of Python's runs meanwhile.
+    Each call of compiled code writes where the robot is and then measures. Threads can share a world: while compiled
+    code runs no other thread of Python's does.
     """
 
     model: int  # addresses
@@ -48,7 +46,7 @@ class _Geoms(NamedTuple):
 
 
 class World(_Geoms):
-    """Geoms, with the model and data that they are of; a copy, or what was pickled, has a model and data of its own."""
+    """Geoms, with the model and data that they are of; what was pickled has others where it is read."""
 
     def __reduce__(self) -> Any:
         """Return how to make it anew: addresses are those of one process."""
@@ -64,10 +62,11 @@ class _Robot(NamedTuple):
     geoms: dict[str, Any]  # fields of `World`
 
 
+@lru_cache(maxsize=8)  # a plan asks several times
 def make_world(
     cell: Cell, target: ConvexDistance | None = None, around: ConvexDistance | None = None
 ) -> World:
-    """Return the world of a cell's robot, of an object and of what stands around it.
+    """Return the world of a cell's robot, of an object and of what stands around it; the same at every call.
 
     Args:
         cell: of the robot; compiled code places it, wherever its base is.
@@ -107,12 +106,10 @@ def _robot(cell: Cell, size: int) -> _Robot:
     """Return a robot's model with room for `size` parts; compiling takes 30 ms and more."""
     spec = colliding_spec(cell)
     spec.option, spec.memory = mujoco.MjSpec().option, 1 << 16  # nothing is simulated
-    tetrahedron = np.eye(4, 3)
+    corners = np.concatenate([np.eye(4, 3), np.random.default_rng(0).random((size * _CORNERS, 3))])
     for k in range(size):
         mesh = spec.add_mesh(name=f"part{k}", userface=[0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3])
-        # The first has the corners of all.
-        more = np.random.default_rng(0).random(((size * _CORNERS - 4) * (k == 0), 3))
-        mesh.uservert = np.concatenate([tetrahedron, 0.1 * more]).ravel()
+        mesh.uservert = corners[: 4 if k else None].ravel()  # the first has room for those of all
         spec.worldbody.add_geom(
             name=f"part{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"part{k}", contype=0, conaffinity=0
         )
