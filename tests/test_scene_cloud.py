@@ -6,8 +6,10 @@ import lzf
 import numpy as np
 import pytest
 from refusals import refused
+from robots import CELL
 from seen_tables import find
 
+from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp_env.perception.reasons import WORDS
 from dexgrasp_env.perception.scan import read_scan
@@ -75,7 +77,7 @@ def tilted(points, degrees):
 
 
 def test_what_stands_around_is_seen(rng):
-    wall = rng.uniform([0.3, 0.3, 0.0], [0.7, 0.305, 0.1], (3000, 3))
+    wall = rng.uniform([0.2, 0.3, 0.0], [0.8, 0.305, 0.2], (12_000, 3))
     points = np.concatenate([scene_points(rng, (0.5, 0.1), (0.5, -0.05), (0.38, 0.1)), wall])
     found = find(points, near=(0.5, 0.1, 0.03))
     assert np.abs(found.target.points.mean(0)[:2] - [0.5, 0.1]).max() < 0.01
@@ -83,7 +85,10 @@ def test_what_stands_around_is_seen(rng):
     assert np.allclose(middles, [0.38, 0.5], atol=0.01)
     assert len(found.rest) > 200  # the wall is no object, and it is there
     assert found.rest.points[:, 1].min() > 0.29
-    arrays = found.as_observation(1024, neighbour_rows=2048)
+    parts = [ConvexDistance.from_points(part, 12) for one in neighbours_of(found) for part in one]
+    beyond = ConvexDistance.union(parts).distance(wall[wall[:, 2] > 0.01] + CELL.base)
+    assert beyond.max() < 0.002  # obstacles have no gaps between the points that they are made from
+    arrays = found.as_observation(1024, neighbour_rows=8192)
     again = Scene.of_observation(arrays)
     assert [len(one) for one in again.neighbours] == [len(one) for one in found.neighbours]
     assert np.array_equal(again.rest.points, found.rest.points)

@@ -14,8 +14,6 @@ from tables import table
 from dexgrasp.export.check import check_trajectory
 from dexgrasp.export.grasp_export import export_grasp
 from dexgrasp.export.read import read_trajectory
-from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.geometry.neighbours import neighbours_of
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.planned_record import Origin, grasp_json, planned_record
 from dexgrasp.grasp.record import as_json
@@ -24,7 +22,6 @@ from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp_env.perception.pipeline import find_object
 from dexgrasp_env.perception.scan import read_scan
-from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.model import compiled_robot, robot_spec
 from dexgrasp_env.robot.table import SeenTable
 
@@ -100,53 +97,37 @@ def placed_back(record):
     return np.concatenate(record.placed(record.here.T_base_world).parts)
 
 
+def higher(content, by=0.01):
+    """Points and plane agree, but the hand is in them."""
+    table = content["table"]
+    table["points"] = (np.array(table["points"]) + by * np.array(table["normal"])).tolist()
+    table["offset"] += by
+
+
+def in_a_tip(content):
+    point, normal = (np.array(content["contacts"][0][key]) for key in ("point", "normal"))
+    content["table"]["around"].append((point + 0.01 * normal).tolist())
+
+
 @pytest.mark.parametrize(
     ("change", "refused"),
     [
-        (lambda table: table["normal"].reverse(), None),
-        (lambda table: table.update(offset=table["offset"] + 0.002), "offset of the table as seen as stated"),
-        (lambda table: table["points"][0].__setitem__(2, 0.05), "normal of the table as seen as stated"),
-        (lambda table: [point.__setitem__(2, point[2] + 0.01) for point in table["points"]], "offset"),
+        (
+            lambda c: c["table"].update(offset=c["table"]["offset"] + 0.002),
+            {"offset of the table as seen as stated"},
+        ),
+        (lambda c: c["table"]["points"][0].__setitem__(2, 0.05), {"normal of the table as seen as stated"}),
+        (higher, {"clearance hand_table", "clearance hand_seen"}),
+        (in_a_tip, {"clearance hand_seen"}),
     ],
 )
 def test_a_table_that_is_tampered_with_is_refused(change, refused):
     content = copy.deepcopy(bar_on_a_higher_table()[1])
-    change(content["table"])
-    if refused is None:
-        with pytest.raises(Exception, match="points up"):
-            record_of(content)
-        return
-    assert any(check.name.startswith(refused) for check in verify(record_of(content)) if not check.holds)
-
-
-def test_a_table_that_is_higher_than_it_was_planned_for_is_hit():
-    """Points and plane agree, but the hand is in them."""
-    content = copy.deepcopy(bar_on_a_higher_table()[1])
-    table = content["table"]
-    table["points"] = (np.array(table["points"]) + 0.01 * np.array(table["normal"])).tolist()
-    table["offset"] += 0.01
-    failed = set(rejected(record_of(content)))
-    assert {"clearance hand_table", "clearance hand_seen"} <= failed
-
-
-def test_what_was_seen_around_is_kept_clear_of():
-    content = copy.deepcopy(bar_on_a_higher_table()[1])
-    contact = content["contacts"][0]
-    content["table"]["around"].append(list(np.add(contact["point"], 0.01 * np.array(contact["normal"]))))
-    assert set(rejected(record_of(content), ["clearance"])) == {"clearance hand_seen"}
-
-
-def test_the_walls_of_a_bin_have_no_gaps():
-    """They are many times larger than objects."""
-    rng, place, sides = np.random.default_rng(2), (0.52, 0.0), (0.06, 0.06, 0.1)
-    walls = [block(rng, (0.5 + x, 0.06), (0.008, 0.3, 0.08)) for x in (-0.12, 0.12)]
-    walls += [block(rng, (0.5, 0.06 + y), (0.248, 0.008, 0.08)) for y in (-0.15, 0.15)]
-    cloud = seen_at(rng, leaning(0.0), *standing(rng, place, sides), *walls)
-    scene = find(cloud, near=(*place, 0.05))
-    T = CELL.seeing(scene.table).T_world_base
-    parts = [ConvexDistance.from_points(part, 80) for one in neighbours_of(scene) for part in one]
-    wall = placed(T, cloud[-sum(map(len, walls)) :])
-    assert ConvexDistance.union(parts).distance(wall[wall[:, 2] > 0.01]).max() < 0.002
+    change(content)
+    assert refused <= set(rejected(record_of(content)))
+    content["table"]["normal"].reverse()
+    with pytest.raises(Exception, match="points up"):
+        record_of(content)
 
 
 def test_a_trajectory_is_checked_against_the_table_that_was_seen(tmp_path):

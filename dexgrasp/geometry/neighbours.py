@@ -38,10 +38,11 @@ def neighbours_of(scene: Scene, give: float = 0.0) -> tuple[Parts, ...]:
 
 
 def points_around(scene: Scene) -> Array:
-    """Return the points (N, 3) m, one a centimetre, that the parts of neighbours are made to hold."""
+    """Return points (N, 3) m, one a centimetre and 5000 at most, that the parts of neighbours are made to hold."""
     clouds = [*(one.points for one in scene.neighbours), _beside(scene)]
     found = np.concatenate([_together(points, _SIDE) for points in clouds])
-    return found[thinned(found, 0.01)]
+    found = found[thinned(found, 0.01)]
+    return found[:: max(1, -(-len(found) // 5000))]
 
 
 def _beside(scene: Scene) -> Array:

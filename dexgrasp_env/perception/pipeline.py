@@ -207,16 +207,13 @@ def scene_around(
             mine[mine] = without_skirt(cloud.points[mine], heights[mine])
         things.append((cloud.select(mine), {"doubt": instances.doubts[k], "foot": foot}))
     (target, said), *others = things
-    rest = cloud.select(~np.isin(instances.labels, numbers))
-
-    def enough(one: Cloud, count: int) -> int:
-        """Return how many points show it: of recorded clouds one a centimetre, that walls have no gaps."""
-        return count if cameras_known else max(count, len(thinned(one.points, 0.01)))
-
+    spacing = (
+        np.inf if cameras_known else 0.01
+    )  # m: recorded things may be walls and bins, which have no gaps
     around = Scene(
         plane=plane,
-        neighbours=tuple(seen(one, count=enough(one, 300), **its) for one, its in others),
-        rest=seen(rest, count=enough(rest, 1000)),
+        neighbours=tuple(seen(one, count=300, spacing=spacing, **its) for one, its in others),
+        rest=seen(cloud.select(~np.isin(instances.labels, numbers)), count=1000, spacing=spacing),
     )
     if len(target) < MIN_POINTS:
         return replace(around, reason="too_few_points" if len(target) else "object_out_of_view")
@@ -232,16 +229,20 @@ def object_cloud(
     *,
     foot: float = 0.0,
     cameras_known: bool = True,
+    spacing: float = np.inf,
 ) -> ObjectCloud:
     """Return a cloud as `count` smoothed points at most, in single precision, as observations hold them.
 
     Without a generator the same points are drawn each time. Where it is not known who saw a point, it counts as seen
-    from outside, from the middle of the cloud.
+    from outside, from the middle of the cloud. Where it fills more than `count` cells that are `spacing` m wide, one
+    point of each of them is added.
     """
     if not len(cloud):
         return ObjectCloud()
     if not cameras_known:
         cloud = replace(cloud, views=unit(cloud.points - middle(cloud.points)))
-    chosen = cloud.select(downsample(cloud.points, count, rng or np.random.default_rng(len(cloud))))
+    rows = downsample(cloud.points, count, rng or np.random.default_rng(len(cloud)))
+    cells = thinned(cloud.points, spacing)
+    chosen = cloud.select(np.union1d(rows, cells) if len(cells) > count else rows)
     points, normals = smooth(cloud, chosen, 0.0 if plane is None else plane.rms)
     return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubt, foot)
