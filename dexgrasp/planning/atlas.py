@@ -15,14 +15,14 @@ from dexgrasp.mechanics.kinematics.clearance import place, place_body, self_clea
 from dexgrasp.mechanics.kinematics.forward import empty_frames, forward, forward_part, tip_positions
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.mechanics.kinematics.world import World, make_world
-from dexgrasp_env.arrays import Array, Index, Mask, unit
+from dexgrasp_env.arrays import Array, Arrays, Index, Mask, unit
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 
-_VERSION = 7
+_VERSION = 8
 SAMPLES = 400_000
 _SEED = 0
 _ENOUGH, _ROUNDS = 20_000, 30  # postures of a hand from elsewhere that will do; how often to sample for them
@@ -63,19 +63,23 @@ def hand_atlas(cell: Cell) -> HandAtlas:
 def _atlas(cell: Cell) -> HandAtlas:
     robot, tree, rng = cell.robot, robot_tree(cell), np.random.default_rng(_SEED)
     world = make_world(cell)
-    name = f"postures_{_key(robot, tree, world)}.npy"
-    if robot.hand.frame is not None:
-        q = cached_arrays(name, lambda: {"q": _many_kept(rng, robot, tree, world)})["q"]
-    else:
-        drawn = _drawn(rng, tree)
-        file = cached_arrays(
-            name, lambda: {"kept": np.packbits(_opposed(_postures(drawn, robot, tree), tree))}
-        )
-        q = _postures(drawn[np.unpackbits(file["kept"], count=SAMPLES) == 1], robot, tree)
-    tips = Tips(*_tip_frames(q, tree), _least_facing(tree, world))
+
+    def sampled() -> Arrays:
+        """Return postures with what would take longer to make again than to read."""
+        if robot.hand.frame is not None:
+            q = _many_kept(rng, robot, tree, world)
+        else:
+            drawn = _drawn(rng, tree)
+            q = _postures(drawn[_opposed(_postures(drawn, robot, tree), tree)], robot, tree)
+        centres, axes, pads = _tip_frames(q, tree)
+        tips = {"centres": centres, "axes": axes, "pads": pads, "sides": triangle_sides(centres)}
+        return tips | {"joints": q[:, tree.arm :].copy()}
+
+    found = cached_arrays(f"postures_{_key(robot, tree, world)}.npy", sampled)
+    tips = Tips(found["centres"], found["axes"], found["pads"], _least_facing(tree, world))
     # A tree that is not balanced takes half the time, its queries no longer.
-    search = KDTree(triangle_sides(tips.centres), leafsize=16, balanced_tree=False, compact_nodes=False)
-    return HandAtlas(q[:, tree.arm :].copy(), tips, search)
+    search = KDTree(found["sides"], leafsize=16, balanced_tree=False, compact_nodes=False)
+    return HandAtlas(found["joints"], tips, search)
 
 
 def _key(robot: Robot, tree: RobotTree, world: World) -> str:

@@ -91,9 +91,8 @@ def _in_processes(packed: bytes, tasks: Sequence[Any], workers: int) -> Iterator
 
     share = str(max(1, usable_cores() // workers))  # of the processors, that each may use
     limits = {name: os.environ.get(name, share) for name in THREADS}
-    warnings.filterwarnings(
-        "ignore", "A worker was restarted", UserWarning, r"loky\."
-    )  # the libraries that it loads are no leak
+    # Of loky alone: the libraries that a worker loads are no leak.
+    warnings.filterwarnings("ignore", "A worker was restarted", UserWarning, r"loky\.")
     pool = ProcessPoolExecutor(workers, initializer=_begin, initargs=(os.getpid(),), env=limits)
     waiting = set[Future[Any]]()
     resource_tracker.ensure_running()  # its start lets signals through again

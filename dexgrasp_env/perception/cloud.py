@@ -44,12 +44,10 @@ class Cloud:
     def __len__(self) -> int:
         return len(self.points)
 
-    def select(self, keep: NDArray[Any] | slice) -> "Cloud":
-        """Return the rows of a mask, of indices or of a slice."""
-        if not isinstance(keep, slice):  # rows are taken by number three times as fast as by a mask
-            rows = np.flatnonzero(keep) if keep.dtype == bool else keep
-            return replace(self, **{name: getattr(self, name).take(rows, axis=0) for name in _ROWS})
-        return replace(self, **{name: getattr(self, name)[keep] for name in _ROWS})
+    def select(self, keep: NDArray[Any]) -> "Cloud":
+        """Return the rows of a mask or of indices."""
+        rows = np.flatnonzero(keep) if keep.dtype == bool else keep  # by number, three times as fast
+        return replace(self, **{name: getattr(self, name).take(rows, axis=0) for name in _ROWS})
 
     def moved(self, points: Array) -> "Cloud":
         """Return the cloud with other positions."""

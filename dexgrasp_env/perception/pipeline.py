@@ -77,7 +77,7 @@ def segment(
     everything, poses = gather(remove_flying(depths), cameras), np.stack([c.T_world_camera for c in cameras])
     if not len(everything):
         return Scene(reason="object_out_of_view", cameras=poses)
-    sparse = everything.select(slice(None, None, 7))  # every seventh pixel is enough for the table
+    sparse = everything.select(np.arange(0, len(everything), 7))  # enough for the table
     plane = fit_plane(sparse.points, rng)
     if plane is None:
         return Scene(reason="plane_not_found", cameras=poses)
