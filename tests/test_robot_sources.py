@@ -15,7 +15,7 @@ from tables import table
 from dexgrasp.mechanics.kinematics.clearance import SELF
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.planning import certificate_builder
+from dexgrasp.planning import atlas, certificate_builder
 from dexgrasp.planning.postures import atlas_postures
 from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
@@ -274,6 +274,12 @@ def test_first_links_of_fingers_may_be_nearer_when_a_hand_opens(monkeypatch):
     near = {False: (np.full(2, 0.002), labels), True: ([], labels[:0])}  # at home nothing is
     monkeypatch.setattr(certificate_builder, "clearances", lambda *args: near[args[-1]])
     assert_allclose(certificate_builder.too_near(problem.cell.robot.home, problem, 0.004), labels[1:])
+
+
+def test_where_few_postures_press_more_are_drawn_around_them(tmp_path, monkeypatch):
+    hand_of(tmp_path, written(tmp_path))
+    monkeypatch.setattr(atlas, "SAMPLES", 500)
+    assert len(atlas.hand_atlas(make_cell(str(tmp_path / "claw.yaml"))).joints) > 1000
 
 
 def two_hands():

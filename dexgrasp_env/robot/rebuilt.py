@@ -248,35 +248,26 @@ class _Rebuilt(Description):
         tip, radius = solid[0], self.hand.tip_radius
         behind = (self.hand.tip_length or 2.0 * radius) - radius
         also = [geom for geom in solid if self.reach[geom.name][:, 2].max() > centre[2]]
-        if self.hand.torsion or len(also) > 1:
-            self._join_pad(body, finger.tip, solid, centre[2] - behind)
-            return
-        if tip.type not in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_BOX):
+        joined = self.hand.torsion or len(also) > 1
+        if joined or tip.type in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_BOX):
+            self._cut_tip(body, finger.tip, solid if joined else [tip], centre[2] - behind)
+        else:
             tip.name = finger.tip
-            return
-        pieces = zip(
-            (finger.tip, f"{tip.name}_rest"), cut(self.reach[tip.name], centre[2] - behind), strict=True
-        )
-        look = {"rgba": tip.rgba.copy(), **_LOOK[True]}
-        self.spec.delete(tip)
-        for name, points in pieces:
-            if len(points) > 3:
-                add_mesh_geom(self.spec, body, *hull_of(points), {"name": name, **look})
 
-    def _join_pad(self, body: Any, tip: str, solid: list[Any], height: float) -> None:
+    def _cut_tip(self, body: Any, tip: str, solid: list[Any], height: float) -> None:
         """Make one shape of all that is above a height of a body's frame, m, and leave what is below as it is."""
-        pad, look = [], {"rgba": solid[0].rgba.copy(), **_LOOK[True]}
+        pieces, look = {tip: [np.zeros((0, 3))]}, {"rgba": solid[0].rgba.copy(), **_LOOK[True]}
         for geom in solid:
-            points = self.reach[geom.name]
+            points, name = self.reach[geom.name], geom.name
             if points[:, 2].max() <= height:
                 continue
             above, below = cut(points, height) if points[:, 2].min() < height else (points, points[:0])
-            pad.append(above)
-            name = geom.name
+            pieces[tip].append(above)
+            pieces[f"{name}_rest"] = [below]
             self.spec.delete(geom)
-            if len(below) > 3:
-                add_mesh_geom(self.spec, body, *hull_of(below), {"name": f"{name}_rest", **look})
-        add_mesh_geom(self.spec, body, *hull_of(np.concatenate(pad)), {"name": tip, **look})
+        for name, parts in pieces.items():
+            if len(points := np.concatenate(parts)) > 3:
+                add_mesh_geom(self.spec, body, *hull_of(points), {"name": name, **look})
 
     def _add_excludes(self) -> None:
         pairs = [[*map(self.owner.get, divmod(pair, 1 << 16))] for pair in self.model.exclude_signature]

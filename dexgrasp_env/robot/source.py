@@ -23,6 +23,7 @@ from dexgrasp_env.robot.urdf import as_urdf
 BASE = "base"
 """Name of the body that everything hangs on where a description has its first links in the world itself."""
 _XACRO = "{} is a xacro: expand it first, with `xacro {} > robot.urdf`"
+_UNREAD = ("custom", "keyframe", "sensor", "size", "skin", "statistic", "texture", "visual")
 _MOST, _DEEPEST = 100_000, 150  # elements of a description, and how deep they nest
 
 
@@ -148,10 +149,10 @@ def _drop_floors(root: Element) -> list[str]:
     return [f"{len(found)} floors are left out"] if found else []
 
 
-def _drop_pictures(root: Element) -> list[str]:
-    """Take textures and skins out, of which nothing here is seen."""
-    for holder in [*root.findall("asset"), *root.findall("deformable")]:
-        for own in [*holder.findall("texture"), *holder.findall("skin")]:
+def _drop_unread(root: Element) -> list[str]:
+    """Take out what nothing here reads: sensors and keyframes, textures and skins, and how a scene is shown."""
+    for holder in [root, *root.findall("asset"), *root.findall("deformable")]:
+        for own in [own for own in holder if own.tag in _UNREAD]:
             holder.remove(own)
     for material in root.iter("material"):
         material.attrib.pop("texture", None)
@@ -166,10 +167,15 @@ def _held(holder: Element, tag: str) -> list[tuple[Element, Element]]:
     return found + [pair for frame in holder.findall("frame") for pair in _held(frame, tag)]
 
 
+def _first_bodies(root: Element) -> list[tuple[Element, Element]]:
+    """Return the bodies that lie in the world, each with what holds it."""
+    return [pair for world in root.findall("worldbody") for pair in _held(world, "body")]
+
+
 def _drop_others(root: Element) -> list[str]:
     """Leave out what floats or is moved by hand and has no joints, objects and goals of a scene, and what names it."""
     gone = set[str]()
-    for holder, body in [pair for world in root.findall("worldbody") for pair in _held(world, "body")]:
+    for holder, body in _first_bodies(root):
         free = body.find("freejoint") is not None or body.find("joint[@type='free']") is not None
         joints = [joint for joint in body.iter("joint") if joint.get("type") != "free"]
         if (free or body.get("mocap") == "true") and not joints:
@@ -177,9 +183,9 @@ def _drop_others(root: Element) -> list[str]:
             gone |= {own.get("name", "a body without a name") for own in body.iter("body")}
     if not gone:
         return []
-    for section in [*root.findall("equality"), *root.findall("contact"), *root.findall("keyframe")]:
+    for section in [*root.findall("equality"), *root.findall("contact")]:
         for own in list(section):
-            if own.tag == "key" or gone & {*own.attrib.values()}:
+            if gone & {*own.attrib.values()}:
                 section.remove(own)
     return [f"{', '.join(sorted(gone))} has no joints and floats or is moved by hand: it is left out"]
 
@@ -190,15 +196,13 @@ def _drop_free_joints(root: Element) -> list[str]:
         (body, joint)
         for body in root.iter("body")
         for joint in body
-        if joint.tag == "freejoint" or (joint.tag == "joint" and joint.get("type") == "free")
+        if joint.tag == "freejoint" or joint.get("type") == "free"
     ]
-    for body in root.findall("worldbody/body"):
+    for _, body in _first_bodies(root):
         if len(own := body.findall("joint")) >= 6:  # one a direction
             found += [(body, joint) for joint in own]
     for body, joint in found:
         body.remove(joint)
-    for key in root.findall("keyframe") if found else ():
-        root.remove(key)
     return list(dict.fromkeys(f"body {body.get('name', '')!r} floats: it is fixed" for body, _ in found))
 
 
@@ -246,8 +250,6 @@ def _gather(root: Element) -> str:
     taken, name = {body.get("name") for body in root.iter("body")}, BASE
     while name in taken:
         name = f"{name}_{BASE}"
-    for key in root.findall("keyframe"):
-        root.remove(key)
     worlds = root.findall("worldbody")
     own = [(world, child) for world in worlds for child in world if child.tag not in ("light", "camera")]
     for world, child in own:
@@ -381,12 +383,5 @@ def _drop_actuator(root: Element, message: str) -> Iterator[str]:
                 return
 
 
-def _drop_sensors(root: Element, message: str) -> Iterator[str]:
-    """Drop the sensors, where one is of what is not in the file."""
-    for section in root.findall("sensor") if "sensorized object" in message else ():
-        root.remove(section)
-        yield "sensors are left out: one is of what is not in the file"
-
-
-_BEFORE = (_drop_pictures, _drop_floors, _drop_others, _drop_free_joints, _part_joints, _name)
-_AFTER = (_drop_sensors, _drop_actuator, _drop_attribute, _from_shapes)
+_BEFORE = (_drop_unread, _drop_floors, _drop_others, _drop_free_joints, _part_joints, _name)
+_AFTER = (_drop_actuator, _drop_attribute, _from_shapes)
