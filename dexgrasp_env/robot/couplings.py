@@ -86,9 +86,9 @@ def stated_lines(model: mujoco.MjModel) -> Lines:
         if follower in driven and leader not in driven:
             follower, leader, ratio, offset = leader, follower, 1.0 / ratio, -offset / ratio
         lines[follower] = leader, ratio, offset
-    for coefs, length in _constant_sums(model):
-        if len(coefs) == 2:
-            (leader, a), (follower, b) = sorted(coefs.items())
+    for terms, length in _constant_sums(model):
+        if len(terms) == 2:
+            (leader, a), (follower, b) = sorted(terms.items())
             lines[follower] = leader, -a / b, length / b
     for tendon in model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0].tolist():
         joints, coefs = wrapped_joints(model, tendon)
