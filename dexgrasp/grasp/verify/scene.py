@@ -16,7 +16,7 @@ from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import excluded_pairs, robot_spec
+from dexgrasp_env.robot.model import colliding_spec, excluded_pairs
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Scene:
         """
         self.cell, self.robot, self.parts = cell, cell.robot, [_hull(vertices) for vertices in parts]
         self._fingers = [self.robot.hand.finger(name) for name in fingers]
-        spec = _bare(robot_spec(cell))
+        spec = colliding_spec(cell)
         named = [(f"object{k}", part) for k, part in enumerate(self.parts)]
         named += [(f"around{k}", _hull(vertices)) for k, vertices in enumerate(neighbours)]
         for name, part in named:
@@ -220,15 +220,3 @@ def _hull(vertices: Array) -> Any:
     import trimesh
 
     return trimesh.Trimesh(vertices, process=False).convex_hull
-
-
-def _bare(spec: mujoco.MjSpec) -> mujoco.MjSpec:
-    """Take away what is only seen: it would cost nine tenths of the compilation."""
-    for geom in list(spec.geoms):
-        if geom.contype == 0 and geom.conaffinity == 0:
-            spec.delete(geom)
-    needed = {geom.meshname for geom in spec.geoms}
-    for mesh in list(spec.meshes):
-        if mesh.name not in needed:
-            spec.delete(mesh)
-    return spec
