@@ -58,13 +58,12 @@ def test_forces_of_eq_4_press_within_their_pyramids():
 
 
 def test_distances_are_mujocos_between_all_kinds_of_geoms():
-    """Cylinders (kind 5) and ellipsoids (4) are taken for larger by what the docs say."""
     rng, spec = np.random.default_rng(0), mujoco.MjSpec()
     spec.add_mesh(name="it", uservert=rng.normal(0.0, 0.02, 60))
     for kind in (0, 2, 3, 4, 5, 6, 7):
         spec.worldbody.add_geom(type=kind, size=[0.02, 0.03, 0.015], meshname="it" if kind == 7 else "")
     model = spec.compile()
-    data, larger = mujoco.MjData(model), np.array([0.0, 0.0, 0.0, 1.5e-4, 2.5e-5, 0.0, 0.0])  # m
+    data, grown = mujoco.MjData(model), np.array([0.0, 0.0, 0.0, 1.5e-4, 2.5e-5, 0.0, 0.0])  # m
     for places in rng.normal(0.0, 0.03, (12, 7, 3)):
         data.geom_xpos = places
         data.geom_xmat = [quat_to_matrix(q / np.linalg.norm(q)).ravel() for q in rng.normal(size=(7, 4))]
@@ -72,4 +71,4 @@ def test_distances_are_mujocos_between_all_kinds_of_geoms():
             true = mujoco.mj_geomDistance(model, data, *pair, 1.0, None)
             found = Distances(model, data).least(np.array([pair]), 1.0)
             assert found <= true + 1e-6
-            assert found >= true - larger[[*pair]].sum() - 1e-6 or true < 0.0
+            assert found >= true - grown[[*pair]].sum() - 1e-6 or true < 0.0
