@@ -99,7 +99,7 @@ def test_a_way_along_the_ends_of_joint_ranges_stays_inside():
 
 
 def broken(folder):
-    """Return the names of the checks that fail."""
+    """Names of the checks that fail."""
     found = check_trajectory(read_trajectory(folder, CELL), CELL)
     assert len(found) > 10
     return "; ".join(check.name for check in found if not check.holds)

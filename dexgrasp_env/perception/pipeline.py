@@ -234,8 +234,8 @@ def object_cloud(
     """Return a cloud as `count` smoothed points at most, in single precision, as observations hold them.
 
     Without a generator the same points are drawn each time. Where it is not known who saw a point, it counts as seen
-    from outside, from the middle of the cloud. Where it fills more than twice `count` cells, `spacing` m wide, one point
-    of each of them is added.
+    from outside, from the middle of the cloud. Where it fills more than twice `count` cells, `spacing` m wide, a point
+    of each is added.
     """
     if not len(cloud):
         return ObjectCloud()
