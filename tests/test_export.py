@@ -99,7 +99,7 @@ def test_a_way_along_the_ends_of_joint_ranges_stays_inside():
 
 
 def broken(folder):
-    """Return the names of the checks that fail."""
+    """Names of the checks that fail."""
     found = check_trajectory(read_trajectory(folder, CELL), CELL)
     assert len(found) > 10
     return "; ".join(check.name for check in found if not check.holds)
@@ -183,6 +183,15 @@ def test_damaged_files_are_one_line(folder, tmp_path):
         read_trajectory(tmp_path / "nothing", CELL)
 
 
+def test_a_scene_that_is_none_is_one_line(folder):
+    found, scene = read_trajectory(folder, CELL), folder / "scene.xml"
+    with refused("export --format mjcf"):
+        replay(found, scene)
+    scene.write_text("<mujoco/>")
+    with refused():
+        replay(found, scene)
+
+
 def test_ros_messages_have_their_fields(trajectory, tmp_path):
     facts = FACTS | {
         "open": HOME[7:].tolist(), "closed": HOME[7:].tolist(), "quality": 0.5, "lift_height": 0.14,
@@ -230,14 +239,6 @@ def test_replays_that_do_not_hold_are_no_and_said_last(contents, tmp_path, capsy
     assert typed(f"{check} --need 0/1") == OK
     for wrong in ("2/1", "0.9", "1/2 --replay 0"):
         assert typed(f"{check} --need {wrong}") == BAD_INPUT
-
-
-def test_a_scene_that_is_none_is_one_line(trajectory, folder):
-    with refused("export --format mjcf"):
-        replay(read_trajectory(folder, CELL), folder / "scene.xml")
-    (folder / "scene.xml").write_text("<mujoco/>")
-    with refused():
-        replay(read_trajectory(folder, CELL), folder / "scene.xml")
 
 
 def test_the_page_for_robots_reads_what_is_written_and_presses_once(contents, tmp_path):

@@ -87,7 +87,7 @@ def test_what_stands_around_is_seen(rng):
     assert found.rest.points[:, 1].min() > 0.29
     parts = [ConvexDistance.from_points(part, 12) for one in neighbours_of(found) for part in one]
     beyond = ConvexDistance.union(parts).distance(wall[wall[:, 2] > 0.01] + CELL.base)
-    assert beyond.max() < 0.002  # obstacles have no gaps between the points that they are made from
+    assert beyond.max() < 0.002  # obstacles have no gaps
     arrays = found.as_observation(1024, neighbour_rows=8192)
     again = Scene.of_observation(arrays)
     assert [len(one) for one in again.neighbours] == [len(one) for one in found.neighbours]

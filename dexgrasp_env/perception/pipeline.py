@@ -234,8 +234,8 @@ def object_cloud(
     """Return a cloud as `count` smoothed points at most, in single precision, as observations hold them.
 
     Without a generator the same points are drawn each time. Where it is not known who saw a point, it counts as seen
-    from outside, from the middle of the cloud. Where it fills more than `count` cells that are `spacing` m wide, one
-    point of each of them is added.
+    from outside, from the middle of the cloud. Where it fills more than twice `count` cells, `spacing` m wide, a point
+    of each is added.
     """
     if not len(cloud):
         return ObjectCloud()
@@ -243,6 +243,6 @@ def object_cloud(
         cloud = replace(cloud, views=unit(cloud.points - middle(cloud.points)))
     rows = downsample(cloud.points, count, rng or np.random.default_rng(len(cloud)))
     cells = thinned(cloud.points, spacing)
-    chosen = cloud.select(np.union1d(rows, cells) if len(cells) > count else rows)
+    chosen = cloud.select(np.union1d(rows, cells) if len(cells) > 2 * count else rows)
     points, normals = smooth(cloud, chosen, 0.0 if plane is None else plane.rms)
     return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubt, foot)
