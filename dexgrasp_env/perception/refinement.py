@@ -65,7 +65,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     for k, own in things.items():
         low, high = low_and_high(own)[0], own[:, 2].max()
         said = {
-            MAY_BE_TWO: k in joined or (deep_share(own) > 0.03 and may_be_two(own, seen)),
+            MAY_BE_TWO: k in joined or (is_odd(own, 0.03) and may_be_two(own, seen)),
             TOUCHES: any(_touch(own, other) for j, other in things.items() if j != k),
             HIDDEN: k in hidden,
             TOP_ONLY: low > max(HIGH, 0.5 * high),  # half of its sides was not seen
