@@ -6,7 +6,6 @@ joins nothing (after locally convex connected patches, Stein et al. 2014).
 """
 
 import heapq
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index, Mask, unit
 from dexgrasp_env.perception.cloud import Cloud, cells_of, smooth
+from dexgrasp_env.perception.hulls import corners_and_volume, longest_side, width_of
 from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.plane import Plane
 
@@ -55,9 +55,15 @@ def objects_in(points: Array, labels: Index) -> list[int]:
     found = [
         k
         for k in np.flatnonzero(counts >= LEAST_POINTS).tolist()
-        if LEAST_EXTENT <= longest_side(points[labels == k]) <= MOST_EXTENT
+        if longest_side(points[labels == k]) >= LEAST_EXTENT and is_graspable(points[labels == k])
     ]
     return sorted(found, key=lambda k: -counts[k])
+
+
+def is_graspable(points: Array) -> bool:
+    """Return true for points (N, 3) m no larger than things to grasp, of which pans are longer than others."""
+    narrow = longest_side(points) < 0.50 and width_of(points) < 0.22 and not _is_sheet(points)  # m
+    return narrow or longest_side(points) <= MOST_EXTENT
 
 
 def segment_instances(cloud: Cloud, plane: Plane) -> Instances:
@@ -263,11 +269,6 @@ def _with_walls(labels: Index, cloud: Cloud, link: float) -> Index:
     return labels
 
 
-def longest_side(points: Array) -> float:
-    """Return the longest side, m, of the box around points (N, 3)."""
-    return float(np.ptp(points, axis=0).max())
-
-
 def _is_sheet(points: Array) -> bool:
     """Return true for points (N, 3) in an upright sheet."""
     if len(points) < LEAST_POINTS or longest_side(points) < 0.05:
@@ -275,18 +276,3 @@ def _is_sheet(points: Array) -> bool:
     across = np.linalg.svd(points - points.mean(0), full_matrices=False)[2][2]
     low, high = np.quantile(points @ across, (0.02, 0.98))
     return bool(high - low < 0.015 and abs(across[2]) < 0.5)  # m thick; of its normal that is up
-
-
-def hull_of(points: Array) -> Any:
-    """Return the convex hull (scipy's) of points (N, n), or None where they span none."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    with suppress(QhullError, ValueError):
-        return ConvexHull(points)
-    return None
-
-
-def corners_and_volume(points: Array) -> tuple[Array, float]:
-    """Return the corners of the hull of points (N, 3) m and its volume, m3; all, and 0, for what is flat."""
-    hull = hull_of(points)
-    return (points, 0.0) if hull is None else (points[hull.vertices], float(hull.volume))

@@ -39,10 +39,11 @@ from dexgrasp_env.perception.plane import (
     view_corrections,
 )
 from dexgrasp_env.perception.reasons import NoTargetError
-from dexgrasp_env.perception.refinement import foot_of, refine_instances, without_skirt
+from dexgrasp_env.perception.refinement import refine_instances
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.perception.selection import TargetSelector, check_reach
+from dexgrasp_env.perception.standing import foot_of, without_skirt
 from dexgrasp_env.perception.support import Support, find_support, near_base, table_around
 from dexgrasp_env.poses import inverse, placed
 from dexgrasp_env.robot.camera import Camera
@@ -195,16 +196,13 @@ def scene_around(
 ) -> Scene:  # fmt: skip
     """Return the scene in which one of the things in an isolated cloud is the target, and the others stand around."""
     numbers = [number, *(k for k in instances.objects(cloud) if k != number)]
-    seen, heights = (
-        partial(object_cloud, plane=plane, cameras_known=cameras_known),
-        plane.heights(cloud.points),
-    )
+    seen = partial(object_cloud, plane=plane, cameras_known=cameras_known)
     things = list[tuple[Cloud, Fields]]()
     for k in numbers:
         mine, foot = instances.labels == k, 0.0
         if not cameras_known:
-            foot = foot_of(cloud.points, mine, heights)
-            mine[mine] = without_skirt(cloud.points[mine], heights[mine])
+            foot = foot_of(cloud.points, mine)
+            mine[mine] = without_skirt(cloud.points[mine])
         things.append((cloud.select(mine), {"doubt": instances.doubts[k], "foot": foot}))
     (target, said), *others = things
     spacing = (

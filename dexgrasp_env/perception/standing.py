@@ -1,0 +1,178 @@
+"""Evidence that what was seen as one is two things: cut in two it is explained, and either part may stand.
+
+Two things leave much of the hull around both empty, and each by itself is convex or hollow. What stands on another has
+a foot wide enough there, under its middle; tops of things side by side differ in height. Heights are over the table.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array, Mask
+from dexgrasp_env.perception.cloud import thinned
+from dexgrasp_env.perception.hulls import (
+    THIN,
+    beyond,
+    deep_share,
+    hull_of,
+    is_hollow,
+    is_slim,
+    low_and_high,
+    volume_of,
+)
+from dexgrasp_env.perception.splinters import in_the_air
+
+HIGH = 0.02
+"""m over the table from which on a part does not reach it."""
+_FOOT = 0.012  # m, height of what carries a thing, or of its foot
+
+
+class Cut(NamedTuple):
+    """A plane that parts a thing into two where their hulls hold least.
+
+    Attributes:
+        across: (3,) its normal.
+        place: m along that.
+        saved: share of the hull of the whole that is in neither hull.
+    """
+
+    across: Array
+    place: float
+    saved: float
+
+    @classmethod
+    def of(cls, points: Array, ways: Array) -> "Cut":
+        """Return the best cut of points (N, 3) m across one of the ways (K, 3), to 2 mm or so."""
+        spans = ((way, points @ way) for way in ways)
+        cuts = (cls._at(points, way, np.linspace(on.min(), on.max(), 14)[1:-1]) for way, on in spans)
+        best = max(cuts, key=lambda cut: cut.saved)
+        step = np.ptp(points @ best.across) / 13.0
+        return cls._at(points, best.across, best.place + step * np.linspace(-0.75, 0.75, 7))
+
+    @classmethod
+    def _at(cls, points: Array, across: Array, places: Array) -> "Cut":
+        along = points @ across
+        parts = ((points[along < place], points[along >= place]) for place in places)
+        volumes = [volume_of(low) + volume_of(high) for low, high in parts]
+        best = int(np.argmin(volumes))
+        return cls(across, float(places[best]), 1.0 - volumes[best] / max(volume_of(points), 1e-9))
+
+    def is_topped(self, points: Array) -> bool:
+        """Return true where the top of points (N, 3) m runs on across an upright cut: of two things it differs."""
+        off, along = points @ self.across - self.place, points @ np.cross([0.0, 0.0, 1.0], self.across)
+        beside = (points[(np.abs(off) < 0.025) & side] for side in (off < 0.0, off >= 0.0))  # m
+        tops = [low_and_high(part)[1] for part in beside if len(part)]
+        if not tops or np.ptp(tops) > 0.010:  # m
+            return False
+        near, row = np.abs(off) < 0.008, np.floor(along / 0.005).astype(int)  # m
+        steps = [
+            abs(np.subtract(*(np.quantile(points[side, 2], 0.9) for side in sides)))
+            for sides in (
+                (own & (off < 0.0), own & (off >= 0.0))
+                for own in (near & (row == k) for k in np.unique(row[near]))
+            )
+            if all(side.any() for side in sides)
+        ]
+        return bool(steps and np.median(steps) < min(0.0025, 0.2 * points[:, 2].max()))
+
+
+def is_odd(points: Array, most: float) -> bool:
+    """Return true for points (N, 3) m of which more than a share lie deep in their hull, though it is not hollow."""
+    return deep_share(points) > most and not is_hollow(points)
+
+
+def may_be_two(points: Array, everything: Array) -> bool:
+    """Return true for points (N, 3) m that two things would explain, among all that was seen (M, 3) m.
+
+    They are cut where the hulls of both parts hold least, upright and level.
+    """
+    few, angles = points[thinned(points, 0.006)], np.arange(12) * np.pi / 12.0
+    level = Cut.of(few, np.array([[0.0, 0.0, 1.0]]))
+    upright = Cut.of(few, np.stack([np.cos(angles), np.sin(angles), np.zeros(12)], axis=1))
+    cuts = [level] if upright.is_topped(points) else [level, upright]
+    parts = [points @ cut.across >= cut.place for cut in cuts if cut.saved > max(0.26, 0.6 * upright.saved)]
+    halves = ((points[part], points[~part]) for part in parts)
+    return any(
+        not is_odd(one, 0.12) and not is_odd(other, 0.12) and are_two(one, other, everything)
+        for one, other in halves
+    )
+
+
+def are_two(one: Array, other: Array, everything: Array) -> bool:
+    """Return true for points (N, 3) m and (M, 3) that may be by themselves, among all that was seen (L, 3) m.
+
+    One is no handle of the other, and stands on it or on the table, unless what is under it is hidden.
+    """
+    if is_handle(one, other) or is_handle(other, one):
+        return False
+    lower, upper = sorted((one, other), key=lambda part: low_and_high(part)[0])
+    if low_and_high(upper)[0] > 0.8 * low_and_high(lower)[1]:
+        return has_foot(upper, lower)
+    return not in_the_air(upper, everything)
+
+
+def is_handle(one: Array, other: Array) -> bool:
+    """Return true for points (N, 3) m of a rod of which an end meets others (M, 3) m."""
+    from scipy.spatial import cKDTree
+
+    flat = one - one.mean(0)
+    along = flat @ np.linalg.eigh(flat.T @ flat)[1][:, ::-1]
+    low, high = np.quantile(along, (0.03, 0.97), axis=0)
+    length, width, _ = high - low
+    if width > min(0.035, length / 2.5):  # m
+        return False
+    gaps = cKDTree(other).query(one)[0]
+    meets = along[gaps < gaps.min() + 0.005, 0] - 0.5 * (low + high)[0]
+    return bool(np.abs(meets).mean() > 0.3 * length)
+
+
+def has_foot(upper: Array, lower: Array) -> bool:
+    """Return true for points (N, 3) m wide enough to stand on a lower thing (M, 3) m that has no neck there."""
+    low, least = low_and_high(upper)[0], 0.03  # m, of what carries things
+    foot = upper[upper[:, 2] < low + _FOOT]
+    neck = lower[np.abs(lower[:, 2] - min(low, low_and_high(lower)[1])) < _FOOT]
+    return not is_slim(upper) and all(
+        np.ptp(some[:, :2], axis=0).max() > least for some in (foot, neck) if len(some)
+    )
+
+
+def can_stand(upper: Array, lower: Array) -> bool:
+    """Return true for points (N, 3) m that are seen to stand by themselves on a lower thing (M, 3) m.
+
+    They have their middle over what touches it.
+    """
+    from scipy.spatial import cKDTree
+
+    some = upper[thinned(upper, THIN)]
+    low = low_and_high(some)[0]
+    if not has_foot(some, lower):
+        return False
+    foot = some[some[:, 2] < low + _FOOT]
+    foot = foot[cKDTree(lower).query(foot)[0] < 0.015]
+    return overhang(some, foot) < 0.010
+
+
+def overhang(upper: Array, lower: Array) -> float:
+    """Return how far, m, the middle of points (N, 3) m is beyond the outline of others (M, 3), below 0 over them."""
+    outline = hull_of(lower[:, :2])
+    return np.inf if outline is None else float(beyond(outline, upper[:, :2].mean(0)[None])[0])
+
+
+def foot_of(points: Array, mine: Mask) -> float:
+    """Return the height, m, of what carries a thing (N,) among points (N, 3) m; 0 for the table."""
+    low, outline = low_and_high(points[mine])[0], hull_of(points[mine, :2])
+    under = ~mine & (np.abs(points[:, 2] - low) < _FOOT)
+    if low < HIGH or outline is None or not under.any():
+        return 0.0
+    under[under] = beyond(outline, points[under, :2]) < 0.0
+    return float(min(np.median(points[under, 2]), low)) if under.sum() >= 5 else 0.0
+
+
+def without_skirt(points: Array) -> Mask:
+    """Return which of a thing's points (N, 3) m are not the table's, which bends up at the foot of things."""
+    low = points[:, 2] < 0.010  # m that the table bends up; where it is more of the thing, it is its own
+    outline = hull_of(points[~low, :2])
+    if outline is None or not 0.0 < low.mean() < 0.15:
+        return np.ones(len(points), bool)
+    low[low] = beyond(outline, points[low, :2]) > THIN
+    return ~low
