@@ -58,7 +58,7 @@ class Request(Options):
             for name in ("hold", "avoid")
         )
         goal = None if self.place is None else check("place", self.place, PLACE_WORDS)
-        own = (hold, avoid, self.approach, self.fingers, self.max_force)
+        own: tuple[Any, ...] = (hold, avoid, self.approach, self.fingers, self.max_force)
         return GraspRequest(*own, seconds=self.budget, goal=goal, **known)
 
     def _region(self, name: str, said: Any, marked: "Callable[[Mask], Array]") -> "Region":
