@@ -25,7 +25,7 @@ from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.evaluation.trial import run_trial
-from dexgrasp.geometry.request import Approach, GraspRequest, Region
+from dexgrasp.geometry.request import GraspRequest, Region
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
@@ -45,7 +45,7 @@ def drawn(k: int, surface: Array, rng: Generator) -> tuple[str, GraspRequest]:
     """Return the kind of request number `k`, and one for an object with a surface (N, 3) m."""
     kind = ("hold", "avoid", "approach")[k // 20 % 3]
     if kind == "approach":
-        return kind, GraspRequest(approach=Approach.of_text(CONES[(k + k // 60) % len(CONES)]))
+        return kind, GraspRequest(approach=CONES[(k + k // 60) % len(CONES)])
     axis, share = int(rng.integers(3)), rng.uniform(0.2, 0.6)
     low, high = np.full(3, -FAR), np.full(3, FAR)
     if rng.random() < 0.5:

@@ -58,8 +58,8 @@ class Request(Options):
             for name in ("hold", "avoid")
         )
         goal = None if self.place is None else check("place", self.place, PLACE_WORDS)
-        own: tuple[Any, ...] = (hold, avoid, self.approach, self.fingers, self.max_force)
-        return GraspRequest(*own, seconds=self.budget, goal=goal, **known)
+        known |= {"approach": self.approach, "fingers": self.fingers, "max_force": self.max_force}
+        return GraspRequest(hold, avoid, seconds=self.budget, goal=goal, **known)
 
     def _region(self, name: str, said: Any, marked: "Callable[[Mask], Array]") -> "Region":
         from dexgrasp.geometry.request import REGION, Region
