@@ -20,10 +20,8 @@ from dexgrasp_env.perception.cloud import check_count
 from dexgrasp_env.texts import plain_text, rows_of
 
 _LINES = 1_000  # of a header
-_SCALARS = {  # of a PLY file that are called otherwise than numpy's
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2",
-    "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
-}  # fmt: skip
+# Numbers of PLY files; others are called as numpy's.
+_SCALARS = {"char": "i1", "uchar": "u1", "int": "i4", "uint": "u4", "float": "f4"}
 _NAMES = ("points", "xyz", "pc", "cloud", "pos", "vertices")  # of the cloud among the arrays of an npz file
 
 

@@ -14,9 +14,7 @@ def farthest_points(points: Array, count: int, first: int) -> Index:
     chosen[0] = first
     x, y, z = points[:, 0].copy(), points[:, 1].copy(), points[:, 2].copy()
     nearest = np.full(len(points), np.inf)
-    bits = nearest.view(
-        np.int64
-    )  # numbers that are not negative sort as their bits do, which are compared at once
+    bits = nearest.view(np.int64)  # which sort as numbers that are not negative do, several at once
     for k in range(1, count):
         last, best, pick = chosen[k - 1], np.int64(0), 0
         for i in range(len(points)):
@@ -57,8 +55,7 @@ def pairs_within(
     """Return the pairs of queries (Q, 3) m and points (M, 3) m that are at most `reach` m apart, by their points.
 
     Returns:
-        The query of each pair (P,), where the pairs of each point begin (M + 1,), and the squared
-        distances (P,) m2.
+        The query of each pair (P,), where the pairs of each point begin (M + 1,), and squared distances (P,).
     """
     low, high, size = np.empty(3), np.empty(3), np.empty(3, np.int64)
     for a in range(3):

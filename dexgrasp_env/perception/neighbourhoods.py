@@ -52,13 +52,12 @@ def local_planes(
         rows = np.arange(start, min(start + _AT_ONCE, n))
         for reach in (radius, 2.0 * radius):
             within, begins, away = pairs_within(queries[rows], points, reach)
-            away = np.sqrt(away, out=away)
-            away /= reach
-            away *= away
-            away *= -2.0
-            weight = np.exp(
-                away, out=away
-            )  # in place: of a million pairs more memory costs more than the figures
+            # In place: of half a million pairs new memory takes longer than figures.
+            weight = np.sqrt(away, out=away)
+            weight /= reach
+            weight *= weight
+            weight *= -2.0
+            np.exp(weight, out=weight)
             weight *= np.repeat(weights, np.diff(begins))
             near = csc_matrix((weight, within, begins), shape=(len(rows), len(points)))
             sums[rows], counts[rows] = near @ moments, np.bincount(within, minlength=len(rows))

@@ -1,8 +1,8 @@
 """The process that answers: frames come in on standard input, answers go out where standard output was.
 
 A frame is its length (4 bytes), a kind (1), the number of a connection (8), the seconds that it waited (8), and a
-message; an answer is its length, a
-kind, and a message or the text of an error. `python -m dexgrasp.cli.serving.worker` is started by the server alone.
+message; an answer is its length, a kind, and a message or the text of an error. `python -m dexgrasp.cli.serving.worker`
+is started by the server alone.
 """
 
 import os
