@@ -36,9 +36,9 @@ class Description:
         self.model = self.source.model
         valid = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
         if len(others := np.flatnonzero(~np.isin(self.model.jnt_type, valid))):
+            name = self.model.joint(others[0]).name
             raise InputError(
-                f"{path} has joints that neither turn nor slide, {self.model.joint(others[0]).name!r} for one: valid are"
-                " hinges and slides, on a base that does not float"
+                f"{path} has joints that neither turn nor slide, {name!r} for one: valid are hinges and slides"
             )
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = 0.0
