@@ -333,14 +333,17 @@ def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(tmp_path)
                                 high=3, rate=2.0, mimic=""))  # fmt: skip
         above = f"l{k}"
     arm = [part.replace("1e-5", "1e-2") for part in arm]
-    arm.append(
-        f'<joint name="flange" type="fixed"><parent link="{above}"/><child link="plate"/>'
-        '<origin xyz="0 0.12 0" rpy="-1.5707963 0 0"/></joint>'
-    )
+    for name, child, y in (("end", "tool0", 0.05), ("flange", "plate", 0.12)):
+        arm.append(
+            f'<joint name="{name}" type="fixed"><parent link="{above}"/><child link="{child}"/>'
+            f'<origin xyz="0 {y} 0" rpy="-1.5707963 0 0"/></joint>'
+        )
+    arm.append('<link name="tool0"/>')
     path = written(tmp_path, prefix=arm)
     make_robot(path, path, tmp_path / "both.yaml")
     robot = make_cell(str(tmp_path / "both.yaml")).robot
     assert robot.arm.joints.names == tuple(f"a{k}" for k in range(6))
+    assert_allclose(robot.arm.frame.position, [0.0, 0.05, 0.0], atol=1e-9)
     assert compiled(robot.arm).body("l5").geomnum[0] == 2  # its own sphere, as it collides and as it is seen
     assert len(robot.hand.joints.names) == 9
     assert robot.hand.palm == "plate"

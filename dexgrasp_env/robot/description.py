@@ -34,9 +34,11 @@ class Description:
         """
         self.path, self.source = path, read_source(path)
         self.model = self.source.model
-        if not np.isin(self.model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)).all():
+        valid = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+        if len(others := np.flatnonzero(~np.isin(self.model.jnt_type, valid))):
+            name = self.model.joint(others[0]).name
             raise InputError(
-                f"{path} has joints that neither turn nor slide: valid is a hand or an arm that does not float"
+                f"{path} has joints that neither turn nor slide, {name!r} for one: valid are hinges and slides"
             )
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = 0.0

@@ -125,13 +125,18 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         b for b in range(m.nbody) if b and m.body_weldid[b] == chain[-1] and not _bears(part, b, chain[-1])
     ]
     sites = np.flatnonzero(np.isin(m.site_bodyid, own))  # of a palm are none of the flange's
-    flange = pose_of(data.site(sites[-1]) if len(sites) else data.body(chain[-1]))
+    axis, anchor = data.xaxis[m.body_jntadr[chain[-1]]], data.xanchor[m.body_jntadr[chain[-1]]]
+    off = np.linalg.norm(np.cross(data.xpos[own] - anchor, axis), axis=1)  # m from the last joint's axis
+    marks = [
+        b for b, away in zip(own, off, strict=True) if away < 1e-3 and not m.body_geomnum[b]
+    ]  # tool0, for one
+    last = m.body([*marks, chain[-1]][0])
+    flange = pose_of(data.site(sites[-1]) if len(sites) else data.body(last.id))
     if not len(sites):
-        part.notes.append("arm frame: no site at the flange, the last body's frame assumed")
-    axis = data.xaxis[m.body_jntadr[chain[-1]]]
+        part.notes.append(f"arm frame: no site at the flange, the frame of {last.name!r} assumed")
     if abs(axis @ flange[:3, 2]) < 1.0 - 1e-6:
         part.notes.append("arm frame: the flange's z is no axis of the last joint, which is taken")
-    outwards = flange[:3, 2] @ axis or (flange[:3, 3] - data.xanchor[m.body_jntadr[chain[-1]]]) @ axis
+    outwards = flange[:3, 2] @ axis or (flange[:3, 3] - anchor) @ axis
     flange = about(flange[:3, 3], axis if outwards >= -1e-9 else -axis, flange[:3, 0])
     shoulder = m.joint(joints[1]).id
     entry: Fields = {
