@@ -30,6 +30,7 @@ from dexgrasp_env.compiled import leaf, njit
 from dexgrasp_env.robot.cell import Cell
 
 _NEAR, _AROUND = 0.004, 0.016  # m beyond the margin up to which bodies, and parts, are measured
+_FINGERS = 0.002  # m between bodies of the hand: neighbouring fingers are built 4 mm apart and less
 _CLOSER = 5e-4  # m that bodies may come nearer than at the ends of a path
 _DEEPEST = -0.005  # m that they may overlap there, by errors of perception
 _ROUNDING = 1e-9  # m
@@ -61,7 +62,8 @@ class CollisionChecker:
         self._world = make_world(cell, obstacle)
         bodies = len(self.tree.parent)
         # Clearance to keep for body a and body b; columns nb and nb + 1 are the object and the table.
-        self._needed = np.full((bodies, bodies + 2), margin)
+        self._needed, hand = np.full((bodies, bodies + 2), margin), slice(self.tree.palm, bodies)
+        self._needed[hand, hand] = min(margin, _FINGERS)
 
     def allow(self, q: Array) -> None:
         """Allow a path to begin or end at `q` (n,) though bodies are nearer there than the margin.
