@@ -235,6 +235,15 @@ class _CalledFiles(_CacheFiles):
 class _KernelCache(caching.FunctionCache):
     _impl_class = _CacheFiles
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what was kept for types; None where there is none, or it names types that are no longer there."""
+        try:
+            return super().load_overload(sig, target_context)
+        except (ImportError, AttributeError):
+            with suppress(OSError):
+                self.flush()
+            return None
+
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep compiled code; a full disk is done without."""
         try:

@@ -3,6 +3,7 @@
 import errno
 import importlib
 import os
+import pickle
 import subprocess
 import sys
 import textwrap
@@ -125,6 +126,19 @@ def test_constants_of_calls_make_no_versions_of_their_own():
     assert len(scaled.called.signatures) == 1
     assert not scaled.signatures  # Python has not called it: nothing is emitted for it
     assert scaled(2.0, 3) == 6.0
+
+
+def test_code_that_was_kept_for_a_type_that_is_gone_is_compiled_anew(tmp_path):
+    """As after an upgrade: the index cannot be read."""
+    code = "import numpy as np\nfrom dexgrasp_env.compiled import njit\n@njit\ndef double(x):\n    return 2 * x\n"
+    (tmp_path / "kernels.py").write_text(code)
+    call = "from kernels import double; print(double(2))"
+    assert python(call, cwd=tmp_path) == "4\n"
+    (index,) = tmp_path.rglob("*.nbi")
+    version = pickle.dumps(importlib.import_module("numba").__version__)
+    assert index.read_bytes().startswith(version)
+    index.write_bytes(version + b"cno.such.module\nGone\n.")
+    assert python(call, cwd=tmp_path) == "4\n"
 
 
 def test_an_error_of_a_function_that_a_compiled_one_calls_is_raised():
