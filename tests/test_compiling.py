@@ -130,13 +130,12 @@ def test_constants_of_calls_make_no_versions_of_their_own():
 
 def test_code_that_was_kept_for_a_type_that_is_gone_is_compiled_anew(tmp_path):
     """As after an upgrade: the index cannot be read."""
-    code = "import numpy as np\nfrom dexgrasp_env.compiled import njit\n@njit\ndef double(x):\n    return 2 * x\n"
+    code = "from dexgrasp_env.compiled import njit\n@njit\ndef double(x):\n    return 2 * x\n"
     (tmp_path / "kernels.py").write_text(code)
     call = "from kernels import double; print(double(2))"
     assert python(call, cwd=tmp_path) == "4\n"
     (index,) = tmp_path.rglob("*.nbi")
-    version = pickle.dumps(importlib.import_module("numba").__version__)
-    assert index.read_bytes().startswith(version)
+    version = pickle.dumps(pickle.loads(index.read_bytes()))  # of numba; the rest follows it
     index.write_bytes(version + b"cno.such.module\nGone\n.")
     assert python(call, cwd=tmp_path) == "4\n"
 
