@@ -57,10 +57,10 @@ def moved_tables(count, seed):
         yield T, seen_at(rng, T, *standing(rng, place, sides), noise=rng.uniform(0.0003, 0.002))
 
 
-@pytest.mark.parametrize(("count", "seed"), [(4, 0), pytest.param(200, 1, marks=pytest.mark.slow)])
-def test_no_shape_of_the_hand_is_in_the_table_that_was_seen(count, seed):
+@pytest.mark.parametrize("count", [4, pytest.param(200, marks=pytest.mark.slow)])
+def test_no_shape_of_the_hand_is_in_the_table_that_was_seen(count):
     reached = 0
-    for k, (T, points) in enumerate(moved_tables(count, seed)):
+    for k, (T, points) in enumerate(moved_tables(count, 0)):
         content = file_of(points, seed=k)
         if isinstance(content, str):
             assert content, "a refusal says why"

@@ -69,6 +69,6 @@ def test_distances_are_mujocos():
         data.geom_xmat = [quat_to_matrix(q / np.linalg.norm(q)).ravel() for q in rng.normal(size=(7, 4))]
         for pair in combinations(range(7), 2):
             true = mujoco.mj_geomDistance(model, data, *pair, 1.0, None)
-            found = Distances(model, data).least(np.array([pair]), 1.0)
+            found = Distances(model, data).apart(*pair)
             assert found <= true + 1e-6
             assert found >= true - grown[[*pair]].sum() - 1e-6 or true < 0.0
