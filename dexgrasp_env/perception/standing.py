@@ -79,12 +79,16 @@ def may_be_two(points: Array, everything: Array) -> bool:
     level = Cut.of(few, np.array([[0.0, 0.0, 1.0]]))
     upright = Cut.of(few, np.stack([np.cos(angles), np.sin(angles), np.zeros(12)], axis=1))
     cuts = [level] if upright.is_topped(points) else [level, upright]
-    parts = [points @ cut.across >= cut.place for cut in cuts if cut.saved > max(0.26, 0.6 * upright.saved)]
-    halves = ((points[part], points[~part]) for part in parts)
+    good = [cut for cut in cuts if cut.saved > max(0.26, 0.6 * upright.saved)]
     return any(
-        not is_odd(one, 0.12) and not is_odd(other, 0.12) and are_two(one, other, everything)
-        for one, other in halves
+        all(_halves_are_two(points, cut, everything, by) for by in (-0.004, 0.0, 0.004)) for cut in good
     )
+
+
+def _halves_are_two(points: Array, cut: Cut, everything: Array, by: float) -> bool:
+    part = points @ cut.across >= cut.place + by
+    one, other = points[part], points[~part]
+    return not is_odd(one, 0.12) and not is_odd(other, 0.12) and are_two(one, other, everything)
 
 
 def are_two(one: Array, other: Array, everything: Array) -> bool:
