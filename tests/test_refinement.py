@@ -129,6 +129,8 @@ def test_what_would_topple_is_of_what_carries_it_and_a_top_that_runs_on_is_no_se
     assert refinement.MAY_BE_TWO in doubts[0]
     assert len(things(drill)[0]) == 2
     assert things(cloud_of(views(BOXES["long"], BOXES["across"]).points))[1] == [""]
+    lamp = views(BOXES["base"], BOXES["pole"], BOXES["shade"])
+    assert things(cloud_of(lamp.points), pointed=False)[1] == [""]
 
 
 def test_boards_and_bins_are_not_meant_where_something_smaller_stands():

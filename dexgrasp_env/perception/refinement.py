@@ -60,7 +60,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
         labels, joined = _with_parts(points, _with_hanging(points, labels, seen), seen)
     things = {k: points[labels == k] for k in objects_in(points, labels)}
     marked = np.where(np.isin(labels, list(things)), labels, -1)
-    hidden = _occluded(cloud, everything, plane, marked) if len(things) > 1 else set()
+    hidden = _occluded(cloud, everything, marked) if len(things) > 1 else set()
     doubts = [""] * (labels.max(initial=-1) + 1)
     for k, own in things.items():
         low, high = low_and_high(own)[0], own[:, 2].max()
@@ -74,19 +74,17 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     return Instances(labels, tuple(doubts))
 
 
-def _occluded(cloud: Cloud, everything: Cloud, plane: Plane, labels: Index) -> set[int]:
+def _occluded(cloud: Cloud, everything: Cloud, labels: Index) -> set[int]:
     """Return the things that others hide in part from the only camera; none where there are several."""
-    over = plane.heights(everything.points)
-    upright, raised = (np.c_[c.points[:, :2], plane.heights(c.points)] for c in (everything, cloud))
     if not np.ptp(everything.views, axis=0).any():
-        eye = find_viewpoint(raised, upright[np.abs(over) < HIGH])
+        eye = find_viewpoint(cloud.points, everything.points[np.abs(everything.points[:, 2]) < HIGH])
     else:
         eye = None if np.ptp(everything.camera) else everything.eye()
     if eye is None:
         return set()
     of = np.full(max(everything.pixel.max(), cloud.pixel.max()) + 1, -1)
     of[cloud.pixel] = labels
-    return hidden_in_part(upright, of[everything.pixel], eye)
+    return hidden_in_part(everything.points, of[everything.pixel], eye)
 
 
 def _by_level(points: Array, labels: Index, mine: Mask) -> Index:
@@ -101,7 +99,7 @@ def _by_level(points: Array, labels: Index, mine: Mask) -> Index:
         if min(upper.sum(), lower.sum()) < LEAST_POINTS or np.ptp(heights[upper]) < LEAST_EXTENT:
             continue
         deep = max(deep_share(points[upper]), deep_share(points[lower]))
-        if deep < least and longest_side(points[upper]) > 0.035 and has_foot(points[upper], points[lower]):
+        if deep < least and has_foot(points[upper], points[lower]):
             best, least = np.where(upper, labels.max() + 1, labels), deep
     return best
 

@@ -59,21 +59,10 @@ class Cut(NamedTuple):
 
     def is_topped(self, points: Array) -> bool:
         """Return true where the top of points (N, 3) m runs on across an upright cut: of two things it differs."""
-        off, along = points @ self.across - self.place, points @ np.cross([0.0, 0.0, 1.0], self.across)
+        off = points @ self.across - self.place
         beside = (points[(np.abs(off) < 0.025) & side] for side in (off < 0.0, off >= 0.0))  # m
         tops = [low_and_high(part)[1] for part in beside if len(part)]
-        if not tops or np.ptp(tops) > 0.010:  # m
-            return False
-        near, row = np.abs(off) < 0.008, np.floor(along / 0.005).astype(int)  # m
-        steps = [
-            abs(np.subtract(*(np.quantile(points[side, 2], 0.9) for side in sides)))
-            for sides in (
-                (own & (off < 0.0), own & (off >= 0.0))
-                for own in (near & (row == k) for k in np.unique(row[near]))
-            )
-            if all(side.any() for side in sides)
-        ]
-        return bool(steps and np.median(steps) < min(0.0025, 0.2 * points[:, 2].max()))
+        return bool(tops and np.ptp(tops) < min(0.003, 0.2 * points[:, 2].max()))
 
 
 def is_odd(points: Array, most: float) -> bool:
@@ -90,12 +79,16 @@ def may_be_two(points: Array, everything: Array) -> bool:
     level = Cut.of(few, np.array([[0.0, 0.0, 1.0]]))
     upright = Cut.of(few, np.stack([np.cos(angles), np.sin(angles), np.zeros(12)], axis=1))
     cuts = [level] if upright.is_topped(points) else [level, upright]
-    parts = [points @ cut.across >= cut.place for cut in cuts if cut.saved > max(0.26, 0.6 * upright.saved)]
-    halves = ((points[part], points[~part]) for part in parts)
+    good = [cut for cut in cuts if cut.saved > max(0.26, 0.6 * upright.saved)]
     return any(
-        not is_odd(one, 0.12) and not is_odd(other, 0.12) and are_two(one, other, everything)
-        for one, other in halves
+        all(_halves_are_two(points, cut, everything, by) for by in (-0.004, 0.0, 0.004)) for cut in good
     )
+
+
+def _halves_are_two(points: Array, cut: Cut, everything: Array, by: float) -> bool:
+    part = points @ cut.across >= cut.place + by
+    one, other = points[part], points[~part]
+    return not is_odd(one, 0.12) and not is_odd(other, 0.12) and are_two(one, other, everything)
 
 
 def are_two(one: Array, other: Array, everything: Array) -> bool:
