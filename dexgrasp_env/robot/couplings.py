@@ -58,6 +58,8 @@ def couplings(model: mujoco.MjModel, path: Path) -> Coupled:
         elif ratio == 0.0:
             still.append(name)
             notes.append(f"hand held: {name} stands still at 0, as an equality says")
+    if any(np.abs(model.eq_data[e, 2:5]).max() > 1e-6 for e in _active(model, mujoco.mjtEq.mjEQ_TENDON)):
+        raise InputError(f"{path} ties tendons by a curve: valid is a straight line, polycoef of two numbers")
     found = []
     for follower, (leader, ratio, offset) in lines.items():
         for _ in lines:
@@ -86,9 +88,9 @@ def stated_lines(model: mujoco.MjModel) -> Lines:
         if follower in driven and leader not in driven:
             follower, leader, ratio, offset = leader, follower, 1.0 / ratio, -offset / ratio
         lines[follower] = leader, ratio, offset
-    for coefs, length in _constant_sums(model):
-        if len(coefs) == 2:
-            (leader, a), (follower, b) = sorted(coefs.items())
+    for terms, length in _constant_sums(model):
+        if len(terms) == 2:
+            (leader, a), (follower, b) = sorted(terms.items())
             lines[follower] = leader, -a / b, length / b
     for tendon in model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0].tolist():
         joints, coefs = wrapped_joints(model, tendon)
@@ -111,7 +113,8 @@ def _constant_sums(model: mujoco.MjModel) -> Iterator[tuple[dict[int, float], fl
         for tendon, share in ((model.eq_obj1id[e], 1.0), (model.eq_obj2id[e], -ratio)):
             for joint, coef in zip(*wrapped_joints(model, tendon), strict=True) if tendon >= 0 else ():
                 found[joint] = found.get(joint, 0.0) + share * coef
-        yield found, offset + sum(coef * float(model.qpos0[joint]) for joint, coef in found.items())
+        moved = {joint: coef for joint, coef in found.items() if coef}
+        yield moved, offset + sum(coef * float(model.qpos0[joint]) for joint, coef in moved.items())
 
 
 def has_loops(model: mujoco.MjModel) -> bool:
