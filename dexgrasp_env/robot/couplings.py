@@ -58,6 +58,8 @@ def couplings(model: mujoco.MjModel, path: Path) -> Coupled:
         elif ratio == 0.0:
             still.append(name)
             notes.append(f"hand held: {name} stands still at 0, as an equality says")
+    if any(np.abs(model.eq_data[e, 2:5]).max() > 1e-6 for e in _active(model, mujoco.mjtEq.mjEQ_TENDON)):
+        raise InputError(f"{path} ties tendons by a curve: valid is a straight line, polycoef of two numbers")
     found = []
     for follower, (leader, ratio, offset) in lines.items():
         for _ in lines:
@@ -111,7 +113,8 @@ def _constant_sums(model: mujoco.MjModel) -> Iterator[tuple[dict[int, float], fl
         for tendon, share in ((model.eq_obj1id[e], 1.0), (model.eq_obj2id[e], -ratio)):
             for joint, coef in zip(*wrapped_joints(model, tendon), strict=True) if tendon >= 0 else ():
                 found[joint] = found.get(joint, 0.0) + share * coef
-        yield found, offset + sum(coef * float(model.qpos0[joint]) for joint, coef in found.items())
+        moved = {joint: coef for joint, coef in found.items() if coef}
+        yield moved, offset + sum(coef * float(model.qpos0[joint]) for joint, coef in moved.items())
 
 
 def has_loops(model: mujoco.MjModel) -> bool:

@@ -133,7 +133,6 @@ class HandMaker(Part):
         unlike = (ways @ ways.T)[self.linkages :, self.linkages :].sum(1)
         thumb = self.linkages + int(np.argmin(unlike))  # points and faces least as the others do
         ends = [self.model.body(chain[-1]).name for chain in self.chains]
-        first, second = np.sort(unlike)[:2]
         if self.named.thumb:
             body = self.model.body(self.named.thumb).id
             named = [any(self.hangs_on(body, own) for own in chain) for chain in self.chains]
@@ -142,7 +141,7 @@ class HandMaker(Part):
                     f"--thumb {self.named.thumb} is no body of a finger: fingers end in {', '.join(ends)}"
                 )
             thumb = named.index(True)
-        elif second - first < 0.5:  # another finger faces nearly as little as the others do
+        elif np.diff(np.sort(unlike)[:2]) < 0.5:  # another finger faces nearly as little as the others do
             self.notes.append(
                 f"hand thumb: the finger that ends in {ends[thumb]!r} is a guess: --thumb BODY names another"
             )
