@@ -53,7 +53,7 @@ def drawn(k: int, surface: Array, rng: Generator) -> tuple[str, GraspRequest]:
     else:
         high[axis] = np.quantile(surface[:, axis], share)
     region = (Region(low, high),)
-    return kind, GraspRequest(hold=region) if kind == "hold" else GraspRequest(avoid=region)
+    return kind, GraspRequest(**{kind: region})
 
 
 def tip_contacts(lift: Any, start: Array) -> Array:
@@ -89,10 +89,9 @@ def trial(k: int, seed: int) -> Fields:
     kind, request = drawn(k, surface, rng)
     agent = BilevelAgent(request=request, regrasps=0)  # a second look finds the object elsewhere
     outcome, grasp = run_trial(look.env, agent, TrialSeeds(scene, scene))
-    load = None if grasp is None else grasp["certificate"]["load"]
     row = {
         "k": k, "object": target, "kind": kind, "answered": grasp is not None and grasp["certificate"]["holds"],
-        "reason": outcome.reason, "lifted": outcome.success, "load": load,
+        "reason": outcome.reason, "lifted": outcome.success,
     }  # fmt: skip
     if not row["answered"]:
         return row | {"possible": is_possible(look, request)}

@@ -75,8 +75,7 @@ def every_action(parser):
 @pytest.mark.parametrize("what", ["objects", "envs", "agents", "protocols"])
 def test_list(what, capsys, printed):
     assert typed(f"list {what} --json") == OK
-    listed = printed()
-    assert len(listed[what]) >= 1
+    assert len(printed()[what]) >= 1
     assert typed(f"list {what}") == OK
     table = capsys.readouterr().out
     known = {"objects": "sugar_box", "envs": "DexGrasp/Lift-v2", "agents": "hardcoded", "protocols": "lift"}

@@ -69,8 +69,7 @@ def test_an_agent_is_compared_with_itself_under_another_protocol(tmp_path, print
     rows = [
         row("x", "pear", k, k < n, protocol=p) for p, n in (("lift", 3), ("lift@warp", 4)) for k in range(4)
     ]
-    folder = write_run(tmp_path, rows)
-    assert typed(f"compare {folder} x x --protocols lift lift@warp --json") == 0
+    assert typed(f"compare {write_run(tmp_path, rows)} x x --protocols lift lift@warp --json") == 0
     found = printed()
     assert (found["a"], found["b"]) == ("x (lift)", "x (lift@warp)")
     assert [found[k] for k in ("scenes", "both", "only_a", "only_b")] == [4, 3, 0, 1]

@@ -85,8 +85,7 @@ def test_splits_share_no_grasp(data):
 def test_command_line(data, tmp_path, capsys, printed, monkeypatch):
     monkeypatch.setattr(CvaeTraining, "steps", 2)
     assert typed(f"train cvae --data {data} --out {tmp_path / 'run'} --epochs 1 --json") == 0
-    figures = printed()
-    assert figures["losses"]["test"]["fingertip_cm"] > 0
+    assert printed()["losses"]["test"]["fingertip_cm"] > 0
     assert (tmp_path / "run" / "curves.png").is_file()
     assert typed(f"train cvae --data {tmp_path} --out {tmp_path / 'b'} --epochs 1") == 2
     assert "holds no dataset" in capsys.readouterr().err
@@ -129,8 +128,7 @@ def test_what_the_ablations_reject_and_what_not():
     assert raw.grasp.certificate.closure_residual < 1e-6
     assert raw.grasp.certificate.min_clearance_m >= 0.0
     assert -(raw.grasp.forces * raw.grasp.normals).sum(1).min() >= 4.0 - 1e-6
-    kept = KinematicPlanner(PlannerSettings(), CELL)
-    assert kept.plan(target, 0).grasp.certificate.holds
+    assert KinematicPlanner(PlannerSettings(), CELL).plan(target, 0).grasp.certificate.holds
     refused = KinematicPlanner(PlannerSettings(), CELL)
     proposals = refused.source.propose(heavy, replace(refused.settings, triples=3), np.random.default_rng(0))
     refused.source = Given(proposals)

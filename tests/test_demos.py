@@ -63,8 +63,7 @@ def settings():
 @pytest.fixture(scope="module")
 def folder(settings, tmp_path_factory):
     folder = tmp_path_factory.mktemp("demos") / "out"
-    about = generate(settings, folder, ("minari", "lerobot"))
-    assert about["episodes"] >= 1
+    assert generate(settings, folder, ("minari", "lerobot"))["episodes"] >= 1
     return folder
 
 
@@ -82,10 +81,8 @@ def test_the_data_set_is_minaris_and_replays(folder):
     assert solved < len(episode) - 5  # it goes on to hold
     assert all(episode.infos["is_success"][solved:])
     assert episode.truncations.tolist() == [False] * (len(episode) - 1) + [True]
-    replayed = replay_all(folder)
-    assert replayed["successes"] == figures["episodes"]
-    env = data.recover_environment()
-    assert env.unwrapped.settings.control_mode == "joint_delta"
+    assert replay_all(folder)["successes"] == figures["episodes"]
+    assert data.recover_environment().unwrapped.settings.control_mode == "joint_delta"
 
 
 @pytest.mark.parametrize(("observe", "most"), [("reset", 1), ("step", 0), ("clear", 4)])

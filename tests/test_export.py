@@ -63,13 +63,10 @@ def folder(trajectory, tmp_path):
     return tmp_path
 
 
-PANDA = table("panda")
-
-
-@pytest.mark.parametrize("quantity", PANDA)
-def test_the_arm_has_its_makers_limits(quantity):
+def test_the_arm_has_its_makers_limits():
     """Typed again: trajectories are held to the robot's file alone."""
-    assert list(getattr(ROBOT.arm.joints, quantity)) == PANDA[quantity]
+    limits = table("panda")
+    assert {name: list(getattr(ROBOT.arm.joints, name)) for name in limits} == limits
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -139,8 +139,7 @@ def test_nine_tenths_of_the_hold_must_be_grasped():
     assert held(env, GRASP_STEPS)[-1][0]["is_success"]
     env = make()
     held(env, HOLD_STEPS - GRASP_STEPS + 1, forces=LOOSE)
-    seen = held(env, GRASP_STEPS)
-    assert [info["is_success"] for info, _ in seen][-2:] == [False, True]
+    assert [info["is_success"] for info, _ in held(env, GRASP_STEPS)][-2:] == [False, True]
     assert not held(env, 1, forces=LOOSE)[0][0]["is_success"]  # nor without a grasp at its end
 
 

@@ -238,8 +238,7 @@ def test_the_judge_knows_the_table_as_a_neighbour(planned):
     record = planned_record(
         "phone", plan.grasp, plan.target, plan.settings, script=plan.script, origin=origin
     )
-    failed = rejected(record)
-    assert failed == []
+    assert rejected(record) == []
     table = plan.target.neighbours[0][0]
     assert_allclose(np.ptp(table[:, :2], axis=0), TABLE_SIZE[:2])
     tips = fingertips(plan.grasp.q, robot_tree(plan.grasp.cell))
@@ -249,8 +248,7 @@ def test_the_judge_knows_the_table_as_a_neighbour(planned):
 def test_what_is_high_guessed_or_out_of_reach_is_not_pushed(planned):
     planner, phone, slide = planned
     assert plan_slide(planner, lying(size=(0.1, 0.06, 0.04)), 0, HOME) is None
-    crowded = slid(phone, np.zeros(2))
-    assert plan_slide(planner, crowded, 0, HOME) is None
+    assert plan_slide(planner, slid(phone, np.zeros(2)), 0, HOME) is None
     far = Push(slide.push.direction, 3.0, slide.push.touch)
     with pytest.raises(Exception, match="push_out_of_reach"):
         make_slide(far, HOME, phone, CELL)

@@ -85,8 +85,7 @@ def test_where_the_object_is_nowhere_no_goal_is_reached(reward_mode):
     assert np.isfinite(achieved).all()
     assert episodes.rewards[0] == env.compute_reward(achieved, desired, {}) < 0.0
     assert np.isfinite(episodes.infos()["goal_distance"]).all()
-    nowhere = np.full_like(desired, np.nan)
-    assert env.compute_reward(nowhere, desired, {}) != 0.0
+    assert env.compute_reward(np.full_like(desired, np.nan), desired, {}) != 0.0
 
 
 def test_hindsight_finds_its_goals_in_the_space_and_none_that_was_always_reached():

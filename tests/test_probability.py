@@ -49,8 +49,7 @@ def test_a_file_states_what_the_model_says_of_it(found, record):
     assert stated.mass == record.certificate.mass
     assert stated.friction == pytest.approx(0.7)
     assert stated.lifted.value == chances_of(found.found[0], found).lifted.value
-    again = json.loads(json.dumps(as_json(record)))
-    assert record_of(again).holds_probability == stated
+    assert record_of(json.loads(json.dumps(as_json(record)))).holds_probability == stated
 
 
 def test_nothing_is_said_of_what_no_trials_have_tested(record):

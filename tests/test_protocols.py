@@ -90,7 +90,7 @@ def test_figures_are_published_with_protocols_and_listed(printed):
     assert PROTOCOLS["lift"].shown("learned") == "bc_cloud 120 of 120 held"
     assert typed("list protocols --json") == 0
     rows = {row["name"]: row for row in printed()["protocols"]}
-    assert rows["clutter_heap@mask"]["planner"] == "bilevel 9 of 20 clean"
+    assert rows["clutter_heap@mask"]["planner"] == "bilevel 17 of 60 clean"
 
 
 def test_the_constant_acts_as_the_environment_does_where_actions_are_whole_grasps():

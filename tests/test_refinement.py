@@ -118,8 +118,7 @@ def test_a_handle_is_of_what_it_hangs_on_and_a_small_thing_of_what_it_touches_wh
     found, doubts = things(touching, pointed=False)
     assert len(found) == 1
     assert refinement.MAY_BE_TWO in doubts[0]
-    stacked = cloud_of(views(body, BOXES["on_it"]).points)
-    assert len(things(stacked, pointed=False)[0]) == 2
+    assert len(things(cloud_of(views(body, BOXES["on_it"]).points), pointed=False)[0]) == 2
 
 
 def test_what_would_topple_is_of_what_carries_it_and_a_top_that_runs_on_is_no_seam():

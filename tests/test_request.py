@@ -187,8 +187,7 @@ def test_the_command_takes_it(tmp_path, capsys, printed):
 
 def test_what_is_known_of_the_object_is_of_the_request_and_judged():
     plan = plan_cloud(block(), seed=2, request=GraspRequest(friction=0.7, mass=0.2, min_probability=0.5))
-    checks = judged(plan)
-    assert all(check.holds for check in checks.values())
+    assert all(check.holds for check in judged(plan).values())
     assert plan.grasp.certificate.mass == 0.2
     (content,) = plan.contents("block")
     for asked, name in mistakes("known_otherwise"):

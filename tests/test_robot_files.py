@@ -36,8 +36,7 @@ from dexgrasp_env.robot.robot_file import read_robot
 def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made")
     out = folder / "theirs.yaml"
-    assumed = make_robot(foreign_hand(folder), None, out)
-    assert any("velocity" in line for line in assumed)
+    assert any("velocity" in line for line in make_robot(foreign_hand(folder), None, out))
     return out
 
 

@@ -116,7 +116,7 @@ def _drawn(rng: np.random.Generator, tree: RobotTree) -> Array:
     return rng.uniform(-1.0, 1.0, (SAMPLES, len(tree.lower) - tree.arm))
 
 
-def _around(rng: np.random.Generator, drawn: Array) -> Array:
+def _near_draws(rng: np.random.Generator, drawn: Array) -> Array:
     """Return draws near some of others (N, h)."""
     near = drawn[rng.integers(len(drawn), size=SAMPLES)]
     return np.clip(near + rng.normal(0.0, _STEP, near.shape), -1.0, 1.0)
@@ -140,7 +140,7 @@ def _many_kept(rng: np.random.Generator, robot: Robot, tree: RobotTree, world: W
             break
         few = few or (k == 0 and _ROUNDS * len(found) < _ENOUGH)
         nearest = next((own for own in (found, inward, opposed) if len(own)), opposed)
-        drawn = _around(rng, drawn[nearest]) if few and len(nearest) else _drawn(rng, tree)
+        drawn = _near_draws(rng, drawn[nearest]) if few and len(nearest) else _drawn(rng, tree)
     if not sum(map(len, kept)):
         raise InputError(f"hand {robot.hand.name!r} can press with no two tips: see `dexgrasp robot check`")
     return np.concatenate(kept)

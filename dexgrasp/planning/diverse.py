@@ -1,9 +1,9 @@
 """Many grasps of one scene: the firmest, then always the one farthest from those that are chosen.
 
 The way from proposal to grasp is the planner's own; it goes on where the planner would take the firmest and stop.
-Feasible configurations that hold are collected, twice as many as are asked for. Greedy selection then takes the one
-whose hand is farthest from every hand chosen so far (`variety.hand_points`), and only what is chosen gets its opening,
-certificate and approach; where that fails, the next farthest takes its place.
+Feasible configurations that hold are collected, four times as many as are asked for. Greedy selection then takes the
+one whose hand is farthest from every hand chosen so far (`variety.hand_points`), and only what is chosen gets its
+opening, certificate and approach; where that fails, the next farthest takes its place.
 
 Where it is asked how likely a grasp is to hold (`plan --at-least P`), those remain that are likely enough, or none.
 """
@@ -26,7 +26,7 @@ from dexgrasp.planning.result import Planned, PlanResult, Progress
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
-_POOL = 2.0  # times as many configurations are chosen among as are asked for
+_POOL = 4.0  # times as many configurations are chosen among as are asked for
 UNSURE = "not_sure_enough"
 
 

@@ -64,16 +64,16 @@ class _Robot(NamedTuple):
 
 @lru_cache(maxsize=8)  # a plan asks several times
 def make_world(
-    cell: Cell, target: ConvexDistance | None = None, around: ConvexDistance | None = None
+    cell: Cell, target: ConvexDistance | None = None, beside: ConvexDistance | None = None
 ) -> World:
     """Return the world of a cell's robot, of an object and of what stands around it; the same at every call.
 
     Args:
         cell: of the robot; compiled code places it, wherever its base is.
         target: the object's convex parts, world frame, m; None for no object.
-        around: its neighbours'.
+        beside: its neighbours'.
     """
-    things = [() if thing is None else thing.corners for thing in (target, around)]
+    things = [() if thing is None else thing.corners for thing in (target, beside)]
     corners, size = things[0] + things[1], _PARTS
     while size < len(corners) or size * _CORNERS < sum(map(len, corners)):
         size *= 2
@@ -97,7 +97,7 @@ def make_world(
         objects=len(things[0]),
         **robot.geoms,
     )
-    vars(world).update(of=(model, data), made_of=(cell, target, around))
+    vars(world).update(of=(model, data), made_of=(cell, target, beside))
     return world
 
 
