@@ -110,13 +110,14 @@ def test_lift_beyond_reach_is_reported():
 
 @pytest.mark.parametrize("speed", [0.3, 0.65, 1.0])
 def test_timing_keeps_velocity_and_acceleration_limits(speed):
-    goal = HOME + np.linspace(-0.6, 0.8, 23)
-    goal = np.clip(goal, LOWER, UPPER)
-    middle = np.clip(HOME + np.linspace(0.5, -0.5, 23), LOWER, UPPER)
-    samples = time_path(np.stack([HOME, middle, goal]), robot_tree(CELL), speed=speed)
+    goal, middle = (
+        np.clip(HOME + np.linspace(*ends, 23), LOWER, UPPER) for ends in ((-0.6, 0.8), (0.5, -0.5))
+    )
+    way = [HOME, middle, *np.linspace(goal - 0.05, goal, 15)]
+    samples = time_path(way, robot_tree(CELL), speed=speed)
     assert_allclose(samples[-1], goal, atol=1e-12)
     rate = np.diff(np.concatenate([HOME[None], samples]), axis=0) / CONTROL_PERIOD
-    assert (np.abs(rate) <= 1.02 * speed * VELOCITY).all()
+    assert 0.9 < np.max(np.abs(rate) / VELOCITY) / speed < 1.02
     change = np.diff(np.concatenate([0 * rate[:1], rate, 0 * rate[:1]]), axis=0) / CONTROL_PERIOD
     assert (np.abs(change) <= 1.1 * speed * ROBOT.acceleration).all()
 

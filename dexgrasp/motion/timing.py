@@ -35,13 +35,14 @@ def time_path(
         rounded, at = round_corners(path, blend)
         if checker is not None and checker.first_contact(rounded) is not None:
             continue
-        timed = _time_smooth(rounded, at, tree, speed)
+        timed = _fastest(rounded, at, tree, speed)
+        if timed is None:
+            continue
         # Set-points go straight between control steps, so they cut the roundings a little.
         if checker is None or checker.first_contact(np.vstack([path[0], timed]), 0.001) is None:  # m
             return timed
-    return np.concatenate(
-        [_time_smooth(*round_corners(path[i : i + 2], 0.0), tree, speed) for i in range(len(path) - 1)]
-    )
+    legs = (round_corners(path[i : i + 2], 0.0) for i in range(len(path) - 1))
+    return np.concatenate([_straight(*leg, tree, speed) for leg in legs])
 
 
 def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
@@ -71,8 +72,8 @@ def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
     return points, at
 
 
-def _time_smooth(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
-    """Time a smooth path as fast as limits allow; by a slow smooth law where that fails."""
+def _fastest(points: Array, at: Array, tree: RobotTree, speed: float) -> Array | None:
+    """Time a smooth path as fast as limits allow; None where set-points would break them."""
     curve = CubicSpline(at, points, bc_type="natural")
     room = 0.99  # of the limits: the solver keeps them to rounding
     squared = fastest_squared_speeds(
@@ -84,7 +85,13 @@ def _time_smooth(points: Array, at: Array, tree: RobotTree, speed: float) -> Arr
         samples[-1] = points[-1]
         if np.isfinite(samples).all() and is_gentle(points[0], samples, tree, speed):
             return samples
-    return _slow(points, at, tree, speed)
+    return None
+
+
+def _straight(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
+    """Time a straight line as fast as limits allow; by a slow smooth law where that fails."""
+    timed = _fastest(points, at, tree, speed)
+    return _slow(points, at, tree, speed) if timed is None else timed
 
 
 def within_limits(start: Array, samples: Array, tree: RobotTree) -> bool:
