@@ -32,7 +32,7 @@ from dexgrasp_env.tasks.constants import (
 )
 
 __all__ = ["InputError"]
-__version__ = "0.5.0.dev0"
+__version__ = "0.4.0"
 
 _PLAIN: dict[str, Any] = {"obs_mode": "features", "reward_scale": 0.2, "reward_threshold": 15.0}
 """Of tasks for plain learners: returns from 0 to 20."""
