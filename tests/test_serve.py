@@ -182,7 +182,7 @@ def test_who_has_no_token_or_comes_from_a_page_is_refused(served):
             served.connect(**given)
         assert refused.value.response.status_code == status
     assert served.get("/healthz", "none") == "ok\n"
-    assert json.loads(served.get("/metrics"))["requests"] > 0
+    assert "requests" in json.loads(served.get("/metrics"))
     with pytest.raises(urllib.error.HTTPError):
         served.get("/metrics", "none")
     sockets = [served.connect() for _ in range(3)]

@@ -58,7 +58,8 @@ class Server:
             token: that clients must send as `Authorization: Api-Key TOKEN`; None asks for none.
         """
         self._settings, self._token = settings, token
-        self.counters: Counter[str] = Counter()
+        kinds = "connections", "requests", "errors", "refused", "faults", "timeouts", "deaths", "restarts"
+        self.counters = Counter(dict.fromkeys(kinds, 0))
         self._workers = [Worker(served, settings.seconds, self.counters) for _ in range(workers)]
         self._numbers, self._open, self._in_hand = count(1), set[Any](), 0
         self._stopping = asyncio.Event()
