@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
-from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR, OBJECT, SELF
+from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR, OBJECT, SELF, clearances
 from dexgrasp.mechanics.kinematics.forward import (
     body_frames,
     fingertips,
@@ -100,7 +100,7 @@ def _check_demand(q: Array, contacts: Array, problem: GraspProblem) -> None:
         raise NoGrasp("contact_outside_request")
     if demand.request.hold or demand.request.avoid:
         # Links that come nearer than this touch an object that is not quite where it was seen, wherever that is.
-        near = too_near(q, problem, 0.004)
+        _, near = clearances(q, problem.tree, problem.world, 0.004, False)
         if (~np.isin(near[near[:, 0] == OBJECT, 1], problem.tree.tip_body)).any():
             raise NoGrasp("contact_outside_request")
     if not demand.faces(palm_frame(q, problem.tree)[0][None, :, 0]).all():
