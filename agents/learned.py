@@ -9,7 +9,7 @@ from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
 from dexgrasp.learning.imitation.policy import Policy, PolicyRun
 from dexgrasp.learning.reinforcement.grip_policy import GripPolicy
 from dexgrasp.learning.reinforcement.rl_policy import RlPolicy
-from dexgrasp.runs.arrays import read_policy
+from dexgrasp.runs.weights import read_policy
 from dexgrasp_env.arrays import Single
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
