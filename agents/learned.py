@@ -18,7 +18,7 @@ from dexgrasp_env.robot.cell import default_cell
 
 
 class LearnedAgent(Agent):
-    """Acts by the policy of a folder, in numpy; its `env_settings` are those that it was trained in."""
+    """Acts by the policy of a folder, in numpy, in the environment settings that it was trained in."""
 
     shipped: ClassVar[str] = ""
 

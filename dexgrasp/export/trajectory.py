@@ -43,7 +43,7 @@ class Waypoints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Rows from rest to rest.
+    """Trajectory from rest to rest, as rows of joint positions.
 
     Attributes:
         robot: whose joints they are.

@@ -61,7 +61,7 @@ class ViserScene:
 
     def _add_robot(self) -> dict[int, Any]:
         """Add every body with a shape to show; returns the handles by body."""
-        from dexgrasp_env.scene.shapes import geom_mesh
+        from dexgrasp_env.scene.geom_mesh import geom_mesh
 
         handles, model = dict[int, Any](), self._model
         for geom in np.flatnonzero(model.geom_group == 2).tolist():  # group of the geoms that are shown

@@ -17,7 +17,7 @@ from dexgrasp_env.valid import Rule, number, pair, read
 
 @dataclass(frozen=True)
 class Variation:
-    """One draw.
+    """One draw of the domain randomisation.
 
     Attributes:
         mass: factor on the object's mass.

@@ -33,7 +33,7 @@ from dexgrasp_env.valid import COUNT, NATURAL, Rule, check, instance
 
 
 class ClosedError(InputError, ClosedEnvironmentError):
-    """Use of environments that are closed: also Gymnasium's error for it."""
+    """Error for use after `close()`: also Gymnasium's own."""
 
 
 class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickle):
