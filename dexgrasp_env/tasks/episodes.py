@@ -25,7 +25,7 @@ from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
 from dexgrasp_env.tasks.grasps import Grasps
 from dexgrasp_env.tasks.infos import EpisodeInfos
 from dexgrasp_env.tasks.moving import MOTION, draw_motion, moves_now
-from dexgrasp_env.tasks.observations import FLAT, knows_state, observation_space, unbounded
+from dexgrasp_env.tasks.observations import FLAT, key_columns, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, PHASES, Records, rules_of
@@ -35,7 +35,6 @@ from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import NO_PHYSICS, Physics, Simulation, arm_chain
 from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
 from dexgrasp_env.tasks.starts import pre_grasps
-from dexgrasp_env.tasks.state import observe
 from dexgrasp_env.tasks.views import CameraObserver
 
 
@@ -83,6 +82,8 @@ class Episodes(EpisodeInfos):
         self.whole = settings.control_mode in ONCE_MODES  # an action is a whole episode
         self.span = longest_grasp(settings) if self.whole else settings.hold
         """Control steps of an action, at most."""
+        self._columns = key_columns(settings.obs_mode, robot)
+        self._width = max(columns.stop for columns in self._columns.values())
         self._grasps = Grasps(settings, first, number) if settings.control_mode in GRASP_MODES else None
         self._features = SceneFeatures(number, self.whole) if settings.obs_mode == FLAT else None
         self.starts: Starts | None = pre_grasps(settings)
@@ -278,10 +279,12 @@ class Episodes(EpisodeInfos):
             The observation without cameras: arrays (n, ...) by key.
         """
         records = self.records[part]
-        if judge:
-            kernel.judge(records, where.current, warnings, self.rules, self.rewards[part])
-        noise, private = self._joint_noise(records, rngs), knows_state(self.settings.obs_mode)
-        seen = observe(records, where.current, self.commands[part, 0], noise, self.rules, private)
+        rows = np.empty((len(records), self._width), np.float32)
+        kernel.conclude(
+            records, where.current, warnings, self.commands[part], self._joint_noise(records, rngs), self.rules,
+            self.rewards[part], rows, judge,
+        )  # fmt: skip
+        seen = {key: rows[:, columns] for key, columns in self._columns.items()}
         return self._finish(part, where, judge, seen)
 
     def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
@@ -297,10 +300,10 @@ class Episodes(EpisodeInfos):
             return state
         return {FLAT: self._features.of(part, state, self.records["elapsed"][part])}
 
-    def _joint_noise(self, records: Records, rngs: Sequence[Generator | None]) -> Array | None:
-        n = self.settings.cell.robot.dof
+    def _joint_noise(self, records: Records, rngs: Sequence[Generator | None]) -> Array:
         if self.settings.randomisation.joint_noise is None:
-            return None
+            return np.empty((len(records), 0))
+        n = self.settings.cell.robot.dof
         size = records["variation"][:, 5:]
         return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
 
@@ -326,17 +329,15 @@ class Episodes(EpisodeInfos):
             rngs: theirs; None for those that do not run.
             running: indices, ascending.
         """
-        everything, pushed = slice(None), self.settings.disturbance.kind not in ("none", "shaken")
+        everything = slice(None)
+        if self.span == 1:
+            return self.complete(everything, where, self._step(actions, where, rngs, running))
         going, rngs, gained = running, list(rngs), np.zeros(len(self.slots))
         rows = self.records, self.task_records, self.commands
         kept = {}
         late = lifted_by(self.settings) if self.whole else self.span
         for step in range(self.span):
-            set_points, push = self.set_points(actions, where, step)
-            warnings = where.step(set_points, push if pushed else None, going)
-            seen = self.conclude(everything, where, warnings, rngs)
-            if self.span == 1:
-                return self.complete(everything, where, seen)
+            seen = self._step(actions, where, rngs, going, step)
             gained[going] += self.rewards[going]
             goes_on(self.records, self.whole, late, self._goes_on)
             for i in going[~self._goes_on[going]].tolist():
@@ -349,6 +350,19 @@ class Episodes(EpisodeInfos):
                 whole[i] = part
         self.rewards[:] = gained
         return self.complete(everything, where, seen)
+
+    def _step(
+        self,
+        actions: Array,
+        where: Physics,
+        rngs: Sequence[Generator | None],
+        going: NDArray[np.intp],
+        step: int = 0,
+    ) -> Arrays:
+        set_points, push = self.set_points(actions, where, step)
+        pushed = self.settings.disturbance.kind not in ("none", "shaken")
+        warnings = where.step(set_points, push if pushed else None, going)
+        return self.conclude(slice(None), where, warnings, rngs)
 
     def get_state(self, i: int, physics: Array, sensors: Array, rng: Generator) -> EpisodeState:
         """Return the state of episode `i`."""
