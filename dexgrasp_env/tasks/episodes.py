@@ -106,6 +106,16 @@ class Episodes(EpisodeInfos):
         """Return an observation as agents are given it."""
         return observation if self._features is None else observation[FLAT]
 
+    def start_from(self, starts: Starts | None) -> None:
+        """Set the source of options for resets that are given none.
+
+        Raises:
+            InputError: for what cannot be asked for them.
+        """
+        if starts is not None and (isinstance(starts, type) or not callable(starts)):
+            raise InputError(f"starts is {starts!r}: valid is what is called for a reset's options, as PreGrasps()")
+        self.starts = starts
+
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> tuple[Simulation, Arrays]:
         """Start episode `i`: draw what it is of and let its object settle, or go on from a state.
 
@@ -167,7 +177,7 @@ class Episodes(EpisodeInfos):
         pose = self._draw_pose(simulation.object, variation, rng)
         given = options.get("object_pose")
         if given is not None:
-            pose = check_pose(given, simulation.hull * variation.size, settings.cell)
+            pose = check_pose(given, simulation.object, variation.size, settings.cell)
         self._mount(i, target, (), variation)
         self.slots[i].joints = check_joints(options.get("joints"), settings.cell.robot)
         if given is not None:
