@@ -1,9 +1,9 @@
-"""`dexgrasp view`: a grasp in the browser, from approach to hold."""
+"""`dexgrasp view`: a grasp in the browser, from the approach to the hold."""
 
 from pathlib import Path
 from typing import Annotated
 
-from dexgrasp.cli.command import Answer, Argument, Command, File, Scene
+from dexgrasp.cli.command import Answer, Argument, Command, File, SceneOptions
 from dexgrasp.cli.output import note
 from dexgrasp.cli.plan import plan_target
 from dexgrasp.runs.folder import make_folder
@@ -12,7 +12,7 @@ from dexgrasp_env.files import write_atomically
 from dexgrasp_env.valid import Count
 
 
-class View(Command, Scene):
+class View(Command, SceneOptions):
     """Look at a grasp: on a local server, or as one self-contained page.
 
     examples:
@@ -34,12 +34,12 @@ class View(Command, Scene):
     port: Annotated[Count, "P"] = 8080
 
     def run(self) -> Answer | int:
-        """Plan or read, then serve or write."""
+        """Plan a grasp or read some, then serve or write the page."""
         from dexgrasp.evaluation.store import kept_grasps
         from dexgrasp.grasp.file import read_grasp, record_of
         from dexgrasp.viewer.page import page, serve
         from dexgrasp.viewer.playback import playback_of
-        from dexgrasp_env.perception.scene import Scene as Perceived
+        from dexgrasp_env.perception.scene import Scene
 
         path, cell = Path(self.target), self.cell
         if self.html is not None:
@@ -53,7 +53,7 @@ class View(Command, Scene):
             playbacks = [playback_of(read_grasp(file, cell)) for file in files]
         else:
             look, found = plan_target(self.target, "bilevel", self)
-            (identity, pose), seen = look.subject, Perceived.of_observation(look.observation).target.points
+            (identity, pose), seen = look.subject, Scene.of_observation(look.observation).target.points
             if not found.success:
                 note(f"{identity.name}: no grasp ({found.reason}), so there is nothing to show")
             playbacks = [

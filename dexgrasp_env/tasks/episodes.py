@@ -4,8 +4,9 @@ The single environment has one, the vector environment many; only who advances t
 """
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import astuple
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays, Fields, Index, Mask
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.tasks import kernel
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
@@ -25,25 +25,24 @@ from dexgrasp_env.tasks.grasp_actions import GraspActions
 from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
 from dexgrasp_env.tasks.infos import EpisodeInfos
 from dexgrasp_env.tasks.moving import MOTION, draw_motion, moves_now
-from dexgrasp_env.tasks.observations import FLAT, knows_state, observation_space, unbounded
+from dexgrasp_env.tasks.observations import FLAT, key_columns, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
-from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, PHASES, Records, rules_of
+from dexgrasp_env.tasks.randomisation import Rngs, Variation
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, PHASES, rules_of
 from dexgrasp_env.tasks.reset_options import check_joints, check_options
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import NO_PHYSICS, Physics, Simulation, arm_chain
 from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
 from dexgrasp_env.tasks.starts import pre_grasps
-from dexgrasp_env.tasks.state import observe
 from dexgrasp_env.tasks.views import CameraObserver
 
 
 class Episodes(EpisodeInfos):
     """Records of N episodes and the scenes that they share; the base of every task.
 
-    A task overrides `task_dtype`, what it notes; `_begin` or `_set_out`, how an episode starts; `_finish`, the rewards
-    and observation of a step; `endings`; `more_infos`.
+    A task overrides `task_dtype`, what it notes; `_begin` or `_set_out`, how an episode starts; `_finish`, rewards and
+    observation of a step; `endings`; `more_infos`.
     """
 
     task = "lift"
@@ -71,11 +70,9 @@ class Episodes(EpisodeInfos):
         self.rewards, self._goes_on = np.zeros(number), np.zeros(number, bool)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
         self._rows, self._push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
-        hulls, self._hull_spans, first_row = [], {}, 0
-        for target, simulation in self.simulations.items():
-            hulls.append(simulation.hull)
-            self._hull_spans[target] = first_row, len(simulation.hull)
-            first_row += len(simulation.hull)
+        hulls = [simulation.hull for simulation in self.simulations.values()]
+        spans = zip(accumulate(map(len, hulls), initial=0), map(len, hulls), strict=False)
+        self._hull_spans = dict(zip(self.simulations, spans, strict=True))
         first = next(iter(self.simulations.values()))
         self.action_space = ActionSpace(
             settings.control_mode, robot, settings.frame_skip, settings.action_scale, settings.hold
@@ -87,6 +84,8 @@ class Episodes(EpisodeInfos):
         self.whole = settings.control_mode in ONCE_MODES  # an action is a whole episode
         self.span = longest_grasp(settings) if self.whole else settings.hold
         """Control steps of an action, at most."""
+        self._columns = key_columns(settings.obs_mode, robot)
+        self._width = max(columns.stop for columns in self._columns.values())
         self._grasps = GraspActions(settings, first, number) if settings.control_mode in GRASP_MODES else None
         self._features = SceneFeatures(number, self.whole) if settings.obs_mode == FLAT else None
         self.starts: Starts | None = pre_grasps(settings)
@@ -108,6 +107,16 @@ class Episodes(EpisodeInfos):
     def as_agent_sees(self, observation: Arrays) -> Any:
         """Return an observation as agents are given it."""
         return observation if self._features is None else observation[FLAT]
+
+    def start_from(self, starts: Starts | None) -> None:
+        """Set the source of options for resets that are given none.
+
+        Raises:
+            InputError: for what cannot be asked for them.
+        """
+        if starts is not None and (isinstance(starts, type) or not callable(starts)):
+            raise InputError(f"starts is {starts!r}: valid is what returns a reset's options, as PreGrasps()")
+        self.starts = starts
 
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> tuple[Simulation, Arrays]:
         """Start episode `i`: draw what it is of and let its object settle, or go on from a state.
@@ -167,10 +176,10 @@ class Episodes(EpisodeInfos):
         target = str(options.get("object", names[int(rng.integers(len(names)))]))
         simulation = self.simulations[target]
         variation = settings.randomisation.sample(rng, settings.mass, settings.friction_of(simulation.object))
-        pose = self._draw_pose(simulation.object, variation, rng)
+        pose = settings.draw_pose(simulation.object, variation.size, rng)
         given = options.get("object_pose")
         if given is not None:
-            pose = check_pose(given, simulation.hull * variation.size, settings.cell)
+            pose = check_pose(given, simulation.object, variation.size, settings.cell)
         self._mount(i, target, (), variation)
         self.slots[i].joints = check_joints(options.get("joints"), settings.cell.robot)
         if given is not None:
@@ -181,11 +190,6 @@ class Episodes(EpisodeInfos):
             motion = draw_motion(settings.disturbance, pose, settings.frame_skip, rng)
             self.task_records[list(MOTION.names or ())][i] = motion
         return self._set_out(i, pose, rng, given is not None)
-
-    def _draw_pose(self, model: ObjectModel, variation: Variation, rng: Generator) -> Array:
-        pose = self.settings.object_pose.sample(model, rng, self.settings.presentation)
-        pose[2] *= variation.size
-        return pose
 
     def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:
         """Put the object of episode `i` down at `pose` (7,), drawn or given, and let it settle; return its scene."""
@@ -262,12 +266,7 @@ class Episodes(EpisodeInfos):
         return self._rows, moves_now(self.task_records, self.records) if moves else self._push
 
     def conclude(
-        self,
-        part: slice,
-        where: Physics,
-        warnings: Index,
-        rngs: Sequence[Generator | None],
-        judge: bool = True,
+        self, part: slice, where: Physics, warnings: Index, rngs: Rngs, judge: bool = True
     ) -> Arrays:
         """Advance progress, terms and rewards of a part of the episodes to the present, and observe it.
 
@@ -282,10 +281,20 @@ class Episodes(EpisodeInfos):
             The observation without cameras: arrays (n, ...) by key.
         """
         records = self.records[part]
-        if judge:
-            kernel.judge(records, where.current, warnings, self.rules, self.rewards[part])
-        noise, private = self._joint_noise(records, rngs), knows_state(self.settings.obs_mode)
-        seen = observe(records, where.current, self.commands[part, 0], noise, self.rules, private)
+        rows = np.empty((len(records), self._width), np.float32)
+        noise = self.settings.randomisation.draw_joint_noise(records["variation"], self.rules.joints, rngs)
+        kernel.conclude(
+            records,
+            where.current,
+            warnings,
+            self.commands[part],
+            noise,
+            self.rules,
+            self.rewards[part],
+            rows,
+            judge,
+        )
+        seen = {key: rows[:, columns] for key, columns in self._columns.items()}
         return self._finish(part, where, judge, seen)
 
     def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
@@ -301,13 +310,6 @@ class Episodes(EpisodeInfos):
             return state
         return {FLAT: self._features.of(part, state, self.records["elapsed"][part])}
 
-    def _joint_noise(self, records: Records, rngs: Sequence[Generator | None]) -> Array | None:
-        n = self.settings.cell.robot.dof
-        if self.settings.randomisation.joint_noise is None:
-            return None
-        size = records["variation"][:, 5:]
-        return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
-
     def endings(self) -> tuple[Mask, Mask]:
         """Return which episodes a failure has terminated, and which it has truncated, (N,) each."""
         failures = self.records["failure"]
@@ -317,9 +319,7 @@ class Episodes(EpisodeInfos):
             over |= self.records["elapsed"] > 0
         return over & ~truncated, truncated
 
-    def advance(
-        self, actions: Array, where: Physics, rngs: Sequence[Generator | None], running: NDArray[np.intp]
-    ) -> Arrays:
+    def advance(self, actions: Array, where: Physics, rngs: Rngs, running: NDArray[np.intp]) -> Arrays:
         """Step the running episodes by an action each; `rewards` are then what each gained, and all are observed.
 
         The kernel passes over all rows: those whose action has ended are put back to what they had come to.
@@ -330,17 +330,13 @@ class Episodes(EpisodeInfos):
             rngs: theirs; None for those that do not run.
             running: indices, ascending.
         """
-        everything, pushed = slice(None), self.settings.disturbance.kind not in ("none", "shaken")
+        if self.span == 1:
+            return self.complete(slice(None), where, self._step(actions, where, rngs, running))
         going, rngs, gained = running, list(rngs), np.zeros(len(self.slots))
-        rows = self.records, self.task_records, self.commands
-        kept = {}
+        rows, kept = (self.records, self.task_records, self.commands), {}
         late = lifted_by(self.settings) if self.whole else self.span
         for step in range(self.span):
-            set_points, push = self.set_points(actions, where, step)
-            warnings = where.step(set_points, push if pushed else None, going)
-            seen = self.conclude(everything, where, warnings, rngs)
-            if self.span == 1:
-                return self.complete(everything, where, seen)
+            seen = self._step(actions, where, rngs, going, step)
             gained[going] += self.rewards[going]
             goes_on(self.records, self.whole, late, self._goes_on)
             for i in going[~self._goes_on[going]].tolist():
@@ -352,7 +348,15 @@ class Episodes(EpisodeInfos):
             for whole, part in zip((*seen.values(), *rows), parts, strict=True):
                 whole[i] = part
         self.rewards[:] = gained
-        return self.complete(everything, where, seen)
+        return self.complete(slice(None), where, seen)
+
+    def _step(
+        self, actions: Array, where: Physics, rngs: Rngs, going: NDArray[np.intp], step: int = 0
+    ) -> Arrays:
+        set_points, push = self.set_points(actions, where, step)
+        pushed = self.settings.disturbance.kind not in ("none", "shaken")
+        warnings = where.step(set_points, push if pushed else None, going)
+        return self.conclude(slice(None), where, warnings, rngs)
 
     def get_state(self, i: int, physics: Array, sensors: Array, rng: Generator) -> EpisodeState:
         """Return the state of episode `i`."""
@@ -365,16 +369,9 @@ class Episodes(EpisodeInfos):
 
     def _of(self) -> Fields:
         """Return the settings, by name, that a state and this environment have to share."""
-        keys = (
-            "obs_mode",
-            "control_mode",
-            "mount",
-            "disturbance",
-            "frame_skip",
-            "action_scale",
-            "reward_weights",
-        )
-        own = {key: getattr(self.settings, key) for key in (*keys, *["views"] * self.settings.sees)}
+        modes, pace = ("obs_mode", "control_mode", "mount"), ("frame_skip", "action_scale", "reward_weights")
+        keys = *modes, "disturbance", *pace, *["views"] * self.settings.sees
+        own = {key: getattr(self.settings, key) for key in keys}
         return {"task": self.task, "robot": self.settings.cell.robot.name, **own}
 
     def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:

@@ -1,5 +1,6 @@
 """Observations: their keys and spaces."""
 
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,13 @@ def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
         "object_pose": 7, "object_velocity": 6, "object_size": 3, "object_mass": 1, "fingertip_forces": tips,
         "progress": 2, "variation": 6,
     }  # fmt: skip
+
+
+def key_columns(obs_mode: str, robot: Robot) -> dict[str, slice]:
+    """Return the columns of each such key in the rows that `kernel.conclude` writes, by key in alphabetical order."""
+    sizes = key_sizes(obs_mode, robot)
+    ends = dict(zip(sizes, accumulate(sizes.values()), strict=True))
+    return {key: slice(ends[key] - sizes[key], ends[key]) for key in sorted(sizes)}
 
 
 def observation_space(obs_mode: str, image_shape: tuple[int, int, int], robot: Robot) -> spaces.Dict:

@@ -105,7 +105,7 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
 
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none."""
-        self._episodes.starts = starts
+        self._episodes.start_from(starts)
 
     def _look(self, observed: Arrays, begins: bool = False) -> tuple[Arrays, Fields]:
         self._episodes.look(0, self.data.qpos, lambda: self.simulation, self.np_random, begins)

@@ -272,7 +272,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
 
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none, those within `step` too."""
-        self._episodes.starts = starts
+        self._episodes.start_from(starts)
 
     def __getstate__(self) -> Fields:
         """The constructor's arguments and the episodes: compiled models and threads are made anew."""

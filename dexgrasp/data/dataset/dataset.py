@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dexgrasp.data.dataset.rest_scene import RestScene
-from dexgrasp.data.dataset.sampler import COUNTS, Found
+from dexgrasp.data.dataset.sampler import COUNTS, ShardGrasps
 from dexgrasp.data.dataset.settings import SCHEMA
 from dexgrasp.runs.shards import bytes_of, read_shard, text_of
 from dexgrasp_env.arrays import Arrays, Fields
@@ -34,7 +34,7 @@ def fields_of(robot: Robot) -> dict[str, Fields]:
     }
 
 
-def shard_arrays(found: Found, robot: Robot) -> Arrays:
+def shard_arrays(found: ShardGrasps, robot: Robot) -> Arrays:
     """Return the grasps of a shard, of a robot, with their counts."""
     arrays: Arrays = {
         name: np.asarray(found.fields.get(name, []), dtype=words["type"]).reshape(len(found), *words["shape"])
@@ -57,7 +57,7 @@ def pose_arrays(scene: RestScene) -> Arrays:
     }  # fmt: skip
 
 
-def read_arrays(path: Path, key: str | None = None, hashed: str | None = None) -> Arrays:
+def read_checked(path: Path, key: str | None = None, hashed: str | None = None) -> Arrays:
     """Read a file of a dataset whole.
 
     Args:
@@ -80,7 +80,7 @@ def read_arrays(path: Path, key: str | None = None, hashed: str | None = None) -
 def complete(path: Path, key: str, hashed: str | None = None) -> bool:
     """Check that a file is there, whole, of this dataset, and, where its hash is known, unchanged."""
     try:
-        return bool(read_arrays(path, key, hashed))
+        return bool(read_checked(path, key, hashed))
     except InputError:
         return False
 
@@ -167,7 +167,7 @@ def read_dataset(folder: str | Path) -> list[PoseGrasps]:
             f"{folder} is not complete: run `dexgrasp dataset generate` with the same settings again"
         )
     files = {
-        name: read_arrays(folder / name, manifest["key"], hashed)
+        name: read_checked(folder / name, manifest["key"], hashed)
         for name, hashed in sorted(manifest["files"].items())
     }
     return [_pose(folder, name, files) for name in files if name.startswith("poses/")]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.data.dataset.dataset import PoseGrasps, read_dataset, read_manifest
-from dexgrasp.data.dataset.rest_scene import placed
+from dexgrasp.data.dataset.rest_scene import target_at
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.thresholds import Thresholds
 from dexgrasp_env.arrays import Fields
@@ -106,7 +106,7 @@ def _record(pose: PoseGrasps, k: int, thresholds: Thresholds, cell: Cell) -> Any
 
     g = {name: values[k].astype(float) for name, values in pose.grasps.items()}
     seen = trimesh.convex.convex_hull(pose.scene["hull"])
-    target = placed(
+    target = target_at(
         GraspTarget.of(seen, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"]
     )
     R, shift = about_z(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])

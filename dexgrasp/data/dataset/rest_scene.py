@@ -91,7 +91,7 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     return RestScene(name, pose, grasp_target, rest, points, normals, friction, triples, decided, cloud)
 
 
-def placed(grasp_target: GraspTarget, placement: Array) -> GraspTarget:
+def target_at(grasp_target: GraspTarget, placement: Array) -> GraspTarget:
     """Return the grasp_target at a placement (x m, y m, yaw rad) for the optimiser, which looks at distances alone.
 
     NB: `hull` stays where it was; moving a mesh costs more than solving.

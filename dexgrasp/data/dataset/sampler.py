@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.data.dataset.rest_scene import RestScene, Triples, placed, rest_scene, rng_of
+from dexgrasp.data.dataset.rest_scene import RestScene, Triples, rest_scene, rng_of, target_at
 from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.mechanics.contacts import Contacts, Shape
 from dexgrasp.mechanics.internal_force import empty_room, squeeze_estimate
@@ -44,7 +44,7 @@ COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_a
 
 
 @dataclass
-class Found:
+class ShardGrasps:
     """Grasps of a shard as they are found, one list a field, and the counts of the way there."""
 
     fields: dict[str, list[Any]] = field(default_factory=dict)
@@ -62,7 +62,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Placed(Posture):
+class PlacedPosture(Posture):
     """A start with the object put where the arm reaches it.
 
     Attributes:
@@ -74,7 +74,7 @@ class Placed(Posture):
     placement: Array
 
 
-def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) -> Found:
+def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) -> ShardGrasps:
     """Find the grasps of one shard; the same for the same settings, on any machine with the same versions."""
     scene = rest_scene(target, pose, settings)
     sampler = _Sampler(scene, settings, rng_of(settings, scene.name, pose, 1 + chunk))
@@ -91,11 +91,11 @@ def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) 
 class _Sampler:
     def __init__(self, scene: RestScene, settings: DatasetSettings, rng: np.random.Generator) -> None:
         self._scene, self._settings, self._rng = scene, settings, rng
-        self._planner, self._found = Planner(settings.planner, cell=settings.cell), Found()
+        self._planner, self._found = Planner(settings.planner, cell=settings.cell), ShardGrasps()
         self._problem = GraspProblem(scene.grasp_target, self._planner.cell, self._planner.settings)
         self._use = np.zeros(len(scene.points))
 
-    def run(self, own: Triples, quota: int) -> Found:
+    def run(self, own: Triples, quota: int) -> ShardGrasps:
         """Try triples (M, 3), the less used before the others, until there are enough grasps or tries."""
         left, found, tries = np.ones(len(own), bool), self._found, self._settings.tries * quota
         while left.any() and len(found) < quota and found.counts["placed_by_atlas"] < tries:
@@ -109,7 +109,7 @@ class _Sampler:
                     break
         return found
 
-    def _starts(self, triples: Triples) -> Iterator[Placed]:
+    def _starts(self, triples: Triples) -> Iterator[PlacedPosture]:
         """Yield all six assignments of some triples where the hand is likely to bear the object and the arm reaches."""
         if not len(triples):
             return
@@ -126,9 +126,9 @@ class _Sampler:
             placement = self._reach(q, at.rotations[k], at.positions[k])
             if placement is not None:
                 counts["reached_by_arm"] += 1
-                there = replace(problem, target=placed(problem.target, placement))
+                there = replace(problem, target=target_at(problem.target, placement))
                 goal = int(at.triple[k])
-                yield Placed(q, there, goal, float(loads[k]), ordered[goal], placement)
+                yield PlacedPosture(q, there, goal, float(loads[k]), ordered[goal], placement)
 
     def _reach(self, q: Array, R: Array, p: Array) -> Array | None:
         """Put the object where the arm reaches the palm's pose; return x, y, yaw, and the arm's joints in `q`."""
@@ -143,7 +143,7 @@ class _Sampler:
 
     def _add(self, candidate: Candidate) -> None:
         start, solution, hold = candidate
-        assert isinstance(start, Placed)  # as all that are tried here
+        assert isinstance(start, PlacedPosture)  # as all that are tried here
         (x, y, yaw), settings, tree = start.placement, self._planner.settings, self._planner.tree
         at, back, shift = solution.evaluation, about_z(-yaw), np.array([x, y, 0.0])
         palm_R, palm_p = palm_frame(solution.q, tree)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.evaluation.scoring.hand import Candidate, HandStage
-from dexgrasp.evaluation.scoring.scene import BASE, FloatingScene, Physics, displacement
+from dexgrasp.evaluation.scoring.scene import BASE, ContactPhysics, FloatingScene, displacement
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.poses import rigid, shifted
@@ -65,7 +65,7 @@ class GraspProtocol(ABC):
 
     name: str
     summary: str
-    physics: Physics
+    physics: ContactPhysics
     most_moved: float
     most_turned: float
     closing: tuple[float, float]
@@ -138,7 +138,7 @@ class DexGraspBenchForceClosure(DexGraspBench):
     summary = (
         "DexGraspBench force closure: 100 g, mu 0.6, 1 N for 2 s along +-x, y, z; at most 5 cm and 15 deg"
     )
-    physics = Physics()
+    physics = ContactPhysics()
 
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
         """Push along each direction; the first that it does not bear fails it."""
@@ -163,7 +163,7 @@ class DexGraspBenchTabletop(DexGraspBench):
 
     name = "dgb_tabletop"
     summary = "DexGraspBench tabletop: 100 g, mu 0.6, lifted 10 cm from a table; at most 5 cm and 15 deg off"
-    physics = Physics(table_friction=0.6)
+    physics = ContactPhysics(table_friction=0.6)
     _lift = 0.10  # m
 
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
@@ -184,7 +184,9 @@ class FroggerPick(GraspProtocol):
 
     name = "frogger_pick"
     summary = "FRoGGeR's pick: 150 kg/m3, mu 0.7, 10 cm in 1 s, 1.5 s hold, 3 mm shake; at most 7.5 cm and 30 deg off"
-    physics = Physics(friction=(0.7, 0.02), table_friction=0.7, servo_kp=10.0, timestep=0.002, impratio=100.0)
+    physics = ContactPhysics(
+        friction=(0.7, 0.02), table_friction=0.7, servo_kp=10.0, timestep=0.002, impratio=100.0
+    )
     most_moved = 0.075
     most_turned = math.radians(30.0)
     density = 150.0
@@ -228,7 +230,7 @@ class GetAGrip(GraspProtocol):
 
     name = "get_a_grip"
     summary = "Get a Grip: hand 5 mm and 5 deg off, five draws; 500 kg/m3, mu 0.9, 20 cm lift, 3 cm shake; score: share"
-    physics = Physics(friction=(0.9, 0.02), table_friction=1.0, servo_kp=10.0)
+    physics = ContactPhysics(friction=(0.9, 0.02), table_friction=1.0, servo_kp=10.0)
     most_moved = 0.10
     most_turned = math.radians(45.0)
     density = 500.0

@@ -20,7 +20,7 @@ BASE, _MOCAP = "hand_base", "hand_target"
 
 
 @dataclass(frozen=True)
-class Physics:
+class ContactPhysics:
     """Contact and solver settings of a protocol.
 
     Attributes:
@@ -38,7 +38,7 @@ class Physics:
     impratio: float = 10.0
 
 
-def build_model(hand: HandModel, target: ObjectModel, physics: Physics) -> mujoco.MjModel:
+def build_model(hand: HandModel, target: ObjectModel, physics: ContactPhysics) -> mujoco.MjModel:
     """Compile the scene: bodies `hand_base` (free, welded to the mocap body), `object` (free), and a table or none."""
     spec = mujoco.MjSpec()
     spec.modelname = f"score {hand.name} {target.name}"
@@ -56,14 +56,14 @@ def build_model(hand: HandModel, target: ObjectModel, physics: Physics) -> mujoc
     return with_decimal_points(spec.compile)
 
 
-def _set_options(spec: mujoco.MjSpec, physics: Physics) -> None:
+def _set_options(spec: mujoco.MjSpec, physics: ContactPhysics) -> None:
     option = spec.option
     option.timestep, option.impratio = physics.timestep, physics.impratio
     option.noslip_iterations, option.tolerance, option.gravity = 2, 1e-8, [0.0, 0.0, 0.0]
     option.integrator, option.cone = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtCone.mjCONE_ELLIPTIC
 
 
-def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: Physics) -> None:
+def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: ContactPhysics) -> None:
     child = hand.spec(physics.servo_kp)
     _set_options(child, physics)  # differing ones draw a warning
     for geom in child.geoms:
@@ -84,7 +84,7 @@ def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: Physics) -> None:
 class FloatingScene:
     """The simulation of one grasp."""
 
-    def __init__(self, candidate: Candidate, physics: Physics, mass: float) -> None:
+    def __init__(self, candidate: Candidate, physics: ContactPhysics, mass: float) -> None:
         """Build it.
 
         Args:

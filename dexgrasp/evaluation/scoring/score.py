@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from dexgrasp.evaluation.scoring.hand import Candidate
 from dexgrasp.evaluation.scoring.protocols import get_grasp_protocol
 from dexgrasp.evaluation.scoring.readers import ReadOptions, read_candidates
-from dexgrasp.evaluation.scoring.scene import FloatingScene, Physics
+from dexgrasp.evaluation.scoring.scene import ContactPhysics, FloatingScene
 from dexgrasp.evaluation.summary import bare_count, count, grouped
 from dexgrasp.grasp.diversity import component_shares
 from dexgrasp.runs.pool import Backend, run_pool
@@ -110,7 +110,7 @@ def contact_metrics(candidate: Candidate) -> dict[str, float]:
         `contact_distance_m`, the mean over fingers of their distance (0 inside, at most 10 mm); and
         `contact_consistency_m`, the largest difference of the fingers' signed distances.
     """
-    scene = FloatingScene(candidate, Physics(), 0.1)
+    scene = FloatingScene(candidate, ContactPhysics(), 0.1)
     model, data = scene.model, scene.data
     of_object = model.geom_bodyid == scene.object_body
     margin = 0.010  # m: further apart than this is this far

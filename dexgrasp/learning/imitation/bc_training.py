@@ -14,11 +14,11 @@ from dexgrasp.learning.imitation.cloud_features import grip_features
 from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
 from dexgrasp.learning.imitation.demonstrated_grasp import sizes
 from dexgrasp.learning.imitation.demonstration_data import (
+    ControlSteps,
     Grips,
-    Rows,
     demonstrated_cell,
     read_grips,
-    read_rows,
+    read_steps,
 )
 from dexgrasp.learning.imitation.settings import BcSettings
 from dexgrasp.learning.training.gradient_training import GradientTraining
@@ -108,9 +108,9 @@ class BcTraining(GradientTraining):
 class StateBcTraining(BcTraining):
     """Cloning of a policy that sees the state, and answers with the next set-points."""
 
-    def read(self, data: Sequence[Path]) -> Rows:
+    def read(self, data: Sequence[Path]) -> ControlSteps:
         """Return the control steps of demonstrations."""
-        return read_rows(data)
+        return read_steps(data)
 
     def network(self) -> BcNet:
         """Make the network, and measure the spread (chunk * joints,) rad of what it predicts."""

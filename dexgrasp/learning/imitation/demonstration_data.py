@@ -28,7 +28,7 @@ Points (E, m, N, 6), numbers (E, m, F), and rows (E, R) of the grasps that were 
 """
 
 
-class Batch(NamedTuple):
+class StepBatch(NamedTuple):
     """Rows of some episodes: features (E, R, F), set-points to come (E, R, chunk, n) rad."""
 
     looks: Single
@@ -36,7 +36,7 @@ class Batch(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Rows:
+class ControlSteps:
     """Control steps of many demonstrations, one after the other.
 
     Attributes:
@@ -60,27 +60,29 @@ class Rows:
     def __len__(self) -> int:
         return len(self.steps)
 
-    def batch(self, episodes: Index, rows: Index, length: int) -> Batch:
+    def batch(self, episodes: Index, rows: Index, length: int) -> StepBatch:
         """Return rows (E, R) of episodes (E,), each with the set-points of the next steps, relative to those now."""
         # Beyond the end they stand still.
         ahead = np.minimum(rows[..., None] + np.arange(length), self.steps[episodes][:, None, None] - 1)
         first = self.first[episodes][:, None]
         now = first + rows
-        return Batch(self.looks[now], self.meant[first[..., None] + ahead] - self.targets[now][:, :, None])
+        return StepBatch(
+            self.looks[now], self.meant[first[..., None] + ahead] - self.targets[now][:, :, None]
+        )
 
-    def draw(self, rng: np.random.Generator, among: Index, settings: BcSettings) -> Batch:
+    def draw(self, rng: np.random.Generator, among: Index, settings: BcSettings) -> StepBatch:
         """Draw a batch; long episodes come as often as short ones."""
         chosen = rng.choice(among, settings.episodes, replace=len(among) < settings.episodes)
         at = (rng.random((settings.episodes, settings.rows)) * self.steps[chosen][:, None]).astype(int)
         return self.batch(chosen, at, settings.network.chunk)
 
-    def tested(self, among: Index, settings: BcSettings) -> Batch:
+    def tested(self, among: Index, settings: BcSettings) -> StepBatch:
         """Return some rows of each of some episodes."""
         at = (np.linspace(0.0, 1.0, 16, endpoint=False) * self.steps[among][:, None]).astype(int)
         return self.batch(among, at, settings.network.chunk)
 
 
-def read_rows(folders: Sequence[Path]) -> Rows:
+def read_steps(folders: Sequence[Path]) -> ControlSteps:
     """Read demonstrations.
 
     Args:
@@ -99,7 +101,7 @@ def read_rows(folders: Sequence[Path]) -> Rows:
     looks, targets, meant = map(np.concatenate, zip(*parts, strict=True))
     arrays = (looks, targets, meant, np.cumsum(steps) - steps, steps)
     mode = str(read_about(folders[0])["settings"]["control_mode"])
-    return Rows(*arrays, control_mode=mode, key=content_hash(*arrays))
+    return ControlSteps(*arrays, control_mode=mode, key=content_hash(*arrays))
 
 
 def _parts(episode: Episode, noise: float, robot: Robot) -> tuple[Single, ...]:

@@ -51,7 +51,7 @@ class RlTraining(Training):
     def build(self) -> None:
         """Make environments and learner."""
         s, arguments = self.settings, self.settings.env_arguments
-        if s.backend == "warp" and self.place.type == "cpu":
+        if s.backend == "warp" and self.device.type == "cpu":
             arguments["device"] = "cpu"
         envs = SB3VecEnv(s.env_id, s.num_envs, ("is_success",), **arguments)
         if self._resets:
@@ -59,7 +59,7 @@ class RlTraining(Training):
         self._envs = VecMonitor(envs)
         # Of a round all episodes count, which are fewer than its steps.
         common: Fields = {
-            "gamma": s.gamma, "seed": s.seed, "device": self.place, "stats_window_size": s.round_steps,
+            "gamma": s.gamma, "seed": s.seed, "device": self.device, "stats_window_size": s.round_steps,
         }  # fmt: skip
         if s.algorithm == "sac":
             self.model = SAC(

@@ -54,7 +54,7 @@ class GradientTraining(Training):
     def build(self) -> None:
         """Make network and optimiser."""
         torch.manual_seed(self.settings.seed)
-        self.net = self.network().to(self.place)
+        self.net = self.network().to(self.device)
         self._adam = torch.optim.Adam(self.net.parameters(), lr=self.settings.learning_rate)
 
     def parts(self) -> Parts:
@@ -95,7 +95,7 @@ class GradientTraining(Training):
 
     def tensors(self, arrays: Iterable[AnyArray]) -> list[torch.Tensor]:
         """Return arrays as tensors where the network is."""
-        return [torch.from_numpy(array).to(self.place) for array in arrays]
+        return [torch.from_numpy(array).to(self.device) for array in arrays]
 
 
 def perceptron(

@@ -10,7 +10,7 @@ from typing import Any
 
 from dexgrasp.learning.training.checkpoint import Parts, damaged, read_state, write_state
 from dexgrasp.learning.training.curves import TensorBoardWriter
-from dexgrasp.learning.training.trials import Trials
+from dexgrasp.learning.training.trials import PeriodicTrials
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.interrupt import held
 from dexgrasp.runs.versions import package_versions
@@ -27,7 +27,7 @@ CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.jsonl"
 
 
 @dataclass
-class Progress:
+class TrainingState:
     """State of a training; `curve` has a row an epoch."""
 
     epoch: int = 0
@@ -53,7 +53,7 @@ class RunOptions:
 
     device: str = "cpu"
     minutes: float | None = None
-    trials: Trials | None = None
+    trials: PeriodicTrials | None = None
 
 
 class Training(ABC):
@@ -83,8 +83,8 @@ class Training(ABC):
         there = torch.cuda.is_available()
         if check("device", options.device, one_of(("auto", "cpu", "cuda"))) == "cuda" and not there:
             raise InputError("device 'cuda': there is none that torch can use; valid are auto, cpu")
-        self.place = torch.device("cuda" if options.device != "cpu" and there else "cpu")
-        self.state = Progress(epochs=epochs)
+        self.device = torch.device("cuda" if options.device != "cpu" and there else "cpu")
+        self.state = TrainingState(epochs=epochs)
 
     @abstractmethod
     def build(self) -> None:
@@ -127,8 +127,8 @@ class Training(ABC):
         """Close what is open when the training ends."""
 
     def run(
-        self, progress: Callable[[Progress], object] | None = None, stop_after: int | None = None
-    ) -> Progress:
+        self, progress: Callable[[TrainingState], object] | None = None, stop_after: int | None = None
+    ) -> TrainingState:
         """Train to the end, or go on with what the folder holds.
 
         Args:
@@ -167,7 +167,7 @@ class Training(ABC):
         if note is None:
             return
         try:
-            self.state = state = Progress(**note["progress"])
+            self.state = state = TrainingState(**note["progress"])
             whole = [row["epoch"] for row in state.curve] == list(range(1, state.epoch + 1))
             if not (whole and state.epoch <= state.epochs and state.seconds >= 0.0):
                 raise ValueError
@@ -177,7 +177,7 @@ class Training(ABC):
         except (LookupError, TypeError, ValueError):
             raise damaged(path) from None
 
-    def _go_on(self, progress: Callable[[Progress], object] | None, stop_after: int | None) -> None:
+    def _go_on(self, progress: Callable[[TrainingState], object] | None, stop_after: int | None) -> None:
         writer, calls, state = TensorBoardWriter(self.out / "tensorboard"), 0, self.state
         while state.epoch < state.epochs and calls != stop_after:
             began = time.perf_counter()

@@ -9,7 +9,7 @@ from dexgrasp_env.arrays import Fields
 
 
 @dataclass(frozen=True)
-class Trials:
+class PeriodicTrials:
     """Evaluation of a policy under protocol `lift` while it learns.
 
     Attributes:

@@ -35,7 +35,7 @@ def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
     Raises:
         InputError: if the file is unusable, misses a key, or its object is not found.
     """
-    data = FileFields(read_arrays(path), str(path))
+    data = FileFields(_read_npz(path), str(path))
     names, q = data.words("joint_names"), data.numbers("q")
     joints = {JOINTS[name]: float(value) for name, value in zip(names, q, strict=False) if name in JOINTS}
     if len(names) != len(q) or len(joints) != len(JOINTS):
@@ -57,7 +57,7 @@ def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
     return [replace(one, source=str(path)) for one in found]
 
 
-def read_arrays(path: Path) -> Arrays:
+def _read_npz(path: Path) -> Arrays:
     """Return the arrays of an .npz file; pickled ones are not read.
 
     Raises:
