@@ -63,7 +63,7 @@ def test_starts_move_back_as_episodes_succeed():
     assert starts.front == pytest.approx(0.9 - 0.1 * round((0.9 - starts.front) / 0.1))
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     assert "level" not in env.reset(seed=0)[1]
-    with refused("valid is what is called"):
+    with refused("valid is what returns"):
         env.unwrapped.start_from(PreGrasps)
     env.unwrapped.start_from(starts)
     assert env.reset(seed=0)[1]["level"] == starts.front
