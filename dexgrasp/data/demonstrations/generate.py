@@ -12,7 +12,6 @@ from dexgrasp.data.demonstrations.hdf5_formats import write_minari, write_robomi
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
 from dexgrasp.data.demonstrations.rollout import Episode, Recorder
 from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings
-from dexgrasp.runs.arrays import below
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
@@ -25,6 +24,7 @@ from dexgrasp.runs.shards import (
     text_of,
     write_shard,
 )
+from dexgrasp.runs.weights import below
 from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, expand, read_json_object, write_json

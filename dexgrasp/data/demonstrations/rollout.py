@@ -14,7 +14,7 @@ from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, MODES, De
 from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.registry import make_agent
-from dexgrasp.runs.arrays import below
+from dexgrasp.runs.weights import below
 from dexgrasp_env.arrays import Array, Arrays, Fields, Mask, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable

@@ -24,7 +24,7 @@ from dexgrasp.learning.imitation.settings import BcSettings
 from dexgrasp.learning.training.gradient_training import GradientTraining
 from dexgrasp.learning.training.loop import RunOptions
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.runs.arrays import write_policy
+from dexgrasp.runs.weights import write_policy
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
 

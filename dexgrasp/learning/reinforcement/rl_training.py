@@ -12,7 +12,7 @@ from dexgrasp.learning.reinforcement.rl_policy import RlPolicy
 from dexgrasp.learning.reinforcement.settings import RlSettings
 from dexgrasp.learning.training.checkpoint import Parts
 from dexgrasp.learning.training.loop import RunOptions, Training
-from dexgrasp.runs.arrays import write_policy
+from dexgrasp.runs.weights import write_policy
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
 
