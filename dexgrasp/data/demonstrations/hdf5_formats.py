@@ -1,4 +1,4 @@
-"""Demonstrations in HDF5: as a Minari data set, read back from one, and as robomimic has them."""
+"""Demonstrations in HDF5: Minari data sets, written and read, and robomimic's format."""
 
 import copy
 import json
@@ -24,10 +24,10 @@ ROBOMIMIC = "robomimic/demos.hdf5"
 
 
 def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
-    """Write `folder/data` as Minari has it, in place of what is there.
+    """Write the Minari data set `folder/data`, replacing an older one.
 
-    What cameras saw at reset is in the group `once` of an episode of the HDF5 file, object, seeds and certificate in
-    its attribute `about`, as JSON.
+    In the HDF5 file an episode has a group `once` with the observations of cameras at reset, and an attribute `about`,
+    JSON with object, seeds and certificate.
     """
     require_extra("demos", "the Minari format")
     import gymnasium as gym
@@ -96,11 +96,11 @@ def _episode(group: Any) -> Episode:
 
 
 def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
-    """Write `folder/robomimic/demos.hdf5`, in place of what is there.
+    """Write `folder/robomimic/demos.hdf5`, replacing an older one.
 
-    Below `data/demo_K` are `actions`, `rewards`, `dones`, and `obs` and `next_obs` by key, pictures as `view_K_image`
-    (T, H, W, 3); in the attribute `about` are object, seeds and certificate, as JSON. There are no `states`: scenes
-    are made again from their seeds.
+    Each `data/demo_K` has `actions`, `rewards`, `dones`, and `obs` and `next_obs` by key, with pictures as
+    `view_K_image` (T, H, W, 3), and an attribute `about`, JSON with object, seeds and certificate. There are no
+    `states`: scenes are reproduced from their seeds.
     """
     with from_extra():
         import h5py
@@ -134,7 +134,7 @@ def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Epi
 
 
 def _seen(episode: Episode) -> Arrays:
-    """Return the observations (T + 1, ...) by key; what was seen once is there at every step."""
+    """Return the observations (T + 1, ...) by key; those stored once are repeated at every step."""
     steps = len(episode) + 1
     seen = episode.observations | {
         key: np.broadcast_to(array, (steps, *array.shape)) for key, array in episode.once.items()

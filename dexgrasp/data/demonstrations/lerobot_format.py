@@ -1,9 +1,9 @@
-"""Demonstrations in the layout of LeRobot's data sets, version 3, written with pyarrow alone.
+"""Demonstrations in the layout of LeRobot's data sets, version 3, written with pyarrow only.
 
-`data/` has a row a control step, `meta/episodes/` a row an episode, `meta/info.json` the columns and `meta/stats.json`
-their distributions. LeRobot's policies take `observation.state` (joints), `observation.environment_state` (the object)
-and `observation.images.*`. Clouds and depths that were seen once are in the episodes' table, flat, with object, seeds
-and success; pictures are there at every step.
+`data/` has a row for each control step, `meta/episodes/` one for each episode, `meta/info.json` the columns and
+`meta/stats.json` their distributions. LeRobot's policies take `observation.state` (joints),
+`observation.environment_state` (the object) and `observation.images.*`. Clouds and depth images that were observed once
+are in the table of episodes, flattened, with object, seeds and success; pictures are stored at every step.
 """
 
 import json
@@ -32,7 +32,7 @@ _QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
 
 
 def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
-    """Write `folder/lerobot`, in place of what is there."""
+    """Write `folder/lerobot`, replacing an older one."""
     with from_extra():
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -83,12 +83,12 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
 
 
 def task_of(name: str) -> str:
-    """Return the task on an object in words."""
+    """Return the task description for an object."""
     return f"lift {name}"
 
 
 def object_keys(keys: Iterable[str]) -> list[str]:
-    """Return the keys of observations whose numbers, in this order, are `observation.environment_state`."""
+    """Return the keys of observations that make up `observation.environment_state`, in this order."""
     return sorted(key for key in keys if key.startswith("object_"))
 
 
@@ -157,9 +157,9 @@ def _feature(values: AnyArray, joints: Names) -> Fields:
 
 
 def _part(values: AnyArray) -> tuple[Any, ...]:
-    """Return the share of rows (n,) or (n, m), or of pictures (n, H, W, 3), in the `_statistics` of all.
+    """Return the contribution of rows (n,) or (n, m), or of pictures (n, H, W, 3), to `_statistics`.
 
-    It is count, extremes, sums, sums of squares, and quantiles; of pictures by colour, from 0 to 1.
+    These are count, extremes, sums, sums of squares and weighted quantiles; of pictures by colour, from 0 to 1.
     """
     if values.ndim == _PICTURES:
         x = values[:, ::4, ::4].reshape(-1, 3, 1, 1) / 255.0
@@ -173,9 +173,9 @@ def _part(values: AnyArray) -> tuple[Any, ...]:
 
 
 def _statistics(parts: Sequence[tuple[Any, ...]]) -> dict[str, list[float] | list[int]]:
-    """Return least, greatest, mean, standard deviation and quantiles of episodes' columns, as LeRobot names them.
+    """Return minimum, maximum, mean, standard deviation and quantiles of a column, by LeRobot's names.
 
-    Quantiles of several episodes are the means of theirs, by length, as LeRobot has them.
+    Quantiles over several episodes are the means of theirs, weighted by length, as in LeRobot.
     """
     counts, low, high, *sums = zip(*parts, strict=True)
     count = sum(counts)
