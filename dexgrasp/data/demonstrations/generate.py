@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from dexgrasp.data.demonstrations.hdf5_formats import write_minari, write_robomimic
+from dexgrasp.data.demonstrations.hdf5_formats import DATA, write_minari, write_robomimic
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
 from dexgrasp.data.demonstrations.rollout import Episode, Recorder
 from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings
 from dexgrasp.runs.arrays import below
-from dexgrasp.runs.folder import RunFolder
+from dexgrasp.runs.folder import RunFolder, replaced
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
 from dexgrasp.runs.shards import (
@@ -30,7 +30,10 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, expand, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
 
-FORMATS = {"minari": write_minari, "lerobot": write_lerobot, "robomimic": write_robomimic}
+FORMATS = {
+    "minari": (DATA, write_minari), "lerobot": ("lerobot", write_lerobot), "robomimic": ("robomimic", write_robomimic),
+}  # fmt: skip
+"""Format -> name of its folder, and function that writes it."""
 ABOUT = "demos.json"
 _PARTS = "parts"
 
@@ -128,7 +131,9 @@ def _converted(
         counts = ", ".join(f"{reason} {count}" for reason, count in failures.most_common())
         raise InputError(f"not one demonstration succeeded: {counts}")
     for name in formats:
-        FORMATS[name](folder, settings, _episodes(parts, key))
+        place, write = FORMATS[name]
+        with replaced(folder / place) as making:
+            write(making, settings, _episodes(parts, key))
     return {
         "complete": True, "tried": len(settings.objects) * settings.episodes, "episodes": sum(kept.values()),
         "kept": dict(kept), "failures": dict(failures.most_common()),
