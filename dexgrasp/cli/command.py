@@ -1,8 +1,8 @@
 """Base classes of commands: the fields of a dataclass are the options, `Answer` is the result.
 
 A field's annotation is the validation of an option, its default the option's, and its line under `Attributes:` the
-help; nothing is declared twice. `Annotated` may add text, which names the option (`"--from"`) or its value (`"DIR"`), and
-a mapping: further keywords of argparse, and `instead_of` (path of an option that this one excludes), `of` (option
+help; nothing is declared twice. `Annotated` may add text, which names the option (`"--from"`) or its value (`"DIR"`),
+and a mapping: further keywords of argparse, and `instead_of` (path of an option that this one excludes), `of` (option
 without which this one would have no effect, and is refused), `variable` (environment variable that gives the default).
 A field that is itself a dataclass, such as the settings of a function of the library, adds its own fields: all, those
 that a tuple names, or all but those of a set.
