@@ -17,7 +17,6 @@ import gymnasium as gym
 import mujoco
 from gymnasium import spaces
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
 from dexgrasp_env.arrays import Arrays, Fields, Single
 from dexgrasp_env.errors import InputError, unknown_name

@@ -137,9 +137,8 @@ def user_cache_dir() -> Path:
 
     Where there is none of these either, it is a folder that cannot be made.
     """
-    with suppress(
-        RuntimeError, OSError
-    ):  # by the release of platformdirs: no home is an error, or stays a tilde
+    # By the release of platformdirs no home is an error, or stays a tilde.
+    with suppress(RuntimeError, OSError):
         path = Path(platformdirs.user_cache_dir("dexgrasp"))
         if path.is_absolute():
             return path

@@ -9,7 +9,6 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
 from dexgrasp.cli.command import Script
 from dexgrasp.cli.commands import run_script

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose
 from refusals import refused
 from robots import HOME, UPPER
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.tasks.starts import PreGrasps
 
 ID = "DexGrasp/LiftFromGrasp-v0"

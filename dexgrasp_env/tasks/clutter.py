@@ -148,7 +148,7 @@ class ClutterEpisodes(Episodes):
                     record["size"][k] = model.extents
                 return simulation
             if not given:
-                pose = self._draw_pose(simulation.object, slot.variation, rng)
+                pose = settings.draw_pose(simulation.object, slot.variation.size, rng)
         raise InputError(
             f"no scene with {self.neighbours} neighbours came to rest in {draws} draws: valid are fewer "
             "neighbours, wider gaps or smaller objects"

@@ -108,11 +108,8 @@ class PreGrasps(ReverseStarts):
         if not wanted.any():
             known = ", ".join(sorted(set(names.tolist())))
             raise InputError(f"{path} has pre-grasps of none of these objects: valid are {known}")
-        self.names, self.poses, self.ways_joints = (
-            names[wanted].tolist(),
-            poses[wanted].astype(float),
-            ways[wanted].astype(float),
-        )
+        self.names, self.poses = names[wanted].tolist(), poses[wanted].astype(float)
+        self.ways_joints = ways[wanted].astype(float)
 
     @property
     def ways(self) -> int:

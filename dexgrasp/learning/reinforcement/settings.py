@@ -6,7 +6,6 @@ from typing import Annotated
 
 from gymnasium import registry, spec
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
