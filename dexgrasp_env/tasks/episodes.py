@@ -20,11 +20,11 @@ from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.tasks import kernel
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, ActionSpace, check_finite
+from dexgrasp_env.tasks.disturbance import MOTION, draw_motion, moves_now
 from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
 from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
 from dexgrasp_env.tasks.grasps import Grasps
 from dexgrasp_env.tasks.infos import EpisodeInfos
-from dexgrasp_env.tasks.moving import MOTION, draw_motion, moves_now
 from dexgrasp_env.tasks.observations import FLAT, key_columns, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
@@ -329,15 +329,17 @@ class Episodes(EpisodeInfos):
             rngs: theirs; None for those that do not run.
             running: indices, ascending.
         """
-        everything = slice(None)
-        if self.span == 1:
-            return self.complete(everything, where, self._step(actions, where, rngs, running))
+        everything, pushed = slice(None), self.settings.disturbance.kind not in ("none", "shaken")
         going, rngs, gained = running, list(rngs), np.zeros(len(self.slots))
         rows = self.records, self.task_records, self.commands
         kept = {}
         late = lifted_by(self.settings) if self.whole else self.span
         for step in range(self.span):
-            seen = self._step(actions, where, rngs, going, step)
+            set_points, push = self.set_points(actions, where, step)
+            warnings = where.step(set_points, push if pushed else None, going)
+            seen = self.conclude(everything, where, warnings, rngs)
+            if self.span == 1:
+                return self.complete(everything, where, seen)
             gained[going] += self.rewards[going]
             goes_on(self.records, self.whole, late, self._goes_on)
             for i in going[~self._goes_on[going]].tolist():
@@ -351,19 +353,6 @@ class Episodes(EpisodeInfos):
         self.rewards[:] = gained
         return self.complete(everything, where, seen)
 
-    def _step(
-        self,
-        actions: Array,
-        where: Physics,
-        rngs: Sequence[Generator | None],
-        going: NDArray[np.intp],
-        step: int = 0,
-    ) -> Arrays:
-        set_points, push = self.set_points(actions, where, step)
-        pushed = self.settings.disturbance.kind not in ("none", "shaken")
-        warnings = where.step(set_points, push if pushed else None, going)
-        return self.conclude(slice(None), where, warnings, rngs)
-
     def get_state(self, i: int, physics: Array, sensors: Array, rng: Generator) -> EpisodeState:
         """Return the state of episode `i`."""
         slot = self.slots[i]
@@ -375,16 +364,8 @@ class Episodes(EpisodeInfos):
 
     def _of(self) -> Fields:
         """Return what a state has to agree with."""
-        keys = (
-            "obs_mode",
-            "control_mode",
-            "mount",
-            "disturbance",
-            "frame_skip",
-            "action_scale",
-            "reward_weights",
-        )
-        own = {key: getattr(self.settings, key) for key in (*keys, *["views"] * self.settings.sees)}
+        names = "obs_mode control_mode mount disturbance frame_skip action_scale reward_weights"
+        own = {key: getattr(self.settings, key) for key in (*names.split(), *["views"] * self.settings.sees)}
         return {"task": self.task, "robot": self.settings.cell.robot.name, **own}
 
     def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:
