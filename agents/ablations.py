@@ -31,7 +31,7 @@ NO_IK, COLLISION, NO_CLOSURE, TOO_WEAK = "ik_not_converged", "collision", "eq4_i
 
 
 class LatentAgent(BilevelAgent):
-    """An agent with less of a planner, that neither grasps again nor turns what it holds."""
+    """Base of the ablations: less of the planner behind the CVAE, no second grasp, no turn in the air."""
 
     planner: ClassVar[type["LatentPlanner"]]
 
@@ -66,7 +66,7 @@ class LatentPlanner(Planner):
     """Tries latents one after the other and carries out the first that nothing rejects."""
 
     def __init__(self, settings: PlannerSettings, cell: Cell) -> None:
-        """Prepare; of `settings`, what bounds and ranks the search does not count."""
+        """Prepare; bounds and ranking of the search in `settings` do not count."""
         # 100 latents at most, of those that decode to three tips above the table and apart from each other.
         plain = replace(settings, breadths=(1.0,), triples=100, candidates=1, firm_load=-np.inf, patience=0)
         super().__init__(plain, CvaeProposals(ranked=False), cell, with_closure=False)

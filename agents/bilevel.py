@@ -129,7 +129,7 @@ class BilevelAgent(Agent):
 
 
 class AloneAgent(BilevelAgent):
-    """The same, blind to what stands around the object: what knowing of neighbours is worth."""
+    """`bilevel` without what stands around the object, an ablation: what knowing of neighbours is worth."""
 
     def _scene(self, observation: Observation, info: Info) -> Scene:
         return replace(super()._scene(observation, info), neighbours=(), rest=ObjectCloud())

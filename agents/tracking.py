@@ -23,7 +23,7 @@ _STILL = np.array([0.004, 0.004, 0.06])  # m and rad, less than which is no moti
 
 
 class FollowingGrasp(GuardedGrasp):
-    """Takes hold of an object that moves as it takes hold of one that rests: the arm adds the way since the plan.
+    """Grasp of a moving object: that of one at rest, and the arm adds the object's way since the plan.
 
     Attributes:
         shift: (3,) m, of the object from where the plan has it, when the arm gets there.
@@ -73,7 +73,7 @@ def shifted(row: Array, shift: Array, tree: RobotTree) -> Array:
 
 
 class Watch:
-    """An object that is watched from the first look on.
+    """Motion of an object since the first look: rest, displacement, or a belt.
 
     Attributes:
         scene: of the first look.

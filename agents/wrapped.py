@@ -133,7 +133,7 @@ def _restore(wrapper: Any, record: WrapperRecord) -> None:
 
 
 class _OverError(BaseException):
-    """The episode is over: whoever waits in it ends."""
+    """End of an episode, for the thread that waits in it."""
 
 
 class Player:

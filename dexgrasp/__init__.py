@@ -3,7 +3,7 @@
 __all__ = ["Agent", "Report", "make_agent", "plan_cloud"]
 _HOMES = {
     "Agent": "dexgrasp.agent", "Report": "dexgrasp.agent", "make_agent": "dexgrasp.registry",
-    "plan_cloud": "dexgrasp.planning.plan_scene",
+    "plan_cloud": "dexgrasp.planning.plan_scene", "__version__": "dexgrasp_env",
 }  # fmt: skip
 
 

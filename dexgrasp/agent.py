@@ -50,7 +50,7 @@ class Agent(ABC):
 
     @cached_property
     def report(self) -> Report:
-        """Filled in by `reset`, or set to another one there; a fresh one before that in every trial."""
+        """Report of the agent: `reset` fills it in or sets another; every trial begins with a fresh one."""
         return Report()
 
     def seed(self, seed: int) -> None:  # noqa: B027  (agents without randomness need not override it)

@@ -9,18 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.agent import Agent, complete
-from dexgrasp.runs.arrays import is_policy, policy_files
 from dexgrasp.runs.reading import files_read
+from dexgrasp.runs.weights import is_policy, policy_files
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.valid import NAMED, check
 
 AGENTS: dict[str, str] = {
-    "random": "dexgrasp.agents.floors:RandomAgent",
+    "random": "dexgrasp.agents.baselines:RandomAgent",
     "hardcoded": "dexgrasp.agents.hardcoded:HardcodedAgent",
     "hardcoded_completed": "dexgrasp.agents.hardcoded:HardcodedCompletedAgent",
-    "constant": "dexgrasp.agents.floors:ConstantAgent",
+    "constant": "dexgrasp.agents.baselines:ConstantAgent",
     "cvae": "dexgrasp.agents.ablations:CvaeAgent",
     "cvae_kinematics": "dexgrasp.agents.ablations:CvaeKinematicsAgent",
     "bilevel": "dexgrasp.agents.bilevel:BilevelAgent",

@@ -69,7 +69,7 @@ for name, count, gaps, limit in (
     ("Dense", (9, 15), (0.005, 0.02), CLUTTER_EPISODE_STEPS),
     ("Heap", 8, None, HEAP_EPISODE_STEPS),
 ):
-    _register(f"Clutter{name}-v1", limit, "clutter_env:Clutter", neighbours=count, gaps=gaps)
+    _register(f"Clutter{name}-v1", limit, "clutter:Clutter", neighbours=count, gaps=gaps)
 
 _register("Place-v2", env="place:Place", reward_threshold=None)
 _register("LiftGentle-v0", env="gentle:Gentle")

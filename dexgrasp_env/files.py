@@ -69,7 +69,7 @@ def check_bytes(count: int, what: str, kind: str) -> None:
 
 @contextmanager
 def readable(what: object) -> Iterator[None]:
-    """Return the system's reason for giving no file, in one line.
+    """Turn an `OSError` within into one line with the system's reason.
 
     Raises:
         InputError: for an `OSError` within.
@@ -217,7 +217,7 @@ def _write_cached(path: Path, arrays: Arrays) -> None:
 
 @cache
 def note_unwritable(folder: str, reason: str) -> None:
-    """Note once a process that nothing is kept."""
+    """Print, once in a process, that the cache cannot be written."""
     print(
         f"note: the cache {folder!r} cannot be written ({reason}): going on without it, which takes longer; "
         "DEXGRASP_CACHE names another folder",

@@ -33,7 +33,7 @@ Settings = TypeVar("Settings")
 
 
 class Rule(NamedTuple):
-    """Rule of a value.
+    """Rule for a value, and the words that state it.
 
     Attributes:
         words: what is valid, for messages.
@@ -160,7 +160,7 @@ _PLAIN = {
 
 
 class Hint(NamedTuple):
-    """Statement of a field's annotation.
+    """Parsed annotation of a field.
 
     Attributes:
         kind: its type, without `None` and `Annotated`.
@@ -254,7 +254,7 @@ def read(kind: type[Settings], given: Any, what: str = "", *, more: bool = False
 
 
 def check_fields(made: Any) -> None:
-    """Hold a frozen dataclass to the rules of its fields, also where Python makes it: for its `__post_init__`.
+    """Check every field of a frozen dataclass by its rule; called in `__post_init__`, so that no way in is unchecked.
 
     Raises:
         InputError: as `read`.

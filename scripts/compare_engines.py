@@ -27,7 +27,7 @@ from engines.scene import PACKAGES, SetPoints, make_world, play
 from tqdm import tqdm
 
 from dexgrasp.agent import Env
-from dexgrasp.cli.command import Argument, Folder, InCell, Script
+from dexgrasp.cli.command import Argument, CellOptions, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import get_protocol
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
@@ -70,7 +70,7 @@ def replay(recording: Recording, scene: Path, engine: str, rng: np.random.Genera
         return play(world, points)
 
 
-class ReplayTrajectory(Script, InCell):
+class ReplayTrajectory(Script, CellOptions):
     """Replays, prints how often it held; 1 unless always, 2 for bad input.
 
     Attributes:

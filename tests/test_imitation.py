@@ -20,7 +20,7 @@ from dexgrasp.learning.imitation.bc_policy import BcPolicy
 from dexgrasp.learning.imitation.cloud_features import grip_features, observed_cloud
 from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
 from dexgrasp.learning.imitation.demonstrated_grasp import demonstrated_grasp, grasp_from_row, grasp_to_row
-from dexgrasp.learning.imitation.demonstration_data import read_grips, read_rows
+from dexgrasp.learning.imitation.demonstration_data import read_grips, read_steps
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp_env.tasks.features import features, initial_scene
@@ -32,7 +32,7 @@ from dexgrasp.learning.imitation.bc_training import VIEWS, BcTraining, StateBcTr
 from dexgrasp.learning.imitation.settings import BcNetSizes, BcSettings, GraspNetSizes  # noqa: E402
 from dexgrasp.learning.training.checkpoint import read_state  # noqa: E402
 from dexgrasp.learning.training.loop import CHECKPOINT  # noqa: E402
-from dexgrasp.runs.arrays import read_policy  # noqa: E402
+from dexgrasp.runs.weights import read_policy  # noqa: E402
 
 SMALL = BcNetSizes(hidden=24, layers=2)
 NARROW = GraspNetSizes(local=8, cloud=12, width=24)
@@ -74,7 +74,7 @@ def test_features_tell_nothing_of_the_last_action(demos):
 
 
 def test_chunks_are_the_set_points_to_come_and_stand_still_at_the_end(demos):
-    rows = read_rows([demos])
+    rows = read_steps([demos])
     assert rows.control_mode == "joint_delta"
     episode = next(read_episodes(demos))
     targets = episode.observations["joint_targets"]
@@ -107,7 +107,7 @@ def trained(net, folder):
 
 def test_numpy_predicts_what_torch_does(demos, tmp_path):
     StateBcTraining([demos], settings_of("state"), tmp_path / "out").run()
-    clone, rows = BcPolicy(*read_policy(tmp_path / "out")), read_rows([demos])
+    clone, rows = BcPolicy(*read_policy(tmp_path / "out")), read_steps([demos])
     batch = rows.batch(np.array([0]), np.array([[5, 50]]), 8)
     net = trained(BcNet(SMALL, *rows.looks[:2], np.ones(8 * 23, np.float32)), tmp_path / "out")
     theirs = net(torch.from_numpy(batch.looks)).detach().numpy()[0]
@@ -119,7 +119,7 @@ def test_numpy_weighs_grips_as_torch_does(demos, tmp_path):
     grips, azimuths = read_grips([demos]), np.array([0.0, 1.0, 4.0])
     points, numbers = grip_features(grips.looks[0], azimuths)
     net = trained(GraspNet(NARROW, numbers, grips.rows), tmp_path / "out")
-    ours = CloudGraspPolicy(*read_policy(tmp_path / "out")).weigh(grips.looks[0], azimuths)
+    ours = CloudGraspPolicy(*read_policy(tmp_path / "out")).predict(grips.looks[0], azimuths)
     for one, other in zip(ours, net(*map(torch.from_numpy, (points, numbers))), strict=True):
         assert_allclose(one, other.detach().numpy(), atol=1e-4)
 

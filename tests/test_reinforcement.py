@@ -15,7 +15,7 @@ from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.registry import make_agent
-from dexgrasp.runs.arrays import read_policy, write_policy
+from dexgrasp.runs.weights import read_policy, write_policy
 from dexgrasp_env.valid import read
 
 pytest.importorskip("torch")

@@ -11,7 +11,7 @@ from refusals import refused
 from tables import mistakes
 from vector_envs import assert_same, native, singles
 
-from dexgrasp_env.tasks.clutter_env import ClutterEnv
+from dexgrasp_env.tasks.clutter import ClutterEnv
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.place import PlaceEnv
@@ -21,7 +21,7 @@ OF_SYNC = {"env_fns", "envs", "copy", "observation_mode"}
 """Of how `SyncVectorEnv` is made of single environments."""
 TOGETHER = {"step", "start_from", "close"}
 """What environments that are side by side do together, with `step` and others of the vector environment."""
-OF_THE_CLASS = {"episodes_type", "settings_type", "obs_modes"}
+OF_THE_CLASS = {"episodes_type", "settings_type"}
 OF_WRAPPERS = {"get_wrapper_attr", "has_wrapper_attr", "set_wrapper_attr"}
 
 

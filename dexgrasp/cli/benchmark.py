@@ -15,7 +15,7 @@ BENCHMARKS = {
     "perception": "depth to segmented cloud",
     "planning": "seconds to a certified grasp",
 }
-"""Name, which is that of its module -> what it measures."""
+"""Benchmark, by the name of its module -> what it measures."""
 
 
 def run_benchmark(name: str, *, quick: bool = False) -> Fields:
@@ -30,7 +30,7 @@ def run_benchmark(name: str, *, quick: bool = False) -> Fields:
 
 
 class Benchmark(Command):
-    """Measure speed as ratios against a reference in the same run: they carry over to other machines.
+    """Measure speed as ratios against a reference in the same run, which carry over to other machines.
 
     benchmarks:
     {available}

@@ -1,24 +1,28 @@
-"""`dexgrasp check`: an exported trajectory looked at before a robot moves."""
+"""`dexgrasp check`: an exported trajectory checked before a robot runs it."""
 
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any
 
-from dexgrasp.cli.command import Answer, Argument, Command, InCell, Seed
+from dexgrasp.cli.command import Answer, Argument, CellOptions, Command, Seed
 from dexgrasp.cli.output import check_lines, coloured
 from dexgrasp_env.valid import Natural, Rule
 
 
 def _share(value: Any) -> str:
-    """Return a share K/N of replays as it was written; raise for one that is none."""
+    """Return a share K/N of replays as it was written.
+
+    Raises:
+        ValueError: for anything else.
+    """
     least, of = map(int, value.split("/"))
     if not 0 <= least <= of or not of:
         raise ValueError
     return f"{least}/{of}"
 
 
-class Check(Command, InCell):
+class Check(Command, CellOptions):
     """Check a trajectory by an independent reader.
 
     examples:
@@ -33,13 +37,13 @@ class Check(Command, InCell):
     Attributes:
         trajectory: a folder or a trajectory.json.
         replay: replay it N times in simulation.
-        need: the share of the replays that has to hold (default 9/10).
+        need: the share of the replays that has to hold.
         seed: of the object's errors.
     """
 
     trajectory: Argument[Path]
     replay: Natural = 0
-    need: Annotated[str | None, Rule("K/N, K of each N replays", _share), "K/N", {"of": "replay"}] = None
+    need: Annotated[str, Rule("K/N, K of each N replays", _share), "K/N", {"of": "replay"}] = "9/10"
     seed: Annotated[Seed, {"of": "replay"}] = 0
 
     def run(self) -> Answer:
@@ -67,14 +71,19 @@ class Check(Command, InCell):
             replay(recording, folder / "scene.xml", np.random.default_rng([self.seed, k]), self.cell).success
             for k in tqdm(range(self.replay), unit="replay", leave=False, delay=0.5)
         ]
-        need = self.need or "9/10"
-        enough = sum(held) >= Fraction(need) * len(held)
+        enough = sum(held) >= Fraction(self.need) * len(held)
         done = "held" if recording.facts.placed is None else "set down at its goal, nothing else touched,"
         said = [
             f"{done} in {sum(held)} of {len(held)} open-loop replays, the object 3 mm and 1 deg off"
-            + f", {need} are needed" * (not enough)
+            + f", {self.need} are needed" * (not enough)
         ] * bool(held)
         good = fit and enough
         words = coloured("every check holds", "good") if good else coloured("NOT fit to run", "bad")
-        content = {"holds": good, "checks": checks, "replays": len(held), "held": sum(held), "need": need}
+        content = {
+            "holds": good,
+            "checks": checks,
+            "replays": len(held),
+            "held": sum(held),
+            "need": self.need,
+        }
         return Answer(content, [*check_lines(checks), "; ".join([words, *said])], not good)

@@ -1,11 +1,11 @@
-"""Base of commands: options as the fields of dataclasses, an answer.
+"""Base classes of commands: the fields of a dataclass are the options, `Answer` is the result.
 
-A field's annotation says what is valid, its default what holds where nothing is given, its line under `Attributes:` is
-the help; nothing of an option is said a second time. `Annotated` may add, as text, what the option (`"--from"`) or its
-value (`"DIR"`) is called, as a mapping what argparse is to know besides (`instead_of`: the path of an option that this
-one excludes; `of`: the option without which this one would do nothing, and is refused; `variable`: of the surroundings,
-whose value holds where the command line gives none). A field that is a dataclass itself, such as the settings that a
-function of the library takes, brings its own fields: all, those that a tuple names, or all but those of a set.
+A field's annotation is the validation of an option, its default the option's, and its line under `Attributes:` the
+help; nothing is declared twice. `Annotated` may add text, which names the option (`"--from"`) or its value (`"DIR"`),
+and a mapping: further keywords of argparse, and `instead_of` (path of an option that this one excludes), `of` (option
+without which this one would have no effect, and is refused), `variable` (environment variable that gives the default).
+A field that is itself a dataclass, such as the settings of a function of the library, adds its own fields: all, those
+that a tuple names, or all but those of a set.
 """
 
 import json
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 POSITIONAL = object()
 Argument = Annotated[T, POSITIONAL]
-"""A field that is given by its place, not by its name."""
+"""Field that is a positional argument."""
 Folder = Annotated[Path, "DIR"]
 File = Annotated[Path, "FILE"]
 Seed = Annotated[Natural, "S"]
@@ -34,13 +34,13 @@ Scale = Annotated[Positive, "F"]
 
 @dataclass(frozen=True)
 class Answer:
-    """Answer of a command.
+    """Result of a command.
 
     Attributes:
-        content: as JSON; its schema is 1 unless it says another.
-        text: for people, or lines of it; empty for nothing.
-        code: exit code; the truth of "the answer is no" is one.
-        failure: what went wrong afterwards, raised when the answer has been printed.
+        content: JSON of `--json`; its schema is 1 unless it states another.
+        text: for people, as text or lines; empty for nothing.
+        code: exit code; True, for a negative result, is 1.
+        failure: error of writing files, raised after the result has been printed.
     """
 
     content: Fields
@@ -49,7 +49,7 @@ class Answer:
     failure: OSError | None = None
 
     def show(self, as_json: bool) -> int:
-        """Print it and return the exit code."""
+        """Print the result and return the exit code."""
         if as_json:
             print(json.dumps(jsonable({"schema": 1, **self.content}), indent=2, allow_nan=False))
         elif self.text:
@@ -61,27 +61,27 @@ class Answer:
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 class Options:
-    """Options that several commands share: every class of them is a frozen dataclass."""
+    """Base of groups of options: every subclass is made a frozen dataclass."""
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True)(cls)
 
     def given(self, *names: str) -> list[str]:
-        """Return the options, as they are written, of those fields that have another value than their default."""
+        """Return the options, as they are typed, of those named fields that differ from their defaults."""
         known = type(self).__dataclass_fields__  # type: ignore[attr-defined]
         return [f"--{name.replace('_', '-')}" for name in names if getattr(self, name) != known[name].default]
 
 
 class Script(Options):
-    """Base of what runs with options: a file of `scripts/` (`run_script`) or a command."""
+    """Program with options: a file of `scripts/` (see `run_script`), or a command."""
 
     def run(self) -> Answer | int:
-        """Do it; return what is to be printed, or the exit code alone."""
+        """Run the program; return the result to print, or the exit code alone."""
         raise NotImplementedError
 
 
 class Command(Script):
-    """A command; the first lines of its docstring describe it, what follows until `Attributes:` is printed below.
+    """Command; the first paragraph of its docstring is its description, what follows until `Attributes:` the epilog.
 
     Attributes:
         json: print one JSON object on stdout and nothing else there.
@@ -91,7 +91,7 @@ class Command(Script):
 
 
 def check_mesh_options(targets: Sequence[str], settings: Any) -> None:
-    """Refuse `mesh_scale` and `mesh_mass` of settings where there is no mesh.
+    """Refuse `mesh_scale` and `mesh_mass` of settings where no target is a mesh.
 
     Raises:
         InputError: naming the options.
@@ -104,7 +104,7 @@ def check_mesh_options(targets: Sequence[str], settings: Any) -> None:
         )
 
 
-class InCell(Options):
+class CellOptions(Options):
     """Your cell.
 
     Attributes:
@@ -117,17 +117,17 @@ class InCell(Options):
 
     @property
     def cell(self) -> "Cell":
-        """The cell that is meant.
+        """Cell that `robot` and, where there is one, `mount` name.
 
         Raises:
-            InputError: for a file that is none.
+            InputError: for a file that is no cell or robot.
         """
         from dexgrasp_env.robot.cell import make_cell
 
         return make_cell(self.robot, getattr(self, "mount", None))
 
 
-class Scene(InCell):
+class SceneOptions(CellOptions):
     """The scene.
 
     Attributes:
@@ -146,7 +146,7 @@ class Scene(InCell):
 
     @property
     def env_settings(self) -> Fields:
-        """Keywords of `gym.make` that commands share."""
+        """Keywords of `gym.make` for the scene."""
         chosen = {"robot": self.robot, "mount": self.mount, "friction": self.friction}
         given = {name: value for name, value in chosen.items() if value is not None}
         return {"mesh_scale": self.mesh_scale, "mesh_mass": self.mesh_mass} | given

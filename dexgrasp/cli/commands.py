@@ -1,4 +1,4 @@
-"""The command line: finds the command, runs it, and turns what went wrong into an exit code."""
+"""The command line: finds a command, runs it, and turns exceptions into one line and an exit code."""
 
 import argparse
 import errno
@@ -50,7 +50,7 @@ _SURROUNDINGS = (
     errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.EFBIG, errno.EMFILE,
     errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ELOOP,
 )  # fmt: skip
-"""What the file system may say no with: the user's to mend."""
+"""Errors of the file system that are the user's to mend."""
 
 _EPILOG = """examples:
   dexgrasp demo                                       plan a grasp of a box, execute it, save a video
@@ -64,7 +64,7 @@ exit codes: 0 done; 1 done, but the answer is no; 2 bad input; 3 interrupted, wi
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Argument parser whose errors are one line."""
 
     def __init__(self, **given: Any) -> None:
         super().__init__(**given, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False)
@@ -83,11 +83,11 @@ def run_command(arguments: Sequence[str]) -> int:
 def run_script(
     command: "type[Script] | dict[str, type[Script]]", arguments: Sequence[str] | None = None
 ) -> int:
-    """Run a script as commands are run and return its exit code.
+    """Run a script the way commands are run and return its exit code.
 
     Args:
-        command: its options and what it does, or several by name; the help is the docstring of its module.
-        arguments: those of the process by default.
+        command: class of the script, or of each of its subcommands by name; the help is the docstring of its module.
+        arguments: of the command line; None for those of the process.
     """
     kinds = list(command.values()) if isinstance(command, dict) else [command]
     module = sys.modules[kinds[0].__module__]
@@ -119,7 +119,7 @@ def _run(name: str, parse: Callable[[], argparse.Namespace]) -> int:
 
 
 def make_parser(*named: str) -> Parser:
-    """Return the parser with the options of the commands that are named; others have their names alone."""
+    """Return the parser, with the options of the named commands only: others are not imported."""
     parser = Parser(
         prog="dexgrasp", epilog=_EPILOG,
         description="Dexterous grasping on a table: plan, execute, evaluate, learn.",
@@ -139,13 +139,13 @@ def make_parser(*named: str) -> Parser:
 
 
 def _add_command(place: Any, name: str, line: str, command: Any, module: Any = None) -> None:
-    """Add a command, or several by name as commands of one that the module's docstring describes."""
+    """Add a command, or a group of subcommands that the docstring of the module describes."""
     description, below, _ = texts(module if isinstance(command, dict) else command)
     _add_options(place.add_parser(name, help=line, description=description, epilog=below), command)
 
 
 def _add_options(parser: Parser, command: Any) -> None:
-    """Add the options of a command, or several commands by name."""
+    """Add the options of a command, or its subcommands."""
     if isinstance(command, dict):
         within = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
         for own, kind in command.items():
@@ -156,7 +156,7 @@ def _add_options(parser: Parser, command: Any) -> None:
 
 
 def _parsed(named: str, arguments: Sequence[str]) -> argparse.Namespace:
-    """As argparse does it, but what is unknown is said of the command, whose help has what is known."""
+    """Parse arguments; an unknown one is reported with the name of its command, whose help lists the known ones."""
     parser = make_parser(named)
     args, unknown = parser.parse_known_args(arguments)
     if args.command is None:
@@ -169,7 +169,7 @@ def _parsed(named: str, arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def _stopped(name: str, error: BaseException) -> int:
-    """Print a user's mistake in one line, any other error with its place; return the exit code."""
+    """Print a user's mistake in one line, any other error with its traceback; return the exit code."""
     code = BAD_INPUT
     said: object = None
     if interrupt.requested() or isinstance(error, KeyboardInterrupt):  # libraries make other exceptions of it

@@ -7,7 +7,7 @@ examples:
 
 from typing import Annotated
 
-from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell, check_mesh_options
+from dexgrasp.cli.command import Answer, Argument, CellOptions, Command, Folder, check_mesh_options
 from dexgrasp.cli.output import resumable, tables
 from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.runs.pool import Backend
@@ -34,7 +34,7 @@ class Generate(Command):
     backend: Backend = Backend()
 
     def run(self) -> Answer:
-        """Make it; say what it holds."""
+        """Generate the dataset and return its summary."""
         from dexgrasp.data.dataset.generate import generate
         from dexgrasp.data.dataset.info import summary
 
@@ -46,7 +46,7 @@ class Generate(Command):
         return Answer(figures, describe(figures))
 
 
-class Info(Command, InCell):
+class Info(Command, CellOptions):
     """Summarise a dataset, check some of it.
 
     Attributes:
@@ -60,7 +60,7 @@ class Info(Command, InCell):
     robot: Annotated[CellFile, {"of": "verify"}] = None
 
     def run(self) -> Answer:
-        """Look at it; 1 if a grasp that was checked does not hold."""
+        """Summarise it; exit code 1 if a checked grasp does not hold."""
         from dexgrasp.data.dataset.info import check_sample, summary
 
         figures, no = summary(self.folder), False
@@ -71,7 +71,7 @@ class Info(Command, InCell):
 
 
 def describe(figures: Fields) -> str:
-    """Return the figures of a dataset as tables: its poses, the loose ones, counts, what blocked, distributions."""
+    """Return the summary of a dataset as tables for a terminal."""
     from dexgrasp.evaluation.reasons import sentence
 
     edges, counts = (figures["margin_histogram"][key] for key in ("edges", "counts"))

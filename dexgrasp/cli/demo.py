@@ -1,11 +1,11 @@
-"""`dexgrasp demo`: the main job in one go: look, plan, execute, show."""
+"""`dexgrasp demo`: observe, plan, execute and show one grasp."""
 
 import time
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from dexgrasp.cli.command import Answer, Command, Folder, Scene
+from dexgrasp.cli.command import Answer, Command, Folder, SceneOptions
 from dexgrasp.cli.output import note
 from dexgrasp.cli.plan import check_target
 from dexgrasp.evaluation.video import VideoSettings
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dexgrasp.planning.scene_setup import Look
 
 
-class Demo(Command, Scene):
+class Demo(Command, SceneOptions):
     """Put an object on the table, plan a grasp from four depth cameras, lift it, save a video.
 
     examples:
@@ -87,7 +87,7 @@ class Demo(Command, Scene):
 
 
 def _result(agent: "Agent") -> "PlanResult":
-    """Return what an agent planned; of one that certifies nothing, its report."""
+    """Return the plan of an agent; of one without certificates, a result made of its report."""
     from dexgrasp.agent import report_of
     from dexgrasp.planning.result import PlanResult, PlansGrasps
 
@@ -98,9 +98,10 @@ def _result(agent: "Agent") -> "PlanResult":
 
 
 def _execute(agent: "Agent", seen: "Look", folder: Path) -> Fields:
-    """Carry the plan out; record a video and the moments of the episode where rendering works."""
+    """Execute the plan; record a video and a contact sheet of the episode where rendering works."""
     from dexgrasp.evaluation.video import Video
     from dexgrasp.runs.progress import progress_bar
+    from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
     env, observation = seen.env, seen.observation
     frames, info, steps, over = list[Any](), Fields(), 0, False
@@ -122,12 +123,12 @@ def _execute(agent: "Agent", seen: "Look", folder: Path) -> Fields:
     )  # fmt: skip
     return {key: info[key] for key in kept} | {
         "failure": info["failure"] or None,
-        "simulated_seconds": round(0.05 * steps, 2),
+        "simulated_seconds": round(CONTROL_PERIOD * steps, 2),
     }
 
 
 def _contact_sheet(path: Path, frames: list[Any]) -> None:
-    """Six moments of the episode in one picture, left to right, top to bottom."""
+    """Write six frames of the episode as one picture, left to right, top to bottom."""
     import imageio.v2 as imageio
     import numpy as np
 
@@ -136,7 +137,7 @@ def _contact_sheet(path: Path, frames: list[Any]) -> None:
 
 
 def _cloud_picture(path: Path, seen: "Look", found: "PlanResult") -> None:
-    """Draw the points that were seen over the object; only for agents that see points."""
+    """Draw the observed points and the true mesh, for agents that observe a cloud."""
     import numpy as np
 
     from dexgrasp_env.perception.picture import Drawing, scene_picture

@@ -1,4 +1,4 @@
-"""Demonstrations of any agent, made, looked at and replayed.
+"""Demonstrations of any agent: recorded, counted and replayed.
 
 examples:
   dexgrasp demos generate --objects varied-0..99 --episodes 20 --out runs/demos --workers 2
@@ -8,7 +8,7 @@ examples:
 
 from typing import Annotated
 
-from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell
+from dexgrasp.cli.command import Answer, Argument, CellOptions, Command, Folder
 from dexgrasp.cli.output import resumable, tables
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.runs.pool import Backend
@@ -44,7 +44,7 @@ class Generate(Command):
     backend: Backend = Backend()
 
     def run(self) -> Answer:
-        """Make them; say how many there are."""
+        """Record them and return their counts."""
         from dexgrasp.data.demonstrations.generate import generate
 
         with resumable(f"finished files are kept in {self.out}"), progress_bar("file", "demos") as bar:
@@ -69,7 +69,7 @@ class Info(Command):
         return Answer(figures, tables(figures))
 
 
-class Replay(Command, InCell):
+class Replay(Command, CellOptions):
     """Play recorded actions again, from the same scenes: exit code 0 only if all still succeed.
 
     Attributes:
@@ -81,7 +81,7 @@ class Replay(Command, InCell):
     episodes: Count | None = None
 
     def run(self) -> Answer:
-        """Play them."""
+        """Replay the actions; exit code 1 if one fails."""
         from dexgrasp.data.demonstrations.info import replay_all
 
         with progress_bar("episode", "replay") as bar:

@@ -49,7 +49,7 @@ class Doctor(Command):
     mesh_scale: Annotated[Scale, {"of": "meshes"}] = 1.0
 
     def run(self) -> Answer:
-        """Look; 1 if one of the findings is an error."""
+        """Check; exit code 1 if one of the findings is an error."""
         from dexgrasp_env.objects.user_mesh import describe_mesh
 
         for mesh in self.meshes:
@@ -69,14 +69,14 @@ class Doctor(Command):
 
 
 def finding_line(finding: Finding) -> str:
-    """Return what is printed of a finding: its mark, what is the matter, and what to do about it."""
+    """Return a finding as a line: its level, the problem and the remedy."""
     marks = {"info": ("ok   ", "good"), "warning": ("look ", "look"), "error": ("WRONG", "bad")}
     remedy = f" -> {finding.remedy}" if finding.remedy not in ("", "nothing to do") else ""
     return f"  {coloured(*marks[finding.level])} {finding.problem}{remedy}"
 
 
 def check_versions() -> list[Finding]:
-    """Look at Python and the packages."""
+    """Check the versions of Python and of the packages."""
     needed = ("dexgrasp", "numpy", "scipy", "mujoco", "gymnasium", "numba", "trimesh", "manifold3d")
     return [
         Finding("info", f"python {'.'.join(map(str, sys.version_info[:3]))}"),
@@ -102,7 +102,7 @@ def _judged(package: str) -> Finding:
 
 
 def check_rendering() -> list[Finding]:
-    """Render a picture with every backend, each in a process of its own: a bad driver may crash it."""
+    """Render a picture with every backend, each in its own process, which a bad driver may crash."""
     faults = {backend: _renders(backend) for backend in ("egl", "osmesa", "glfw")}
     working = [backend for backend, why in faults.items() if not why]
     unneeded = "cannot be used here, and need not" if working else ""
@@ -124,7 +124,7 @@ def check_rendering() -> list[Finding]:
 
 
 def _renders(backend: str) -> str:
-    """Return an empty text if a backend works, else why it does not."""
+    """Return the fault of a rendering backend; empty if it works."""
     with tempfile.TemporaryDirectory() as folder:  # MuJoCo logs into the current folder
         command, surroundings = (
             [sys.executable, "-c", _RENDER],
@@ -143,7 +143,7 @@ def _renders(backend: str) -> str:
 
 
 def check_machine() -> list[Finding]:
-    """Look at processors, thread settings and the cache."""
+    """Check processors, thread settings, the cache and compiled code."""
     limits = [
         f"{key}={os.environ[key]}" for key in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if os.environ.get(key)
     ]

@@ -48,7 +48,7 @@ class Evaluate(Command):
     backend: Backend = Backend()
 
     def run(self) -> Answer | int:
-        """Evaluate; 3 if it was interrupted or a worker died, with what was finished kept."""
+        """Evaluate; exit code 3 if it was interrupted or a worker died: finished trials are kept."""
         from dexgrasp.evaluation.evaluate import evaluate
         from dexgrasp.evaluation.protocol import get_protocol
         from dexgrasp.evaluation.report.tables import render_summary

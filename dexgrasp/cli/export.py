@@ -1,15 +1,15 @@
-"""`dexgrasp export`: a grasp as a trajectory that a robot's controllers take."""
+"""`dexgrasp export`: a grasp as a trajectory for a robot's controllers."""
 
 import shlex
 from pathlib import Path
 from typing import Annotated
 
-from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell
+from dexgrasp.cli.command import Answer, Argument, CellOptions, Command, Folder
 from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.valid import Positive
 
 
-class Export(Command, InCell):
+class Export(Command, CellOptions):
     """Write the trajectory of a grasp file, from the approach to the end of the lift.
 
     examples:
@@ -41,7 +41,7 @@ class Export(Command, InCell):
     force: bool = False
 
     def run(self) -> Answer:
-        """Export and name the files."""
+        """Write the files; exit code 1 if `verify` rejects the grasp."""
         from dexgrasp.export.grasp_export import export_grasp
         from dexgrasp.grasp.file import read_grasp, write_grasp
         from dexgrasp.grasp.record import as_json

@@ -2,19 +2,19 @@
 
 import os
 from pkgutil import resolve_name
-from typing import Annotated
+from typing import Annotated, Any
 
-from dexgrasp.cli.command import Answer, Argument, Command, InCell
+from dexgrasp.cli.command import Answer, Argument, CellOptions, Command
 from dexgrasp.cli.output import columns, record_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import one_of
+from dexgrasp_env.valid import hints, one_of
 
 Rows = list[Fields]
 
 
 def list_objects() -> Rows:
-    """Return the catalogue: name, sets, shape, size mm, mass g, and whether size and mass are approximate."""
+    """Return the catalogue: name, sets, shape, size [mm], mass [g], and a flag for approximate ones."""
     from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
     from dexgrasp_env.objects.load import load_object
 
@@ -32,19 +32,16 @@ def list_objects() -> Rows:
 
 
 def list_envs() -> Rows:
-    """Return the registered environments with the choices of their arguments, and the figures of their protocols."""
+    """Return the registered environments, the choices of their arguments, and published results on them."""
     import gymnasium as gym
 
     from dexgrasp.evaluation.protocol import PROTOCOLS, SHOWN
     from dexgrasp_env.robot.cell import default_cell
-    from dexgrasp_env.tasks.control import CONTROL_MODES
-    from dexgrasp_env.tasks.settings import REWARD_MODES
 
     return [
         {
             "id": id, "max_episode_steps": spec.max_episode_steps, "preset": spec.kwargs,
-            "obs_mode": resolve_name(str(spec.entry_point)).obs_modes, "control_mode": CONTROL_MODES,
-            "reward_mode": REWARD_MODES, "mount": default_cell().mounts,
+            **_modes(resolve_name(str(spec.entry_point))), "mount": default_cell().mounts,
             **{
                 name: ", ".join(filter(None, map(protocol.shown, SHOWN)))
                 for name, protocol in PROTOCOLS.items() if protocol.env_id == id and protocol.figures
@@ -55,15 +52,21 @@ def list_envs() -> Rows:
     ]  # fmt: skip
 
 
+def _modes(env: Any) -> Fields:
+    """Return the modes that a class of environments takes, by argument."""
+    known, names = hints(env.settings_type), ("obs_mode", "control_mode", "reward_mode")
+    return {name: rule.choices for name in names if (rule := known[name].rule)}
+
+
 def list_agents() -> Rows:
-    """Return the agents by name: what they observe, their summary, and whether they can be used here."""
+    """Return the agents: name, observation and control mode, and summary."""
     from dexgrasp.registry import AGENTS
 
     return [{"name": name, **_describe(spec)} for name, spec in AGENTS.items()]
 
 
 def list_protocols() -> Rows:
-    """Return the protocols: name, environment, what is special, and the figures published with them."""
+    """Return the protocols: name, environment, description, and published results."""
     from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, SHOWN
     from dexgrasp.evaluation.scoring.protocols import GRASP_PROTOCOLS
 
@@ -90,7 +93,7 @@ def _describe(spec: str) -> Fields:
 _LISTS = {"objects": list_objects, "envs": list_envs, "agents": list_agents, "protocols": list_protocols}
 
 
-class List(Command, InCell):
+class List(Command, CellOptions):
     """List what there is.
 
     examples:
@@ -107,7 +110,7 @@ class List(Command, InCell):
     what: Argument[Annotated[str, one_of(_LISTS)]]
 
     def run(self) -> Answer:
-        """List it."""
+        """List the objects, environments, agents or protocols."""
         from dexgrasp_env.objects.catalogue import OBJECT_SETS
         from dexgrasp_env.objects.sets import MESH_SUFFIXES
 

@@ -31,7 +31,7 @@ def main(argv: "list[str] | None" = None) -> int:
 
 
 def _open_closed_streams() -> None:
-    """Open to nothing what the caller has closed: files would take its number, and what is printed would go to them."""
+    """Open closed standard streams on the null device: a file would take their number and get what is printed."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         setattr(sys, ("stdin", "stdout", "stderr")[number], os.fdopen(number, "w" if number else "r"))
     os.close(number)
@@ -47,9 +47,9 @@ def _keep_blas_to_one_thread() -> None:
 
 
 def _leave_cycles() -> None:
-    """End the process without a last search for cycles, which would take a tenth of a short command.
+    """Skip the last garbage collection, which would take a tenth of the time of a short command.
 
-    Bindings made with nanobind look at exit whether all of theirs is gone, and print pages about what such cycles hold.
+    Not where bindings made with nanobind are loaded: these print pages about objects that are left at exit.
     """
     if not any(name in sys.modules for name in ("ompl", "manifold3d", "ruckig", "fast_simplification")):
         gc.freeze()

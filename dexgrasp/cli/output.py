@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def quiet(active: bool) -> Iterator[None]:
-    """While active, let standard error have what is printed, by native libraries as well."""
+    """Redirect standard output to standard error while active, that of native libraries as well."""
     if not active:
         yield
         return
@@ -37,7 +37,7 @@ def note(message: str) -> None:
 
 @contextmanager
 def resumable(kept: str) -> Iterator[None]:
-    """Add to an interruption's message that `kept` is there, and that the same command goes on."""
+    """Add to the message of an interruption what is kept, and that the same command resumes."""
     from dexgrasp.runs.pool import WorkerDiedError
 
     try:
@@ -71,12 +71,12 @@ def check_lines(checks: "Sequence[Check]") -> list[str]:
 
 
 def mark(good: bool) -> str:
-    """Return how a line of a list of checks begins."""
+    """Return the mark of a check that holds or fails."""
     return coloured("ok  ", "good") if good else coloured("FAIL", "bad")
 
 
 def shown(value: Any) -> str:
-    """Return a value as people read it, a figure in a few digits."""
+    """Return a value as text; a float has four digits."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
@@ -89,18 +89,21 @@ def shown(value: Any) -> str:
 
 
 def columns(figures: Fields) -> list[str]:
-    """Return a line for each figure, all values below each other."""
+    """Return a line for each figure, the values aligned."""
     width = max(map(len, figures))
     return [f"{name:<{width}}  {shown(value)}" for name, value in figures.items()]
 
 
 def record_table(rows: Sequence[Fields]) -> str:
-    """Return records with the same keys as a table."""
+    """Return records, which have the same keys, as a table."""
     return text_table(tuple(rows[0]), [list(map(shown, row.values())) for row in rows], words=True)
 
 
 def tables(figures: Fields) -> str:
-    """Return nested figures as tables: the loose ones; mappings, those with the same keys as rows of one; records."""
+    """Return nested figures as tables.
+
+    Single figures are one table, mappings with the same keys the rows of another, each list of records one of its own.
+    """
     loose, groups = Fields(), dict[tuple[str, ...], list[Fields]]()
     parts = list[str]()
     for name, value in figures.items():

@@ -1,4 +1,4 @@
-"""Parsers from the dataclasses of `command`."""
+"""Options of argparse from the dataclasses of `command`."""
 
 import argparse
 import inspect
@@ -18,7 +18,7 @@ C = TypeVar("C", bound=Script)
 
 
 def texts(owner: Any) -> tuple[str, str, dict[str, str]]:
-    """Return the first lines of the docstring of a class or module, what follows, and what it says of attributes."""
+    """Split the docstring of a class or module: first paragraph, the rest, and the line of each attribute."""
     above, _, section = (inspect.getdoc(owner) or "").partition("\nAttributes:\n")
     description, _, below = above.partition("\n\n")
     attributes = re.findall(r"^    (\w+): (.*(?:\n     .*)*)", section, re.MULTILINE)
@@ -30,10 +30,10 @@ def _line(text: str) -> str:
 
 
 def build(kind: type[C], args: argparse.Namespace) -> C:
-    """Return a command or script with the options that were given.
+    """Return a command or script with its parsed options.
 
     Raises:
-        InputError: for settings that are not valid.
+        InputError: for settings that are not valid, or an option that has no effect without another.
     """
     given = Fields()
     for path, value in vars(args).items():
@@ -45,8 +45,8 @@ def build(kind: type[C], args: argparse.Namespace) -> C:
     made = read(kind, given, more=True)
     known = hints(cast(Any, kind))
     for name, hint in known.items():
-        told = _told(hint)
-        other, unasked = told.get("of"), os.environ.get(told.get("variable", ""))
+        details = _details(hint)
+        other, unasked = details.get("of"), os.environ.get(details.get("variable", ""))
         if name in given and other and not getattr(made, other) and given[name] != unasked:
             idle = given[name] if isinstance(given[name], dict) else [name]
             words = ", ".join(f"--{part}" for part in idle)
@@ -55,21 +55,21 @@ def build(kind: type[C], args: argparse.Namespace) -> C:
     return made
 
 
-def _told(hint: Hint) -> Fields:
-    """Return what a field's mappings say."""
+def _details(hint: Hint) -> Fields:
+    """Return the mappings of a field's annotation, merged."""
     return {key: value for mark in hint.marks if isinstance(mark, dict) for key, value in mark.items()}
 
 
 def add_options(
     parser: argparse.ArgumentParser, kind: Any, path: str = "", chosen: Collection[str] = frozenset()
 ) -> None:
-    """Add an option for every field of a dataclass; those of other classes and of dataclasses within are groups.
+    """Add an option for every field of a dataclass; base classes and nested dataclasses become groups of options.
 
     Args:
         parser: of the command.
         kind: the dataclass.
-        path: names of the fields that lead to it, each with a dot behind.
-        chosen: the fields that are options, a tuple; or those that are none, a set.
+        path: names of the fields that lead to it, each followed by a dot.
+        chosen: names of fields: those to add (tuple), or those to leave out (set).
     """
     listed = isinstance(chosen, tuple)
     seen = set() if listed else set(chosen)
@@ -91,7 +91,7 @@ def add_options(
 
 def _add(place: Any, path: str, field: "Field[Any]", hint: Hint, line: str) -> None:
     default = field.default if field.default_factory is MISSING else field.default_factory()
-    settings = {"help": _help(line, default)} | _value(field.name, hint) | _told(hint)
+    settings = {"help": _help(line, default)} | _value(field.name, hint) | _details(hint)
     settings.pop("of", None)
     settings["default"] = os.environ.get(settings.pop("variable", ""), argparse.SUPPRESS)
     if POSITIONAL in hint.marks:
@@ -122,7 +122,7 @@ def _help(line: str, default: Any) -> str:
 
 
 def _value(name: str, hint: Hint) -> Fields:
-    """Return what argparse is told of a value."""
+    """Return the keywords of `add_argument` for a value."""
     if hint.kind is bool:
         return {"action": "store_true"}
     found = Fields()
@@ -141,10 +141,10 @@ def _value(name: str, hint: Hint) -> Fields:
 
 
 def reader(rule: Rule) -> Callable[[str], Any]:
-    """Return what reads a word of the command line, and says in a line what is wrong with it."""
+    """Return the `type` of argparse for a rule: parses and validates a word of the command line."""
 
     def parse(text: str) -> Any:
-        """Return the value that a word of the command line states."""
+        """Return the value of a word of the command line."""
         if text == argparse.SUPPRESS:  # argparse reads the default of a place that is left empty like a word
             return text
         try:

@@ -1,4 +1,4 @@
-"""`dexgrasp plan`: one grasp (or several) with its certificate, or the reason why there is none."""
+"""`dexgrasp plan`: one or more grasps with their certificates, or the reason why there is none."""
 
 import os
 import sys
@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check_mesh_options
+from dexgrasp.cli.command import Answer, Argument, Command, Folder, SceneOptions, check_mesh_options
 from dexgrasp.cli.output import note
-from dexgrasp.cli.request import Request
-from dexgrasp.cli.scan import Scan, blocking_lines, chosen_line, draw_scan, list_lines, table_line
+from dexgrasp.cli.request import RequestOptions
+from dexgrasp.cli.scan import CloudOptions, blocking_lines, chosen_line, draw_scan, list_lines, table_line
 from dexgrasp.runs.folder import make_folder
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from dexgrasp_env.arrays import Array, Mask
     from dexgrasp_env.perception.cloud import Cloud
     from dexgrasp_env.perception.detected import DetectedObject
-    from dexgrasp_env.perception.scene import Scene as PerceivedScene
+    from dexgrasp_env.perception.scene import Scene
 
 
-class Plan(Command, Request, Scan, Scene):
+class Plan(Command, RequestOptions, CloudOptions, SceneOptions):
     """Plan one grasp of an object on the table, or K that differ.
 
     examples:
@@ -71,7 +71,7 @@ class Plan(Command, Request, Scan, Scene):
     floating: bool = False
 
     def run(self) -> Answer:
-        """Plan, and write what was asked for."""
+        """Plan, and write the files that were asked for."""
         from dexgrasp.cli.plan_results import describe, write_results
         from dexgrasp.runs.progress import progress_bar
 
@@ -93,7 +93,7 @@ class Plan(Command, Request, Scan, Scene):
         return answer
 
     def _read(self) -> "Cloud | None":
-        """Read the cloud; let a mistake show before anything heavy is imported, which takes a second."""
+        """Validate the options, before heavy imports that take a second; return the cloud, None for a TARGET."""
         if self.cloud is None:
             if self.target is None:
                 raise InputError(
@@ -117,7 +117,7 @@ class Plan(Command, Request, Scan, Scene):
             raise InputError(
                 "--agent, --mesh-scale and --mesh-mass do not apply to --cloud (its mass is --mass)"
             )
-        idle = self.given("count", "at_least", "mass", "friction", *Request.__annotations__)
+        idle = self.given("count", "at_least", "mass", "friction", *RequestOptions.__annotations__)
         if self.objects and idle:
             raise InputError(f"{', '.join(idle)} would change nothing: --objects plans nothing")
         from dexgrasp_env.perception.scan import read_scan
@@ -127,13 +127,13 @@ class Plan(Command, Request, Scan, Scene):
         return read_scan(self.cloud, self.unit, self.pose)
 
     def _request(self, marked: "Callable[[Mask], Array]") -> "GraspRequest":
-        """Return all that is asked for, see `grasp_request`."""
+        """Return the request with the options of the other groups; see `grasp_request`."""
         return self.grasp_request(
             marked, friction=self.friction, mass=self.mass, count=self.count, min_probability=self.at_least
         )
 
     def _plan(self, progress: "Progress | None") -> "tuple[PlanResult, Fields]":
-        """Plan for the named object; return what came of it, and the same as JSON."""
+        """Plan for the named object; return the result, and its JSON."""
         if self.floating:
             from dexgrasp.planning.floating import plan_floating
             from dexgrasp.planning.plan_scene import default_planner
@@ -153,7 +153,7 @@ class Plan(Command, Request, Scan, Scene):
         return found, found.as_json(subject.identity, self.agent, subject.pose)
 
     def _plan_scan(self, scan: "Cloud", progress: "Progress | None") -> "tuple[PlanResult, Fields]":
-        """Plan on a cloud; return what came of it, and the same as JSON."""
+        """Plan on a cloud; return the result, and its JSON."""
         _import_mujoco()
         from dexgrasp.planning.plan_scene import default_planner, plan_scene
         from dexgrasp.planning.planner import Planner
@@ -186,16 +186,16 @@ class Plan(Command, Request, Scan, Scene):
     def _draw(
         self,
         scan: "Cloud",
-        scene: "PerceivedScene",
+        scene: "Scene",
         seen: "list[DetectedObject]",
         found: "PlanResult | None" = None,
     ) -> None:
-        """Draw what is seen, where there is a folder for it."""
+        """Draw the perceived scene into the folder, if one is given."""
         if self.out is not None:
             note(draw_scan(self.out / "seen.png", scan, scene, seen, found, self.cell))
 
-    def _look(self, scan: "Cloud") -> "tuple[PerceivedScene, list[DetectedObject]]":
-        """Return the scene of a cloud, and the objects that are seen there."""
+    def _look(self, scan: "Cloud") -> "tuple[Scene, list[DetectedObject]]":
+        """Return the perceived scene of a cloud, and the objects detected in it."""
         from dexgrasp.geometry.completion import guesses_said
         from dexgrasp.planning.plan_scene import scene_of
         from dexgrasp_env.perception.detected import detected_objects
@@ -208,7 +208,7 @@ class Plan(Command, Request, Scan, Scene):
         return scene, detected_objects(guesses_said(scene), self.cell.seeing(scene.table).T_base_world)
 
     def _list(self, scan: "Cloud") -> Answer:
-        """List the objects seen, with a picture where there is a folder for it."""
+        """List the detected objects; draw them into the folder, if one is given."""
         scene, seen = self._look(scan)
         lines = [f"{len(seen)} objects (middles in the frame of the robot's base, m):", *list_lines(seen)]
         if not seen:
@@ -220,8 +220,8 @@ class Plan(Command, Request, Scan, Scene):
         return Answer({"objects": seen}, lines, not seen)
 
 
-def check_target(target: str, agent: str, scene: Scene) -> None:
-    """Check the names before anything heavy is imported.
+def check_target(target: str, agent: str, scene: SceneOptions) -> None:
+    """Validate the names before heavy imports.
 
     Raises:
         InputError: for an unknown cell, mount, object or agent, a set, or options that do not apply to the object.
@@ -241,7 +241,7 @@ def check_target(target: str, agent: str, scene: Scene) -> None:
 def plan_target(
     target: str,
     agent_name: str,
-    scene: Scene,
+    scene: SceneOptions,
     progress: "Progress | None" = None,
     request: "Callable[[Callable[[Mask], Array]], GraspRequest] | None" = None,
 ) -> "tuple[Look, PlanResult]":
@@ -252,8 +252,8 @@ def plan_target(
         agent_name: which planner.
         scene: the options of the scene.
         progress: called with steps done and steps in all.
-        request: returns what is asked for, given what a mask of the mesh's faces marks; None: a grasp at the scene's
-            friction.
+        request: makes the request, given a function that returns the points a mask of the mesh's faces marks; None: any
+            grasp at the scene's friction.
 
     Raises:
         InputError: for an unknown agent, or one that plans no grasps.
@@ -281,12 +281,12 @@ def plan_target(
 
 
 def _nothing_marked(_mask: "Mask") -> "Array":
-    """Return a point in place of what a mask marks, where there is nothing to mark."""
+    """Return a placeholder point (1, 3), where there is no cloud or mesh to mark."""
     return np.zeros((1, 3))
 
 
 def _import_mujoco() -> None:
-    """Import it without the window library that it would bring: what draws chooses its own, MUJOCO_GL is put aside."""
+    """Import mujoco without its window library: rendering chooses its own, MUJOCO_GL is set aside by then."""
     if "mujoco" not in sys.modules:
         os.environ["MUJOCO_GL"] = "disable"
         import mujoco  # noqa: F401
@@ -295,5 +295,5 @@ def _import_mujoco() -> None:
 
 
 def scan_name(path: Path) -> str:
-    """Return what a scan is called: a file without its suffix, a folder whole (`scan0.08` has none)."""
+    """Return the name of a scan: a file without its suffix, a folder whole (`scan0.08` has none)."""
     return path.resolve().name if path.is_dir() else path.stem

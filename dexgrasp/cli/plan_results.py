@@ -1,4 +1,4 @@
-"""Results of `dexgrasp plan`: as files, and as text."""
+"""Results of `dexgrasp plan` as files and as text."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +21,7 @@ _SET = {
 
 
 def write_results(folder: Path, found: "PlanResult", content: Fields, pictures: bool = True) -> str:
-    """Write grasp.json and, with `pictures`, grasp.png, or the files of a set; return a line that says so."""
+    """Write grasp.json and, with `pictures`, grasp.png, or the files of a set; return a line that names them."""
     from dexgrasp.grasp.file import write_grasp
     from dexgrasp.grasp.picture import grasp_picture
 
@@ -40,7 +40,7 @@ def write_results(folder: Path, found: "PlanResult", content: Fields, pictures: 
 
 
 def describe(result: Fields, unseen: str = "") -> str:
-    """Return the outcome as people read it; `unseen` says why no object was."""
+    """Return the result as text; `unseen` says why no object was perceived, if none was."""
     if "asked" in result:
         return _describe_set(result)
     name = result["object"]
@@ -67,7 +67,7 @@ def describe(result: Fields, unseen: str = "") -> str:
 
 
 def _describe_set(result: Fields) -> str:
-    """Return the outcome as people read it: a line, a table, and why there are fewer than asked."""
+    """Return the result of `--count` as text: a line, a table, and why there are fewer than asked."""
     asked, count, seconds = result["asked"], result["count"], result["planning_seconds"] or 0.0
     found = coloured(f"{count} of {asked} grasps", "good" if count == asked else "bad")
     speed = f"{result['grasps_per_cpu_second']:.0f} a second of one core"

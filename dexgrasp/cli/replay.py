@@ -1,14 +1,14 @@
-"""`dexgrasp replay`: one trial of an evaluation again, exactly."""
+"""`dexgrasp replay`: one trial of an evaluation made again, exactly."""
 
 from typing import Annotated
 
-from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell
+from dexgrasp.cli.command import Answer, Argument, CellOptions, Command, Folder
 from dexgrasp.cli.output import note
 from dexgrasp.evaluation.video import VideoSettings
 from dexgrasp_env.valid import Natural
 
 
-class Replay(Command, InCell):
+class Replay(Command, CellOptions):
     """Make a trial of an evaluation again, and record it.
 
     examples:
@@ -36,7 +36,7 @@ class Replay(Command, InCell):
     film: Annotated[VideoSettings, {"of": "video"}] = VideoSettings()
 
     def run(self) -> Answer:
-        """Replay, say what is different."""
+        """Replay the trial; exit code 1 if the outcome differs."""
         from dexgrasp.evaluation.replay import replay
 
         film = self.film if self.video else None

@@ -21,7 +21,7 @@ class Report(Command):
     out: Folder | None = None
 
     def run(self) -> Answer:
-        """Write the report."""
+        """Write the report and return its markdown."""
         from dexgrasp.evaluation.report.build import read_agents, write_report
 
         out = self.out or self.folders[0]

@@ -1,4 +1,4 @@
-"""Options of `dexgrasp plan` that say where and how an object is to be grasped."""
+"""Options of `dexgrasp plan` that constrain the grasp."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dexgrasp_env.arrays import Array, Mask
 
 
-class Request(Options):
+class RequestOptions(Options):
     """Constraints on the grasp, in the frame of the robot's base, m.
 
     Attributes:
@@ -38,18 +38,18 @@ class Request(Options):
 
     @property
     def of_request(self) -> list[str]:
-        """Options of the request that were given."""
-        return self.given(*Request.__annotations__)
+        """Options of this group that were given, as they are typed."""
+        return self.given(*RequestOptions.__annotations__)
 
     def grasp_request(self, marked: "Callable[[Mask], Array]", **known: Any) -> "GraspRequest":
-        """Return what is asked for.
+        """Return the request of these options.
 
         Args:
             marked: returns the points (N, 3) m, frame of the robot's base, that a mask marks.
-            **known: what other options say.
+            **known: fields of `GraspRequest` from other options.
 
         Raises:
-            InputError: for what is no region, no way or no mask.
+            InputError: for a region, an approach or a mask that is not valid.
         """
         from dexgrasp.geometry.request import PLACE_WORDS, GraspRequest
 

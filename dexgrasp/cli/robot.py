@@ -1,4 +1,4 @@
-"""Robot files: list them, make one of URDF or MJCF, test one before anything is planned with it.
+"""Robot files: list them, make one of URDF or MJCF, test one before planning with it.
 
 examples:
   dexgrasp robot list
@@ -10,7 +10,7 @@ import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
-from dexgrasp.cli.command import Answer, Argument, Command, Scene
+from dexgrasp.cli.command import Answer, Argument, Command, SceneOptions
 from dexgrasp.cli.doctor import finding_line
 from dexgrasp.cli.output import record_table
 from dexgrasp_env.arrays import Fields
@@ -20,10 +20,10 @@ from dexgrasp_env.yaml_file import YAML_SUFFIXES
 
 
 class ListRobots(Command):
-    """List the robots of ours, by the names that --robot takes, and the recipes for public ones."""
+    """List our robots, by the names that --robot takes, and the recipes for public ones."""
 
     def run(self) -> Answer:
-        """List them."""
+        """List robots and recipes."""
         from dexgrasp_env.robot.cell import make_cell, robot_files
         from dexgrasp_env.robot.recipes import recipes
 
@@ -80,7 +80,7 @@ class Make(Command):
     picture: Annotated[Path | None, "PNG"] = None
 
     def run(self) -> Answer:
-        """Make it; say what was assumed."""
+        """Write the robot file; report what was assumed."""
         from dexgrasp_env.robot.hand_maker import NamedParts
         from dexgrasp_env.robot.make import make_robot
         from dexgrasp_env.robot.recipes import hint_of, recipe_of
@@ -108,7 +108,7 @@ class Make(Command):
         return Answer({"robot": out, "picture": picture, "assumed": assumed}, lines)
 
     def _parts(self) -> tuple[Path | None, Path | None]:
-        """Return the descriptions of hand and arm."""
+        """Return the files that describe hand and arm."""
         from dexgrasp_env.robot.make import parts_of
 
         if self.file is None:
@@ -122,7 +122,7 @@ class Make(Command):
 
 
 def _draw_found(robot: Path, path: Path | None) -> Path | None:
-    """Draw what was found of a hand beside its robot's file; return the picture, None where nothing can draw it."""
+    """Draw the hand that was read, beside its robot file; return the picture, None without matplotlib."""
     from dexgrasp_env.robot.cell import make_cell
     from dexgrasp_env.robot.robot_file import read_robot
 
@@ -154,7 +154,7 @@ class CheckRobot(Command):
     picture: Annotated[Path | None, "PNG"] = None
 
     def run(self) -> Answer:
-        """Test it."""
+        """Test the robot; exit code 1 if an error was found."""
         from dexgrasp.mechanics.kinematics.robot_check import check_robot, score
         from dexgrasp_env.robot.cell import make_cell
 
@@ -175,7 +175,7 @@ class CheckRobot(Command):
 
 
 def _presses(cell: Any) -> list[Finding]:
-    """Report the postures that the planner can start from, without one of which it plans nothing, and the payload."""
+    """Report how many postures the planner can start from (it plans nothing without one), and the payload."""
     from dexgrasp.planning.atlas import hand_atlas
     from dexgrasp.planning.payload import payload
 
@@ -184,26 +184,23 @@ def _presses(cell: Any) -> list[Finding]:
         count, mass = len(hand_atlas(cell).joints), payload(cell)
     except InputError as none:
         return [Finding("error", str(none), mend)]
-    found = (
-        (count < 200, f"{count} postures in which the hand can press", mend),  # with fewer plans are rare
-        (
-            mass < 0.2,
-            f"the hand lifts about {mass:.2g} kg",
-            "torque of its joints, Nm: most objects are heavier",
-        ),
-    )
-    return [Finding("warning", what, mend) if poor else Finding("info", what) for poor, what, mend in found]
+    postures, lifts = f"{count} postures in which the hand can press", f"the hand lifts about {mass:.2g} kg"
+    strengthen = "torque of its joints, Nm: most objects are heavier"
+    return [  # with fewer postures plans are rare
+        Finding("warning", postures, mend) if count < 200 else Finding("info", postures),
+        Finding("warning", lifts, strengthen) if mass < 0.2 else Finding("info", lifts),
+    ]
 
 
 def _draw(cell: Any, path: Path) -> list[str]:
-    """Draw the hand open, closed and in grasps; return the objects that it found no grasp of."""
+    """Draw the hand open, closed and in three grasps; return the objects that no grasp of was found."""
     from dexgrasp.cli.plan import plan_target
     from dexgrasp.grasp.picture import hand_picture
     from dexgrasp.mechanics.kinematics.robot_check import closed_posture
 
     grasps, missed = Fields(), list[str]()
     for name in ("soda", "sugar_box", "pear", "mustard_bottle", "lego"):
-        plan = plan_target(name, "bilevel", Scene(robot=cell))[1]
+        plan = plan_target(name, "bilevel", SceneOptions(robot=cell))[1]
         if plan.grasp is None:
             missed.append(name)
         else:

@@ -1,4 +1,4 @@
-"""Options of `dexgrasp plan --cloud`: a scene of one's own, and what of it is meant."""
+"""Options of `dexgrasp plan --cloud`: a cloud of your own, and which object in it is the target."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dexgrasp_env.robot.cell import Cell
 
 
-class Scan(Options):
+class CloudOptions(Options):
     """Your own scene, instead of TARGET. Everything in it but the object that is meant is an obstacle.
 
     Attributes:
@@ -56,18 +56,18 @@ class Scan(Options):
 
     @property
     def of_cloud(self) -> list[str]:
-        """Options that were given and apply to clouds alone."""
-        return [option for option in self.given(*Scan.__annotations__) if option != "--cloud"]
+        """Options that were given and apply to clouds only, as they are typed."""
+        return [option for option in self.given(*CloudOptions.__annotations__) if option != "--cloud"]
 
     @cached_property
     def pose(self) -> "Array | None":
-        """The camera's pose (4, 4) in the frame of the robot's base, where it is given."""
+        """Pose (4, 4) of the camera in the frame of the robot's base; None where it is not given."""
         from dexgrasp_env.perception.camera_pose import read_pose
 
         return None if self.camera_pose is None else read_pose(self.camera_pose)
 
     def order_line(self) -> str:
-        """Return that the other order of a quaternion would leave the table level as well; nothing for most."""
+        """Return a warning where the other order of the quaternion would leave the table level too; else empty."""
         from dexgrasp_env.perception.camera_pose import misread_poses
 
         if self.pose is None or self.camera_pose is None:
@@ -81,7 +81,7 @@ class Scan(Options):
         )
 
     def frame_words(self, scan: "Cloud", look: "Callable[[Cloud], Scene]") -> "Iterator[str]":
-        """Yield what may be wrong with the frame of a cloud whose table `look` does not find in its place."""
+        """Yield possible mistakes of frame, for a cloud in which `look` finds no table where it should be."""
         import numpy as np
 
         from dexgrasp_env.perception.camera_files import CAMERAS_FILE, read_cameras
@@ -104,7 +104,7 @@ class Scan(Options):
                 yield f"it would be right if {name} {readings[0][0]}"
 
     def selector(self) -> "TargetSelector":
-        """Return what is pointed at.
+        """Return the selector of the target.
 
         Raises:
             InputError: for more than one way to point, or one that points at nothing.
@@ -128,7 +128,7 @@ class Scan(Options):
 
 
 def list_lines(seen: "list[DetectedObject]") -> list[str]:
-    """Return a line for each object."""
+    """Return a line for each detected object."""
     lines = []
     for one in seen:
         gap = "none" if one.next > 1e3 else f"{100 * one.next:.1f} cm"
@@ -137,13 +137,13 @@ def list_lines(seen: "list[DetectedObject]") -> list[str]:
 
 
 def table_line(scene: "Scene", cell: "Cell") -> str:
-    """Return warnings where the table is seen elsewhere than the cell has it, and those of the scene."""
+    """Return warnings: a table that is not where the cell has it, and those of the scene."""
     off = "" if scene.table is None else scene.table.differs(cell.table_height)
     return "\n".join(f"warning: {said}" for said in (off, scene.note) if said)
 
 
 def chosen_line(seen: "list[DetectedObject]") -> str:
-    """Return what is planned for, and what stands beside it."""
+    """Return a line on the target and on what stands within 15 cm of it."""
     first, *others = seen
     near = 0.15  # m
     beside = [one for one in others if one.apart < near]
@@ -158,7 +158,7 @@ def chosen_line(seen: "list[DetectedObject]") -> str:
 
 
 def blocking_lines(scene: "Scene", seen: "list[DetectedObject]", found: "PlanResult") -> list[str]:
-    """Return what stands in the way of every grasp, a line for each, and what may where there is none."""
+    """Return a line for each object that blocks every lift; where none does, for each that may be too near."""
     from dexgrasp.geometry.neighbours import neighbours_of
     from dexgrasp.grasp.grasp import RAISED
     from dexgrasp.motion.collision import raised_into
@@ -187,9 +187,9 @@ def draw_scan(
     found: "PlanResult | None",
     cell: "Cell",
 ) -> str:
-    """Draw what was seen of a cloud and what was planned on it; return a line that says so, or why not.
+    """Draw the perceived scene and the planned grasp; return a line that names the picture, or why there is none.
 
-    A picture stops no plan.
+    A fault of drawing never stops a plan.
     """
     try:
         from dexgrasp.grasp.picture import hand_triangles

@@ -1,18 +1,18 @@
-"""`dexgrasp score`: grasp files, ours or others', under published protocols."""
+"""`dexgrasp score`: grasp files, our own or others', under published protocols."""
 
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from dexgrasp.cli.command import Answer, Argument, Command, File, Folder, InCell, Scale, Seed
+from dexgrasp.cli.command import Answer, Argument, CellOptions, Command, File, Folder, Scale, Seed
 from dexgrasp.cli.output import note, tables
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.files import write_json
 from dexgrasp_env.valid import Count
 
 
-class Score(Command, InCell):
+class Score(Command, CellOptions):
     """Score grasps of a floating hand: success by protocol with intervals, penetration, contacts.
 
     examples:
@@ -48,7 +48,7 @@ class Score(Command, InCell):
     out: Folder | None = None
 
     def run(self) -> Answer:
-        """Score; 1 if nothing succeeded."""
+        """Score; exit code 1 if no grasp succeeded."""
         from dexgrasp.evaluation.scoring.readers import ReadOptions
         from dexgrasp.evaluation.scoring.score import score_files
 
@@ -90,6 +90,6 @@ def render_scores(content: Fields) -> str:
 
 
 def short_names(paths: Sequence[str]) -> dict[str, str]:
-    """Return path -> what tells it from the others: the path from the folder that holds all of them."""
+    """Return each path -> itself relative to the common folder of all."""
     common = os.path.commonpath([os.path.dirname(os.path.abspath(path)) for path in paths])
     return {path: os.path.relpath(path, common) for path in paths}

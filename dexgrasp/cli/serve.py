@@ -1,10 +1,10 @@
-"""`dexgrasp serve`: planner and agents over WebSocket, warm."""
+"""`dexgrasp serve`: planner and agents over WebSocket, with code and weights loaded."""
 
 import asyncio
 import os
 from typing import Annotated
 
-from dexgrasp.cli.command import Answer, Command, InCell
+from dexgrasp.cli.command import Answer, CellOptions, Command
 from dexgrasp.cli.output import note
 from dexgrasp.cli.serving.server import Server, ServerSettings
 from dexgrasp.registry import check_name
@@ -13,7 +13,7 @@ from dexgrasp_env.cores import usable_cores
 from dexgrasp_env.extras import require_extra
 
 
-class Serve(Command, InCell):
+class Serve(Command, CellOptions):
     """Answer requests for grasps, and act as a policy, until a signal ends it.
 
     examples:
@@ -35,7 +35,7 @@ class Serve(Command, InCell):
     server: ServerSettings = ServerSettings()
 
     def run(self) -> Answer | int:
-        """Serve."""
+        """Serve until a signal; return the counters."""
         require_extra("serve", "dexgrasp serve")
         if self.agent is not None:
             check_name(self.agent)
@@ -45,7 +45,7 @@ class Serve(Command, InCell):
         server = Server(self.server, workers, served, os.environ.get("DEXGRASP_TOKEN") or None)
 
         def ready(port: int, metadata: Fields) -> None:
-            """Print the address and the requests that are answered."""
+            """Print the address and the requests that are served."""
             what = ", ".join([*metadata["requests"], *([f"agent {self.agent}"] if self.agent else [])])
             note(f"ready: ws://{self.server.host}:{port} ({what}; {workers} workers)")
 

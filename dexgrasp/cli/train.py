@@ -27,7 +27,7 @@ from dexgrasp_env.extras import from_extra
 from dexgrasp_env.valid import Count, Natural, Positive, one_of
 
 if TYPE_CHECKING:
-    from dexgrasp.learning.training.loop import Progress, RunOptions, Training
+    from dexgrasp.learning.training.loop import RunOptions, Training, TrainingState
 
     Make = Callable[[Path, RunOptions], Training]
 
@@ -51,14 +51,14 @@ class TrainingCommand(Command):
     device: Device = "cpu"
 
     def train(self, make: "Make", unit: str, out: Path, *, of: str = "", **options: Any) -> "Training":
-        """Train behind a bar that shows the figures of the last epoch; draw the curves.
+        """Train behind a progress bar with the figures of the last epoch; draw the curves.
 
         Args:
             make: makes the training, given its folder and options.
             unit: of the bar.
             out: folder.
-            of: what the bar says besides the command's name.
-            **options: more of `RunOptions`.
+            of: suffix of the bar's label.
+            **options: more fields of `RunOptions`.
         """
         from dexgrasp.learning.training.curves import draw_curves
         from dexgrasp.learning.training.loop import RunOptions
@@ -66,8 +66,8 @@ class TrainingCommand(Command):
         name = type(self).__name__.lower()
         with resumable(f"the last checkpoint is kept in {out}"), progress_bar(unit, name + of) as bar:
 
-            def show(state: "Progress") -> None:
-                """Move the bar to the present epoch."""
+            def show(state: "TrainingState") -> None:
+                """Move the bar to the current epoch."""
                 figures = self.figures(state.curve[-1])
                 bar(state.epoch, state.epochs, **{key: shown(value) for key, value in figures.items()})
 
@@ -77,11 +77,11 @@ class TrainingCommand(Command):
         return training
 
     def figures(self, row: Fields) -> Fields:
-        """Return what the bar shows of the line of an epoch."""
+        """Return the figures of an epoch that the bar shows."""
         return {key: value for key, value in row.items() if key != "epoch" and value is not None}
 
 
-class Tried(Options):
+class TrialOptions(Options):
     """Trials while it learns (seeds of their own: 0 to 99 are for tuning).
 
     Attributes:
@@ -95,7 +95,7 @@ class Tried(Options):
     every: Annotated[Count, {"of": "try_on"}] = 20
 
 
-class PolicyCommand(TrainingCommand, Tried):
+class PolicyCommand(TrainingCommand, TrialOptions):
     """The policy.
 
     Attributes:
@@ -105,7 +105,7 @@ class PolicyCommand(TrainingCommand, Tried):
     seeds: Annotated[tuple[Natural, ...], "--seed", "S"] = (0,)
 
     def train_each(self, make: "Callable[..., Training]", unit: str, settings: Any, **options: Any) -> Answer:
-        """Train a policy for each seed, return the figures of its last epoch.
+        """Train a policy for each seed; return the figures of its last epoch.
 
         Args:
             make: makes the training, given settings, its folder and options.
@@ -114,10 +114,12 @@ class PolicyCommand(TrainingCommand, Tried):
             **options: more of `RunOptions`.
         """
         if self.try_on:
-            from dexgrasp.learning.training.trials import Trials
+            from dexgrasp.learning.training.trials import PeriodicTrials
             from dexgrasp_env.objects.load import resolve_targets
 
-            options["trials"] = Trials(tuple(resolve_targets(self.try_on)), self.trials, every=self.every)
+            options["trials"] = PeriodicTrials(
+                tuple(resolve_targets(self.try_on)), self.trials, every=self.every
+            )
         policies, seeds = list[Fields](), dict.fromkeys(self.seeds)
         for seed in seeds:
             out = self.out if len(seeds) == 1 else self.out / f"seed-{seed}"
@@ -155,7 +157,7 @@ class Cvae(TrainingCommand):
     device: Device = "auto"
 
     def run(self) -> Answer:
-        """Train, return the losses."""
+        """Train; return the losses."""
         with from_extra():
             import torch  # noqa: F401  (what is missing first is named)
 
@@ -177,7 +179,7 @@ class Cvae(TrainingCommand):
         return Answer(figures, [*lines, f"{epoch}; weights in {figures['weights']}"])
 
     def figures(self, row: Fields) -> Fields:
-        """Return the losses."""
+        """Return the training loss and the fingertip error on the test split, cm."""
         return {"train": row["train"]["total"], "test_cm": row["test"]["fingertip_cm"]}
 
 
@@ -210,7 +212,7 @@ class Bc(PolicyCommand):
     every: Annotated[Count, {"of": "try_on"}] = 5
 
     def run(self) -> Answer:
-        """Train a policy for each seed, return losses and successes."""
+        """Train a policy for each seed; return losses and success rates."""
         from dexgrasp.data.demonstrations.generate import read_about
         from dexgrasp.learning.imitation.bc_training import VIEWS
         from dexgrasp.learning.imitation.settings import view_of
@@ -230,7 +232,7 @@ class _Rl(PolicyCommand):
     settings: RlSettings
 
     def run(self) -> Answer:
-        """Train a policy for each seed, return returns and successes."""
+        """Train a policy for each seed; return returns and success rates."""
         from dexgrasp.learning.reinforcement.rl_training import RlTraining
 
         settings = replace(self.settings, algorithm=type(self).__name__.lower())

@@ -3,12 +3,12 @@
 from pathlib import Path
 from typing import Annotated
 
-from dexgrasp.cli.command import Answer, Argument, Command, InCell
+from dexgrasp.cli.command import Answer, Argument, CellOptions, Command
 from dexgrasp.cli.output import check_lines, mark
 from dexgrasp_env.arrays import Fields
 
 
-class Verify(Command, InCell):
+class Verify(Command, CellOptions):
     """Check grasp files as `dexgrasp plan --out` writes them.
 
     examples:
@@ -26,7 +26,7 @@ class Verify(Command, InCell):
     grasps: Argument[Annotated[tuple[Path, ...], "GRASP.json"]]
 
     def run(self) -> Answer:
-        """Verify; every check of one file, of several what came of each."""
+        """Verify; return every check of a single file, or a line for each of several."""
         from dexgrasp.grasp.file import read_grasp
         from dexgrasp.grasp.verify.verify import verify
 

@@ -1,9 +1,9 @@
-"""`dexgrasp view`: a grasp in the browser, from approach to hold."""
+"""`dexgrasp view`: a grasp in the browser, from the approach to the hold."""
 
 from pathlib import Path
 from typing import Annotated
 
-from dexgrasp.cli.command import Answer, Argument, Command, File, Scene
+from dexgrasp.cli.command import Answer, Argument, Command, File, SceneOptions
 from dexgrasp.cli.output import note
 from dexgrasp.cli.plan import plan_target
 from dexgrasp.runs.folder import make_folder
@@ -12,7 +12,7 @@ from dexgrasp_env.files import write_atomically
 from dexgrasp_env.valid import Count
 
 
-class View(Command, Scene):
+class View(Command, SceneOptions):
     """Look at a grasp: on a local server, or as one self-contained page.
 
     examples:
@@ -34,12 +34,12 @@ class View(Command, Scene):
     port: Annotated[Count, "P"] = 8080
 
     def run(self) -> Answer | int:
-        """Plan or read, then serve or write."""
+        """Plan a grasp or read some, then serve or write the page."""
         from dexgrasp.evaluation.store import kept_grasps
         from dexgrasp.grasp.file import read_grasp, record_of
-        from dexgrasp.viewer.film import film_of
         from dexgrasp.viewer.page import page, serve
-        from dexgrasp_env.perception.scene import Scene as Perceived
+        from dexgrasp.viewer.playback import playback_of
+        from dexgrasp_env.perception.scene import Scene
 
         path, cell = Path(self.target), self.cell
         if self.html is not None:
@@ -50,22 +50,22 @@ class View(Command, Scene):
             if idle := self.given("seed", "mount", "friction", "mesh_scale", "mesh_mass"):
                 raise InputError(f"{', '.join(idle)} would change nothing: {path} has a grasp already")
             files = kept_grasps(path)[:6] if path.is_dir() else [path]  # side by side
-            films = [film_of(read_grasp(file, cell)) for file in files]
+            playbacks = [playback_of(read_grasp(file, cell)) for file in files]
         else:
             look, found = plan_target(self.target, "bilevel", self)
-            (identity, pose), seen = look.subject, Perceived.of_observation(look.observation).target.points
+            (identity, pose), seen = look.subject, Scene.of_observation(look.observation).target.points
             if not found.success:
                 note(f"{identity.name}: no grasp ({found.reason}), so there is nothing to show")
-            films = [
-                film_of(record_of(content, cell=cell), seen)
+            playbacks = [
+                playback_of(record_of(content, cell=cell), seen)
                 for content in found.contents(identity, "bilevel", pose)
             ]
-        if not films:
+        if not playbacks:
             return 1
         if self.html is None:
-            note(f"showing {films[0].title} at http://127.0.0.1:{self.port} (Ctrl-C ends it)")
-            serve(films, self.port)
+            note(f"showing {playbacks[0].title} at http://127.0.0.1:{self.port} (Ctrl-C ends it)")
+            serve(playbacks, self.port)
             return 0
-        write_atomically(self.html, page(films).encode())
+        write_atomically(self.html, page(playbacks).encode())
         note(f"wrote {self.html}")
-        return Answer({"file": self.html, "films": [film.title for film in films]}, "")
+        return Answer({"file": self.html, "films": [shown.title for shown in playbacks]}, "")

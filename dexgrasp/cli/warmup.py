@@ -1,9 +1,9 @@
-"""`dexgrasp warmup`: everything compiled that plans and environments need, for images and before a demonstration."""
+"""`dexgrasp warmup`: compile all that plans and environments need, for container images or before a demonstration."""
 
-from dexgrasp.cli.command import Answer, Command, InCell
+from dexgrasp.cli.command import Answer, CellOptions, Command
 
 
-class Warmup(Command, InCell):
+class Warmup(Command, CellOptions):
     """Compile what plans and environments need; the first run does it otherwise.
 
     examples:
@@ -16,7 +16,7 @@ class Warmup(Command, InCell):
     """
 
     def run(self) -> Answer:
-        """Compile what is not there yet."""
+        """Compile what is not cached yet."""
         from dexgrasp.planning.planner import compile_ahead
         from dexgrasp.planning.rehearsal import rehearse
         from dexgrasp.runs.compiling import compiling

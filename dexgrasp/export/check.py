@@ -53,7 +53,7 @@ def _timing(name: str, rows: Rows) -> Check:
 
 
 def _order(recording: Recording) -> Check:
-    """Segments follow each other, from the first row to the last."""
+    """Check that segments follow each other, from the first row to the last."""
     segments = recording.facts.segments.values()
     starts, ends = [one.start for one in segments], [one.end for one in segments]
     apart = np.subtract([*starts, recording.arm.times[-1]], [0.0, *ends])
@@ -77,7 +77,7 @@ def _limits(name: str, rows: Rows, part: Arm | Hand) -> list[Check]:
 
 
 def _collisions(recording: Recording, cell: Cell) -> list[Check]:
-    """Distances of the true collision shapes: robot to itself, table, neighbours, and the object that it approaches."""
+    """Check true collision shapes: robot to itself, table, neighbours, and the object that it approaches."""
     facts = recording.facts
     parts, around = (
         [placed(cell.T_world_base, part) for part in shapes] for shapes in (facts.parts, facts.around)

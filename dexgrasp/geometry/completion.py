@@ -15,7 +15,7 @@ from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
 from dexgrasp.geometry.hull import cloud_corners, trim_extremes
 from dexgrasp.geometry.target import PART_FACES, GraspTarget, Uncertainty
-from dexgrasp.runs.arrays import Layer, layers_of, read_arrays, relu, through
+from dexgrasp.runs.weights import Layer, layers_of, read_arrays, relu, through
 from dexgrasp_env.arrays import Array, Single, middle
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError

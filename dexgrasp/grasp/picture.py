@@ -101,7 +101,7 @@ def hand_triangles(cell: Cell, q: Array) -> Array:
 @lru_cache(maxsize=2)  # a plan is drawn twice
 def _shapes(cell: Cell) -> dict[int, Array]:
     """Return the triangles (N, 3, 3) m, in their own frames, of the geoms of the hand that collide."""
-    from dexgrasp_env.scene.shapes import geom_mesh
+    from dexgrasp_env.scene.geom_mesh import geom_mesh
 
     model = compiled_robot(cell)
     of_hand = np.isin(model.geom_bodyid, [model.body(name).id for name in cell.robot.hand.bodies])

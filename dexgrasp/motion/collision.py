@@ -59,7 +59,7 @@ class CollisionChecker:
             margin: clearance to keep, m.
         """
         self.tree, self.margin, self._bodies = robot_tree(cell), margin, cell.robot.bodies
-        self._world = make_world(cell, obstacle)
+        self._world = make_world(cell.seeing(None), obstacle, None)
         bodies = len(self.tree.parent)
         # Clearance to keep for body a and body b; columns nb and nb + 1 are the object and the table.
         self._needed, hand = np.full((bodies, bodies + 2), margin), slice(self.tree.palm, bodies)

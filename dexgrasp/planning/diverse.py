@@ -16,9 +16,9 @@ from itertools import islice
 import numpy as np
 
 from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.grasp.diversity import hand_points
 from dexgrasp.grasp.planned_record import planned_record
 from dexgrasp.grasp.record import HoldsProbability
-from dexgrasp.grasp.variety import hand_points
 from dexgrasp.planning.certifier import Candidate
 from dexgrasp.planning.planner import NO_POSTURE, Planner, Search
 from dexgrasp.planning.proposals import ProposalSource, SurfaceProposals

@@ -117,7 +117,7 @@ def _arrays(built: ObjectModel) -> Arrays:
 
 
 MOST = 100_000
-"""How many there are of a family."""
+"""Objects of a family of random sizes."""
 
 
 def varied_targets(target: str) -> tuple[str, ...]:

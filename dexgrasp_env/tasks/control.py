@@ -23,7 +23,7 @@ GRASP_SIZE = 7
 
 
 class ActionSpace(spaces.Box):
-    """The actions of a control mode; a policy saved with its space says what they meant."""
+    """Action space of a control mode with its settings: a policy that is saved with it says what its actions mean."""
 
     def __init__(
         self,

@@ -51,7 +51,7 @@ class Disturbance:
 
     @property
     def moves(self) -> bool:
-        """Flag: the object moves before it is grasped."""
+        """True where the object moves before it is grasped."""
         return self.kind in ("moved", "belt")
 
     def steps_at(self, frame_skip: int) -> int:

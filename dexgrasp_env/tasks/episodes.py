@@ -22,8 +22,8 @@ from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, ActionSpace, check_finite
 from dexgrasp_env.tasks.disturbance import MOTION, draw_motion, moves_now
 from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
+from dexgrasp_env.tasks.grasp_actions import GraspActions
 from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
-from dexgrasp_env.tasks.grasps import Grasps
 from dexgrasp_env.tasks.infos import EpisodeInfos
 from dexgrasp_env.tasks.observations import FLAT, key_columns, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
@@ -39,11 +39,15 @@ from dexgrasp_env.tasks.views import CameraObserver
 
 
 class Episodes(EpisodeInfos):
-    """Records, slots and the scenes that they share."""
+    """Records of N episodes and the scenes that they share; the base of every task.
+
+    A task overrides `task_dtype`, what it notes; `_begin` or `_set_out`, how an episode starts; `_finish`, the rewards
+    and observation of a step; `endings`; `more_infos`.
+    """
 
     task = "lift"
     task_dtype = np.dtype([])
-    """Of what the task notes of an episode beside its record."""
+    """Fields that the task notes of an episode beside `EPISODE`."""
     furniture = ""  # what else stands on the table, see `scene_spec`
     options: tuple[str, ...] = ("object", "object_pose", "joints", "state")  # of a reset
     neighbours = 0  # most objects beside the one that is meant
@@ -84,7 +88,7 @@ class Episodes(EpisodeInfos):
         """Control steps of an action, at most."""
         self._columns = key_columns(settings.obs_mode, robot)
         self._width = max(columns.stop for columns in self._columns.values())
-        self._grasps = Grasps(settings, first, number) if settings.control_mode in GRASP_MODES else None
+        self._grasps = GraspActions(settings, first, number) if settings.control_mode in GRASP_MODES else None
         self._features = SceneFeatures(number, self.whole) if settings.obs_mode == FLAT else None
         self.starts: Starts | None = pre_grasps(settings)
 
@@ -105,6 +109,18 @@ class Episodes(EpisodeInfos):
     def as_agent_sees(self, observation: Arrays) -> Any:
         """Return an observation as agents are given it."""
         return observation if self._features is None else observation[FLAT]
+
+    def start_from(self, starts: Starts | None) -> None:
+        """Set the source of options for resets that are given none.
+
+        Raises:
+            InputError: for what cannot be asked for them.
+        """
+        if starts is not None and (isinstance(starts, type) or not callable(starts)):
+            raise InputError(
+                f"starts is {starts!r}: valid is what is called for a reset's options, as PreGrasps()"
+            )
+        self.starts = starts
 
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> tuple[Simulation, Arrays]:
         """Start episode `i`: draw what it is of and let its object settle, or go on from a state.
@@ -167,7 +183,7 @@ class Episodes(EpisodeInfos):
         pose = self._draw_pose(simulation.object, variation, rng)
         given = options.get("object_pose")
         if given is not None:
-            pose = check_pose(given, simulation.hull * variation.size, settings.cell)
+            pose = check_pose(given, simulation.object, variation.size, settings.cell)
         self._mount(i, target, (), variation)
         self.slots[i].joints = check_joints(options.get("joints"), settings.cell.robot)
         if given is not None:
@@ -319,7 +335,7 @@ class Episodes(EpisodeInfos):
     def advance(
         self, actions: Array, where: Physics, rngs: Sequence[Generator | None], running: NDArray[np.intp]
     ) -> Arrays:
-        """Step those that run by an action each; `rewards` are then what they gained, of which all are observed.
+        """Step the running episodes by an action each; `rewards` are then what each gained, and all are observed.
 
         The kernel passes over all rows: those whose action has ended are put back to what they had come to.
 
@@ -363,7 +379,7 @@ class Episodes(EpisodeInfos):
         )  # fmt: skip
 
     def _of(self) -> Fields:
-        """Return what a state has to agree with."""
+        """Return the settings, by name, that a state and this environment have to share."""
         names = "obs_mode control_mode mount disturbance frame_skip action_scale reward_weights"
         own = {key: getattr(self.settings, key) for key in (*names.split(), *["views"] * self.settings.sees)}
         return {"task": self.task, "robot": self.settings.cell.robot.name, **own}

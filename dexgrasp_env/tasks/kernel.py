@@ -34,8 +34,8 @@ from dexgrasp_env.tasks.records import (
     Records,
     Rules,
 )
+from dexgrasp_env.tasks.reward_terms import length, reward_terms
 from dexgrasp_env.tasks.simulation import PhysicsState
-from dexgrasp_env.tasks.terms import length, reward_terms
 
 product = njit(product_components)
 rotated = njit(rotated_components)

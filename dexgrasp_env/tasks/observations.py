@@ -23,12 +23,12 @@ def has_cameras(obs_mode: str) -> bool:
 
 
 def knows_state(obs_mode: str) -> bool:
-    """Return whether what no camera tells is observed."""
+    """Return whether the privileged state, which no camera shows, is observed."""
     return obs_mode.startswith("state") or obs_mode == FLAT
 
 
 def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
-    """Return how many numbers each key has that is not a camera's."""
+    """Return the size of each key that is not a camera's."""
     n, tips = robot.dof, 3 * len(robot.hand.fingers)
     keys = {
         "joint_positions": n, "joint_velocities": n, "joint_targets": n, "fingertip_positions": tips, "palm_pose": 7

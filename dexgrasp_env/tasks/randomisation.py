@@ -9,6 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dexgrasp_env.arrays import Fields
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.build import pair_friction
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION, TIMESTEP
 from dexgrasp_env.valid import Rule, number, pair, read
@@ -16,7 +17,7 @@ from dexgrasp_env.valid import Rule, number, pair, read
 
 @dataclass(frozen=True)
 class Variation:
-    """One draw.
+    """One draw of the domain randomisation.
 
     Attributes:
         mass: factor on the object's mass.
@@ -88,8 +89,15 @@ class Randomisation:
 
 
 def ranges(drawn: Sequence[tuple[str, float, float]]) -> Fields:
-    """Return what `gym.make` takes as `randomisation`."""
-    return {name: tuple(ends) for name, *ends in drawn}
+    """Return what `gym.make` takes as `randomisation`.
+
+    Raises:
+        InputError: for a quantity that is there twice.
+    """
+    found = {name: tuple(ends) for name, *ends in drawn}
+    if len(found) < len(drawn):
+        raise InputError("randomise names a quantity twice: valid is one range of each")
+    return found
 
 
 def _drawn(word: str) -> tuple[str, float, float]:

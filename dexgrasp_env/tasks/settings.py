@@ -96,7 +96,7 @@ class LiftSettings:
         cell = make_cell(given.pop("robot", None), given.pop("mount", None))
         settings = read(cls, given | {"cell": cell})
         check("render_camera", settings.render_camera, one_of((*SHOW_CAMERAS, *cell.camera_names)))
-        settings.refuse_blind_grasps()
+        settings.refuse_contradictions()
         latency = settings.randomisation.latency
         if latency and latency[1] > settings.period:
             raise InputError(
@@ -128,11 +128,11 @@ class LiftSettings:
             "reward_weights": (self.reward_mode == "dense", "reward_mode='dense'"),
         }
 
-    def refuse_blind_grasps(self) -> None:
-        """Refuse actions about an object, whose place is known, to those who see it by cameras alone.
+    def refuse_contradictions(self) -> None:
+        """Refuse actions about the object's true place beside cameras alone, and what the GPU's physics lacks.
 
         Raises:
-            InputError: naming the modes that know the state, or the physics on which such actions are carried out.
+            InputError: naming the modes that know the state, or the other physics.
         """
         if self.control_mode in GRASP_MODES and not knows_state(self.obs_mode):
             raise InputError(
@@ -148,7 +148,7 @@ class LiftSettings:
 
     @property
     def sees(self) -> bool:
-        """Flag: cameras look."""
+        """True where cameras look."""
         return has_cameras(self.obs_mode)
 
     @property

@@ -1,4 +1,4 @@
-"""Beginnings of episodes that move back from success: reward is met before the way to it is known."""
+"""Reverse curriculum: episodes begin near success, then farther and farther back (Florensa et al., 2017)."""
 
 from abc import ABC, abstractmethod
 from collections import deque
@@ -23,7 +23,7 @@ SHIPPED = "pregrasps"
 
 
 class ReverseStarts(ABC):
-    """Gives episodes their beginnings: on ways to success from `front` on, and some of the usual.
+    """Reverse curriculum: episodes begin on ways to success from `front` on, and some as usual.
 
     Attributes:
         front: share of a way, from which on episodes begin; moves from near success to 0, its beginning, as episodes

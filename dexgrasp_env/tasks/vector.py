@@ -18,7 +18,7 @@ from dexgrasp_env.arrays import AnyArray, Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.batch import BatchPhysics
 from dexgrasp_env.tasks.clear import ClearEnv
-from dexgrasp_env.tasks.clutter_env import ClutterEnv
+from dexgrasp_env.tasks.clutter import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import check_actions
 from dexgrasp_env.tasks.gentle import GentleEnv
@@ -26,21 +26,22 @@ from dexgrasp_env.tasks.infos import masked, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.member import MemberAccess, one_for_each
 from dexgrasp_env.tasks.place import GoalRewards, PlaceEnv
+from dexgrasp_env.tasks.settings import PICTURES
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
 from dexgrasp_env.valid import COUNT, NATURAL, Rule, check, instance
 
 
 class ClosedError(InputError, ClosedEnvironmentError):
-    """Use of environments that are closed: also Gymnasium's error for it."""
+    """Error for use after `close()`: also Gymnasium's own."""
 
 
 class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickle):
     """N environments like `LiftEnv` that step together: `gym.make_vec("DexGrasp/Lift-v2", num_envs=N)`.
 
-    Each has its own object, place, variation and random generator. Seeds, resets, time limits, autoreset, infos and
-    every number are those of `gymnasium.vector.SyncVectorEnv` over N single environments, to the last bit, whatever the
-    number of threads.
+    Each has its own object, place, variation and random generator. Seeds, resets, time limits, autoreset, infos
+    (`call("agent_info")` apart) and numbers are those of `gymnasium.vector.SyncVectorEnv` over N single environments,
+    to the last bit, with any `threads`.
 
     ## Arguments, beside those of `LiftEnv`
 
@@ -87,7 +88,9 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         modes = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
         self.autoreset_mode = check("autoreset_mode", autoreset_mode, modes)
         fps = round(1 / self.settings.period)
-        self.metadata = {**LiftEnv.metadata, "render_fps": fps, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {
+            "render_modes": list(PICTURES), "render_fps": fps, "autoreset_mode": self.autoreset_mode,
+        }  # fmt: skip
         self.settings.warn_of_limit(self._limit)
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, num_envs)
@@ -269,7 +272,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
 
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none, those within `step` too."""
-        self._episodes.starts = starts
+        self._episodes.start_from(starts)
 
     def __getstate__(self) -> Fields:
         """The constructor's arguments and the episodes: compiled models and threads are made anew."""

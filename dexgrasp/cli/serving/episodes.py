@@ -1,4 +1,4 @@
-"""Episodes of an agent that is served: an observation comes in, actions go out."""
+"""Episodes of a served agent: takes observations, returns actions."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -17,10 +17,10 @@ from dexgrasp_env.valid import NATURAL, check
 
 
 class Episodes:
-    """Agents of one name, one for each connection."""
+    """Agents of one name, an instance for each connection."""
 
     def __init__(self, name: str, robot: str | None) -> None:
-        """Make an agent, and the environment that says what it sees.
+        """Make an agent, and an environment for its observation and action spaces.
 
         Raises:
             InputError: for an unknown agent, or one that cannot act with the robot.
@@ -38,7 +38,7 @@ class Episodes:
         env.close()
 
     def metadata(self) -> Fields:
-        """Return what the first message of a connection says of the agent."""
+        """Return the agent's part of the first message of a connection."""
         cell, space = self._info["cell"], self._info["action_space"]
         return {
             "agent": self._name,
@@ -50,12 +50,12 @@ class Episodes:
         }
 
     def answer(self, connection: int, message: Fields) -> Fields:
-        """Return actions (H, n) for an observation, and what the agent reports.
+        """Return actions (H, n) for an observation, and the report of the agent; none where it gave up.
 
         Args:
-            connection: each has an episode of its own.
-            message: the arrays of the observation by name; `reset` where an episode begins, as it does with a
-                connection; `seed` of the agent and `info` of the environment's reset beside it.
+            connection: number of the connection; each has an episode of its own.
+            message: arrays of the observation by name; `reset` is true where an episode begins (the first message of a
+                connection begins one too), then with the agent's `seed` and the `info` of the environment's reset.
 
         Raises:
             InputError: for a message that is no observation.
@@ -73,7 +73,7 @@ class Episodes:
         return {"actions": actions, "report": jsonable(vars(report))}
 
     def end(self, connection: int) -> None:
-        """Take the agent of a connection that is closed for another one."""
+        """Free the agent of a closed connection for another one."""
         agent = self._acting.pop(connection, None)
         if agent is not None:
             self._free.append(agent)
@@ -108,7 +108,7 @@ class Episodes:
 
 
 def _space(info: Info) -> Fields:
-    """Return the action space that a message tells of, as agents read it."""
+    """Return the action space in the `info` of a message, as agents read it."""
     if (given := info.get("action_space")) is None:
         return {}
     try:

@@ -1,4 +1,4 @@
-"""Worker processes of a server: each answers one message at a time, and is replaced where it dies or takes too long."""
+"""Worker processes of a server: each handles one message at a time, and is replaced if it dies or takes too long."""
 
 import asyncio
 import os
@@ -17,15 +17,15 @@ from dexgrasp_env.errors import InputError
 
 
 class Refusal(Exception):  # noqa: N818  (an answer, not a fault)
-    """The line that a client is sent in place of an answer."""
+    """Error line that a client is sent in place of an answer."""
 
 
 class Worker:
-    """A worker process, started anew where it died.
+    """Worker process, restarted where it died.
 
     Attributes:
-        connections: how many of them it answers.
-        metadata: what it said of itself when it was ready.
+        connections: number of connections that it serves.
+        metadata: first message of the server, from the worker when it was ready.
     """
 
     def __init__(self, settings: Fields, seconds: float, counters: Counter[str]) -> None:
@@ -60,10 +60,10 @@ class Worker:
         self.metadata = unpack(data)
 
     async def ask(self, connection: int, message: bytes) -> bytes:
-        """Return the packed answer to a message.
+        """Return the packed answer to a packed message.
 
         Raises:
-            Refusal: for a mistake of the client's, a fault, a worker that died, or one that took too long.
+            Refusal: for a mistake of the client, a fault, a worker that died, or one that took too long.
         """
         came = time.perf_counter()
         async with self._turn:
@@ -101,7 +101,7 @@ class Worker:
                 self._process.stdin.write(HEAD.pack(0, CLOSED, connection, 0.0))
 
     async def stop(self) -> None:
-        """End the process when it has answered."""
+        """End the process once it has answered."""
         async with self._turn:
             if self._process is not None and self._process.stdin:
                 self._process.stdin.close()

@@ -1,4 +1,4 @@
-"""Requests of clients: the options of `dexgrasp plan` and `verify` by name, with arrays in place of files."""
+"""Requests of clients: options of `dexgrasp plan` and `verify` by name, with arrays in place of files."""
 
 import tempfile
 import time
@@ -21,7 +21,7 @@ from dexgrasp_env.perception.selection import TargetSelector, mask_of
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.valid import Rule, read, several
 
-_OF_SERVER = (
+_NOT_OFFERED = (
     "robot",
     "mount",
     "json",
@@ -34,17 +34,17 @@ _OF_SERVER = (
     "mask",
     "floating",
 )
-"""Options of the command that a client cannot give: they are the server's, name files, or come as arrays."""
+"""Options of `plan` that clients cannot set: they are the server's, name files, or are sent as arrays."""
 
 
 _REGIONS = several(Rule("a text or a mask", lambda said: said if isinstance(said, str) else np.asarray(said)))
 
 
-class _Sent(Plan):
-    """Arrays that stand in for the command's files.
+class _PlanRequest(Plan):
+    """Request of a plan: the options of the command, with arrays in place of its files.
 
     Attributes:
-        name: of the object, in what is answered.
+        name: of the object, in the answer.
         points: (N, 3) in `unit`, in the frame of the robot's base, or of the camera whose pose `T_base_camera` says.
         depth: (H, W) m, instead of points; 0 and what is not finite is no measurement.
         K: (3, 3) the intrinsics of its camera, pixels.
@@ -83,7 +83,7 @@ class _Sent(Plan):
         return gather(remove_flying(depth), (Camera("camera", T, lens),))
 
     def frame_words(self, scan: Cloud, look: Callable[[Cloud], Scene]) -> Iterator[str]:
-        """Yield what may be wrong with the frame of a cloud."""
+        """Yield possible mistakes of frame."""
         yield "of a cloud in a camera's frame T_base_camera says where the camera is"
 
     def _mask(self, name: str, said: Any) -> Mask | None:
@@ -92,7 +92,7 @@ class _Sent(Plan):
         return None if isinstance(said, str) else mask_of(said)
 
     def selector(self) -> TargetSelector:
-        """Return what is pointed at."""
+        """Return the selector of the target."""
         if self.marked is None:
             return super().selector()
         if self.object_near or self.box:
@@ -101,15 +101,15 @@ class _Sent(Plan):
 
 
 def answer(message: Fields, robot: str | None, waited: float = 0.0) -> Fields:
-    """Return what a request is answered, as the command's `--json` prints it, and `timing_ms`: where time went.
+    """Return the answer to a request: the JSON that the command prints, and `timing_ms` by stage.
 
     Args:
-        message: `request` is one of `REQUESTS`; the rest is its options.
-        robot: the server's cell or robot.
+        message: `request`, one of `REQUESTS`, and its options.
+        robot: cell or robot of the server.
         waited: s, for a worker.
 
     Raises:
-        InputError: for anything that is wrong with it.
+        InputError: for a request or options that are not valid.
     """
     options, began = dict(message), time.perf_counter()
     name = options.pop("request", None)
@@ -122,15 +122,15 @@ def answer(message: Fields, robot: str | None, waited: float = 0.0) -> Fields:
     return content | {"timing_ms": {stage: round(1e3 * seconds, 3) for stage, seconds in stages.items()}}
 
 
-def _sent(options: Fields, robot: str | None) -> _Sent:
+def _sent(options: Fields, robot: str | None) -> _PlanRequest:
     for key in options:
         if key not in _OPTIONS:
             raise unknown_name("option", key, _OPTIONS)
     lists = {key: tuple(value) if isinstance(value, list) else value for key, value in options.items()}
-    return read(_Sent, {**lists, "robot": robot})
+    return read(_PlanRequest, {**lists, "robot": robot})
 
 
-_OPTIONS = [name for name in _Sent.__dataclass_fields__ if name not in _OF_SERVER]
+_OPTIONS = [name for name in _PlanRequest.__dataclass_fields__ if name not in _NOT_OFFERED]
 
 
 def _plan(options: Fields, robot: str | None) -> Fields:
@@ -149,14 +149,14 @@ def _plan(options: Fields, robot: str | None) -> Fields:
         return _planned(replace(sent, target=str(path)))
 
 
-def _planned(sent: _Sent) -> Fields:
+def _planned(sent: _PlanRequest) -> Fields:
     check_target(str(sent.target), sent.agent, sent)
     if sent.of_cloud:
         raise InputError(f"{sent.of_cloud[0]} is of plan_cloud")
     return sent._plan(None)[1]
 
 
-def _write_mesh(path: Path, sent: _Sent) -> None:
+def _write_mesh(path: Path, sent: _PlanRequest) -> None:
     import trimesh
 
     vertices, faces = np.asarray(sent.vertices, dtype=float), np.asarray(sent.faces)
@@ -180,7 +180,7 @@ def _objects(options: Fields, robot: str | None) -> Fields:
     return {"objects": sent._look(sent.scan())[1]}
 
 
-def _on_cloud(options: Fields, robot: str | None) -> _Sent:
+def _on_cloud(options: Fields, robot: str | None) -> _PlanRequest:
     sent = _sent(options, robot)
     if sent.target is not None or sent.vertices is not None:
         raise InputError("a target or a mesh is of the request plan, not of a cloud's")
@@ -206,4 +206,4 @@ REQUESTS: dict[str, Callable[[Fields, str | None], Fields]] = {
     "objects": _objects,
     "verify": _verify,
 }
-"""Request -> what answers it."""
+"""Request -> function that answers it."""

@@ -1,7 +1,7 @@
 """The server: WebSocket connections, each with a worker, until a signal ends it.
 
-The first message of a connection is of the server: what it is and serves. Then each message of the client is answered
-by one: bytes (msgpack) are an answer, text is the line of an error. So does the package `openpi-client` expect it.
+The server sends the first message of a connection: its version and what it serves. Then it answers each message of the
+client with one: bytes (msgpack) are an answer, text is an error in one line, as the package `openpi-client` expects.
 """
 
 import asyncio
@@ -49,12 +49,12 @@ class Server:
     """Connections and workers of a server."""
 
     def __init__(self, settings: ServerSettings, workers: int, served: Fields, token: str | None) -> None:
-        """Make it; `run` starts it.
+        """Prepare; `run` starts it.
 
         Args:
-            settings: where and how much.
-            workers: processes.
-            served: `agent` and `robot`, None where there are none.
+            settings: address and limits.
+            workers: number of processes.
+            served: names of `agent` and `robot`, or None.
             token: that clients must send as `Authorization: Api-Key TOKEN`; None asks for none.
         """
         self._settings, self._token = settings, token
@@ -67,10 +67,10 @@ class Server:
         self._idle.set()
 
     async def run(self, ready: Callable[[int, Fields], None]) -> None:
-        """Serve until SIGTERM or SIGINT; what is being answered then is answered.
+        """Serve until SIGTERM or SIGINT; messages in progress are still answered.
 
         Args:
-            ready: told the port and the first message when all is warm.
+            ready: called with the port and the first message once all workers are ready.
 
         Raises:
             InputError: for an address that cannot be listened at, or settings that no worker can work with.
@@ -140,7 +140,7 @@ class Server:
                 self._idle.set()
 
     def _request(self, connection: Any, request: Any) -> Any:
-        """Answer what is asked by plain HTTP, and refuse who has no token or comes when all is taken."""
+        """Answer plain HTTP requests; refuse a client without the token, or when all connections are taken."""
         if request.path == "/healthz":
             return connection.respond(HTTPStatus.OK, "ok\n")
         asked = request.headers.get("Authorization", "")

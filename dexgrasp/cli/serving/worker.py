@@ -1,8 +1,8 @@
-"""The process that answers: frames come in on standard input, answers go out where standard output was.
+"""Worker process of the server: reads frames from standard input, writes answers to what was standard output.
 
 A frame is its length (4 bytes), a kind (1), the number of a connection (8), the seconds that it waited (8), and a
-message; an answer is its length, a kind, and a message or the text of an error. `python -m dexgrasp.cli.serving.worker`
-is started by the server alone.
+message; an answer is its length, a kind, and a message or the text of an error. Only the server starts
+`python -m dexgrasp.cli.serving.worker`.
 """
 
 import os
@@ -20,11 +20,11 @@ SIZE = struct.Struct("<IB")
 MESSAGE, CLOSED = 0, 1
 """Kinds of frames."""
 ANSWER, REFUSED, FAULT = 0, 1, 2
-"""Kinds of answers: a mapping; the line of a client's mistake; the line of a fault of ours."""
+"""Kinds of answers: a mapping; the line of a client's mistake; the line of an internal fault."""
 
 
-class _Answers:
-    """Answers to messages."""
+class _Service:
+    """Handler of the messages of all connections of a worker."""
 
     def __init__(self, settings: Fields) -> None:
         from dexgrasp import __name__ as package
@@ -49,8 +49,8 @@ class _Answers:
             self._episodes = Episodes(agent, robot)
             self.metadata |= self._episodes.metadata()
 
-    def to(self, connection: int, waited: float, data: bytes) -> Fields:
-        """Return what a message is answered that waited for so many seconds."""
+    def reply(self, connection: int, waited: float, data: bytes) -> Fields:
+        """Return the answer to a packed message that waited for so many seconds."""
         from dexgrasp.cli.serving.requests import answer
 
         message = unpack(data)
@@ -63,13 +63,13 @@ class _Answers:
         return self._episodes.answer(connection, message)
 
     def end(self, connection: int) -> None:
-        """Forget a connection."""
+        """End the episode of a closed connection."""
         if self._episodes is not None:
             self._episodes.end(connection)
 
 
 def _box(robot: str | None) -> Any:
-    """Return a cloud (N, 3) of a box on the table, in the frame of the robot's base."""
+    """Return a cloud (N, 3) m of a box on the table, in the frame of the robot's base."""
     import numpy as np
 
     from dexgrasp_env.robot.cell import make_cell
@@ -86,18 +86,18 @@ def main() -> int:
     source, target = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is not an answer
     try:
-        answers = _Answers(unpack(_frame(source)[3]))
+        service = _Service(unpack(_frame(source)[3]))
     except InputError as error:
         _write(target, REFUSED, str(error).encode())
         return 2
-    _write(target, ANSWER, pack(answers.metadata))
+    _write(target, ANSWER, pack(service.metadata))
     while (frame := _frame(source))[0] is not None:
         kind, connection, waited, data = frame
         if kind == CLOSED:
-            answers.end(connection)
+            service.end(connection)
             continue
         try:
-            _write(target, ANSWER, pack(answers.to(connection, waited, data)))
+            _write(target, ANSWER, pack(service.reply(connection, waited, data)))
         except InputError as error:
             _write(target, REFUSED, str(error).encode())
         except Exception as error:

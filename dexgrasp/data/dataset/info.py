@@ -1,4 +1,4 @@
-"""Summary of a dataset: counts, histograms, coverage, and a sample checked by `verify`'s means."""
+"""Summary of a dataset: counts, histograms, coverage; and a random sample checked by `verify`."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.data.dataset.dataset import PoseGrasps, read_dataset, read_manifest
-from dexgrasp.data.dataset.rest_scene import placed
+from dexgrasp.data.dataset.rest_scene import target_at
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.thresholds import Thresholds
 from dexgrasp_env.arrays import Fields
@@ -59,15 +59,14 @@ def _quantiles(values: np.ndarray) -> dict[str, float]:
 
 
 def check_sample(folder: Path, count: int, robot: str | None = None) -> Fields:
-    """Check a random sample by `verify`'s independent means.
+    """Check a random sample of grasps by `verify`.
 
-    Grasps in the dataset are of a hand that is there already: nothing is checked of how it came there, and nothing of
-    the forces where `load` is -1.
+    Grasps of a dataset have no motion, so approach and lift are not checked; nor are forces where `load` is -1.
 
     Args:
         folder: of the dataset.
         count: of grasps.
-        robot: path of the cell's file, where it is not where it was.
+        robot: path of the cell's file, where it has moved.
 
     Returns:
         `checked`, `passed`, and how often each check failed.
@@ -106,7 +105,7 @@ def _record(pose: PoseGrasps, k: int, thresholds: Thresholds, cell: Cell) -> Any
 
     g = {name: values[k].astype(float) for name, values in pose.grasps.items()}
     seen = trimesh.convex.convex_hull(pose.scene["hull"])
-    target = placed(
+    target = target_at(
         GraspTarget.of(seen, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"]
     )
     R, shift = about_z(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])

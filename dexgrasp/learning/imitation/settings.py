@@ -74,10 +74,10 @@ class BcSettings:
     grasps: GraspNetSizes = field(default_factory=GraspNetSizes)
 
     def __post_init__(self) -> None:
-        """Check what no field alone can be wrong in.
+        """Validate combinations of fields.
 
         Raises:
-            InputError: if more of a chunk is carried out than is predicted, or what is of the other view is set.
+            InputError: if more of a chunk is executed than is predicted, or settings of the other view are given.
         """
         if self.view != "state" and (self.execute, self.network) != (4, BcNetSizes()):
             raise InputError(
@@ -88,10 +88,10 @@ class BcSettings:
 
 
 def view_of(obs_mode: str) -> str:
-    """Return which of `bc_training.VIEWS` an observation mode gives.
+    """Return the key of `bc_training.VIEWS` for an observation mode.
 
     Raises:
-        InputError: for one that gives none.
+        InputError: for a mode that nothing is cloned from.
     """
     views = {"state": "state", "pointcloud": "cloud"}
     if obs_mode not in views:

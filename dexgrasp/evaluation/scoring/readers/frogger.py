@@ -26,16 +26,16 @@ JOINTS = {
        for i, j in enumerate(("axl", "mcp", "pip", "dip"))},
     **{f"algr_rh_th_{j}_q": f"thumb_{i}" for i, j in enumerate(("cmc", "axl", "mcp", "ipl"))},
 }  # fmt: skip
-"""Its joint names -> ours; angles, axes and zeros are the same."""
+"""FRoGGeR's joint names -> ours; angles, axes and zeros are the same."""
 
 
 def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
-    """Return the grasp of a file, read as that of a plain JSON.
+    """Return the grasp of a file, converted to the plain JSON layout.
 
     Raises:
         InputError: if the file is unusable, misses a key, or its object is not found.
     """
-    data = FileFields(read_arrays(path), str(path))
+    data = FileFields(_read_npz(path), str(path))
     names, q = data.words("joint_names"), data.numbers("q")
     joints = {JOINTS[name]: float(value) for name, value in zip(names, q, strict=False) if name in JOINTS}
     if len(names) != len(q) or len(joints) != len(JOINTS):
@@ -57,7 +57,7 @@ def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
     return [replace(one, source=str(path)) for one in found]
 
 
-def read_arrays(path: Path) -> Arrays:
+def _read_npz(path: Path) -> Arrays:
     """Return the arrays of an .npz file; pickled ones are not read.
 
     Raises:

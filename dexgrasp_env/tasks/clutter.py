@@ -44,8 +44,8 @@ class ClutterSettings(LiftSettings):
         neighbour_objects: that neighbours are drawn from, each as often as it comes.
         gaps: m, least and most between the outlines, from above, of a neighbour and of the nearest that stood there
             before; None: all are dropped into a heap, the object among them.
-        mask: by which perception finds the object that is meant.
-        bin: whether they stand in a bin; else on the open table.
+        mask: hint by which perception finds the object that is meant: `true`, its pixels; `perceived`, a point on it.
+        bin: whether all stand in a bin; else on the open table.
     """
 
     objects: Objects = OBJECT_SETS["all20"]
