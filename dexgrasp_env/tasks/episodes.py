@@ -5,7 +5,6 @@ The single environment has one, the vector environment many; only who advances t
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array, Arrays, Fields, Index, Mask
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.tasks import kernel
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, ActionSpace, check_finite
@@ -28,7 +26,7 @@ from dexgrasp_env.tasks.infos import EpisodeInfos
 from dexgrasp_env.tasks.observations import FLAT, key_columns, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, PHASES, Records, rules_of
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, Records, new_record, rules_of
 from dexgrasp_env.tasks.reset_options import check_joints, check_options
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -189,7 +187,12 @@ class Episodes(EpisodeInfos):
         if given is not None:
             simulation.place(pose, self.slots[i].joints)
             simulation.check_free()
-        self._start_record(i, target, variation)
+        self.records[i] = new_record(
+            simulation.object, variation, self._hull_spans[target], settings.disturbance_steps > 0
+        )
+        self.task_records[i] = np.zeros((), self.task_records.dtype)
+        joints = self.slots[i].joints
+        self.commands[i] = settings.cell.robot.home if joints is None else joints
         if settings.disturbance.moves:
             motion = draw_motion(settings.disturbance, pose, settings.frame_skip, rng)
             self.task_records[list(MOTION.names or ())][i] = motion
@@ -238,20 +241,6 @@ class Episodes(EpisodeInfos):
             self.enter(i).vary(variation)
         slot.target, slot.neighbours, slot.variation = target, neighbours, variation
         return self.enter(i)
-
-    def _start_record(self, i: int, target: str, variation: Variation) -> None:
-        model, record = self.simulations[target].object, self.records[i]
-        self.records[i], self.task_records[i] = np.zeros((), EPISODE), np.zeros((), self.task_records.dtype)
-        record["half_extents"] = 0.5 * model.extents * variation.size
-        record["mass"] = model.mass * variation.mass * variation.size**3
-        record["size"] = variation.size
-        record["variation"] = astuple(variation)
-        record["hull_first"], record["hull_count"] = self._hull_spans[target]
-        record["latency"] = round(variation.latency / TIMESTEP)
-        joints = self.slots[i].joints
-        self.commands[i] = self.settings.cell.robot.home if joints is None else joints
-        record["grip_quat"][0] = 1.0
-        record["phase"] = PHASES.index("before" if self.settings.disturbance_steps else "none")
 
     def set_points(self, actions: Array, where: Physics, step: int = 0) -> tuple[Array, Array]:
         """Move the set-points by one control step.
