@@ -126,7 +126,7 @@ def _moved_into(target: GraspTarget, origin: Array, poses: Iterable[tuple[Array,
     if target.around is None:
         return 0.0
     points = triangle_samples(target.distance.triangles, 200, 0).points  # points of an object in the hand
-    held = np.concatenate([points, *target.corners]) - origin
+    held = np.concatenate([points, target.corners]) - origin
     deepest = least = min(target.around.distance(held + origin).min(), 0.0)
     for turn, at in poses:
         deepest = min(deepest, target.around.distance(held @ turn.T + at).min())
