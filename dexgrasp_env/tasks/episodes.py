@@ -112,7 +112,9 @@ class Episodes(EpisodeInfos):
             InputError: for what cannot be asked for them.
         """
         if starts is not None and (isinstance(starts, type) or not callable(starts)):
-            raise InputError(f"starts is {starts!r}: valid is what is called for a reset's options, as PreGrasps()")
+            raise InputError(
+                f"starts is {starts!r}: valid is what is called for a reset's options, as PreGrasps()"
+            )
         self.starts = starts
 
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> tuple[Simulation, Arrays]:
