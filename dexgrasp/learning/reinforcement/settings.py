@@ -13,7 +13,7 @@ from dexgrasp_env.tasks.control import CONTROL_MODES, ONCE_MODES
 from dexgrasp_env.tasks.observations import FLAT
 from dexgrasp_env.tasks.randomisation import Draws, ranges
 from dexgrasp_env.tasks.settings import BACKENDS
-from dexgrasp_env.valid import Count, Natural, Positive, number, one_of
+from dexgrasp_env.valid import Count, Natural, Positive, check_fields, number, one_of
 
 _LIFTS = one_of(sorted(name for name in registry if name.startswith("DexGrasp/Lift")))
 
@@ -74,6 +74,10 @@ class RlSettings:
     learning_starts: Count = 5_000
     gradient_steps: Count = 1
     threads: Count = 1
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_fields(self)
 
     @property
     def env_arguments(self) -> Fields:
