@@ -9,8 +9,8 @@ from dexgrasp_env.errors import InputError
 
 EXTRAS: dict[str, tuple[str, ...]] = {
     "planner": (
-        "clarabel", "daqp", "imageio", "imageio_ffmpeg", "jinja2", "loky", "matplotlib", "ompl", "PIL", "rtree",
-        "ruckig", "safetensors",
+        "clarabel", "daqp", "imageio", "imageio_ffmpeg", "jinja2", "loky", "matplotlib", "ompl", "osqp", "PIL",
+        "qpsolvers", "rtree", "ruckig", "safetensors",
     ),
     "learning": ("torch", "stable_baselines3", "tensorboard"),
     "viewer": ("viser",),

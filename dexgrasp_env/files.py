@@ -368,10 +368,10 @@ def jsonable(value: Any) -> Any:
         return plain if of_numbers else jsonable(plain)
     if isinstance(value, (int, float)):
         return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, set)):  # of an array that was made plain before: thousands of numbers
         return [item if type(item) is float and math.isfinite(item) else jsonable(item) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(item) for key, item in value.items()}
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: jsonable(getattr(value, field.name)) for field in fields(value)}
     return str(value)

@@ -113,9 +113,6 @@ def test_other_settings_in_the_folder_are_refused(made, tmp_path):
     other = DatasetSettings.of(["gelatin_box"], grasps_per_pose=7, chunk=3, seed=5)
     with refused("grasps_per_pose: 6 there, 7 now"):
         generate(other, made)
-    (tmp_path / "something").write_text("x")
-    with refused("not empty"):
-        generate(SETTINGS, tmp_path)
     with refused("holds no dataset"):
         read_manifest(tmp_path)
 

@@ -251,7 +251,7 @@ def test_pictures_are_images_of_lerobot_and_described_by_colour(once, settings, 
     episode, rng = next(read_episodes(folder)), np.random.default_rng(0)
     pictures = rng.integers(0, 256, (len(episode) + 1, 2, 12, 16, 3), dtype=np.uint8)
     (episode.once if once else episode.observations)["rgb"] = pictures[0] if once else pictures
-    write_lerobot(tmp_path, settings, [episode])
+    write_lerobot(tmp_path / "lerobot", settings, [episode])
     info, stats = (read_json_object(tmp_path / f"lerobot/meta/{name}.json", "") for name in ("info", "stats"))
     assert info["features"]["observation.images.view_1"]["shape"] == [12, 16, 3]
     rows = pq.read_table(tmp_path / "lerobot/data/chunk-000/file-000.parquet").to_pylist()
@@ -266,7 +266,7 @@ def test_robomimic_finds_its_layout(settings, folder, tmp_path):
     import h5py
 
     episodes = list(read_episodes(folder))[:1] * 11
-    write_robomimic(tmp_path, settings, episodes)
+    write_robomimic(tmp_path / "robomimic", settings, episodes)
     with h5py.File(tmp_path / "robomimic/demos.hdf5") as file:
         about, first = json.loads(file["data"].attrs["env_args"]), file["data/demo_0"]
         steps = len(episodes[0])

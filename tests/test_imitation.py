@@ -119,7 +119,7 @@ def test_numpy_weighs_grips_as_torch_does(demos, tmp_path):
     grips, azimuths = read_grips([demos]), np.array([0.0, 1.0, 4.0])
     points, numbers = grip_features(grips.looks[0], azimuths)
     net = trained(GraspNet(NARROW, numbers, grips.rows), tmp_path / "out")
-    ours = CloudGraspPolicy(*read_policy(tmp_path / "out")).weigh(grips.looks[0], azimuths)
+    ours = CloudGraspPolicy(*read_policy(tmp_path / "out")).predict(grips.looks[0], azimuths)
     for one, other in zip(ours, net(*map(torch.from_numpy, (points, numbers))), strict=True):
         assert_allclose(one, other.detach().numpy(), atol=1e-4)
 

@@ -17,6 +17,7 @@ PACKAGES = ("dexgrasp_env", "dexgrasp", "agents")
 UNIMPORTED = {
     "imageio-ffmpeg",
     "moviepy",
+    "osqp",
     "rtree",
     "sb3-contrib",
     "tensorboard",
@@ -24,7 +25,7 @@ UNIMPORTED = {
     "networkx",
     "pycollada",
 }
-"""Used through another, or by name: imageio's videos, Gymnasium's, trimesh's proximity, learners,
+"""Used through another, or by name: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, learners,
 torch's log, and what trimesh reads 3mf and dae with."""
 
 

@@ -45,8 +45,8 @@ def data(request, settings, folder, tmp_path_factory):
     for episode in drawn:  # as cameras would have them; none is needed to read them
         size = len(episode) + 1
         episode.observations["rgb"] = rng.integers(0, 256, (size, 1, 96, 128, 3), dtype=np.uint8)
-    write_lerobot(root := tmp_path_factory.mktemp("pictures"), settings, drawn)
-    return root / "lerobot"
+    write_lerobot(root := tmp_path_factory.mktemp("pictures") / "lerobot", settings, drawn)
+    return root
 
 
 def opened(root, **more):

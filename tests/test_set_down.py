@@ -92,7 +92,7 @@ def test_the_agent_sets_the_object_down():
     observation, info = env.reset(seed=2)
     agent.reset(observation, public_info(env, info))
     target = agent.result.target
-    shift = np.array([0.4, -0.25]) - middle(np.concatenate(target.corners))[:2]
+    shift = np.array([0.4, -0.25]) - middle(target.corners)[:2]
     before = env.unwrapped.simulation.object_pose()
     for _ in range(240):
         observation, *_, info = env.step(agent.act(observation))

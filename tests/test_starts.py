@@ -75,5 +75,7 @@ def test_files_that_are_none_are_refused(tmp_path):
     (tmp_path / "text.npz").write_text("no arrays")
     with refused("holds no pre-grasps"):
         gym.make(ID, starts=str(tmp_path / "text.npz"))
+    with refused("valid is that one"):
+        gym.make(ID, mount="fingers_along")
     with refused("of none of these objects: valid are .*sugar_box"):
         gym.make(ID, objects="varied-3")

@@ -10,7 +10,7 @@ from refusals import refused
 from dexgrasp.agent import Agent, Report, renew_report
 from dexgrasp.agents.placing import PlacingAgent
 from dexgrasp.evaluation import trial as one_trial
-from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_seeds
+from dexgrasp.evaluation.protocol import agent_settings, trial_seeds
 
 
 class Still(Agent):
@@ -115,8 +115,6 @@ def test_agents_choose_only_what_is_theirs():
     assert agent_settings("still", Still()) == {"control_mode": "joint_delta"}
     with refused("friction"):
         agent_settings("wants", Wants())
-    with refused("lift"):
-        get_protocol("lift-v9")
 
 
 def test_agents_are_told_nothing_of_the_object(env):

@@ -1,4 +1,4 @@
-"""Two agents on the same scenes: which of them solves what the other does not."""
+"""Paired comparison of two agents on the same scenes."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -16,21 +16,21 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import expand
 
 _SCENE = ("protocol", "object", "trial", "scene_seed")
-"""What makes two trials the same scene."""
+"""Keys of a trial's row that identify its scene."""
 
 
 def compare_agents(folders: Sequence[str | Path], a: str, b: str, protocols: Sequence[str] = ()) -> Fields:
-    """Compare two agents of evaluations on the scenes that both have tried.
+    """Compare two agents of evaluations on the scenes that both were tried on.
 
     Args:
         folders: of evaluations.
         a: an agent.
         b: another one; or the same, under another protocol.
-        protocols: under which the two are, each; none: both under the same, whatever there is.
+        protocols: one for each agent; empty to compare both under every protocol that they share.
 
     Returns:
-        Counts and statistics over all trials, of which a scene is the unit, `by_set`, `by_object` and (where there are
-        several) `by_protocol`, and `discordant`, the trials that one alone solved with the other's reason.
+        Counts and statistics over all trials, with the scene as the unit, `by_set`, `by_object` and (where there are
+        several) `by_protocol`; and `discordant`, the trials that only one solved, with the reason of the other.
 
     Raises:
         InputError: if a folder holds no evaluation, or none a trial of one of the agents, or not two protocols are
@@ -49,7 +49,7 @@ def compare_agents(folders: Sequence[str | Path], a: str, b: str, protocols: Seq
 
 
 def _under(rows: Trials, agents: Sequence[str], protocols: Sequence[str]) -> tuple[list[Fields], list[str]]:
-    """Return the trials of each agent under a protocol of its own, as of one protocol, and what the two are called."""
+    """Return the trials of each agent under its own protocol, relabelled as one protocol, and the two labels."""
     if len(protocols) != 2:
         raise InputError(f"{len(protocols)} protocols given: valid are two, one for each agent")
     met = [(row["agent"], row["protocol"]) for row in rows]
@@ -71,7 +71,7 @@ def compare_rows(rows: Trials, a: str, b: str, alike: bool = True) -> Fields:
         rows: trials.
         a: an agent.
         b: another one.
-        alike: whether settings of the environment must be the same too, but for those that an agent chooses.
+        alike: flag: settings of the environment must be equal too, except those that an agent chooses.
 
     Raises:
         InputError: if an agent's trials hold one scene twice, with different outcomes.
@@ -105,7 +105,7 @@ def _by_scene(rows: Trials, alike: bool) -> dict[tuple[object, ...], Fields]:
 
 
 def _world(row: Fields) -> str:
-    """Return the settings of a scene: friction, robot, disturbance, but not the files that meshes lie in."""
+    """Return the settings of a scene as text: friction, robot, disturbance, but not the paths of meshes."""
     chosen = (*AGENT_KEYS, "objects", "max_episode_steps")  # by the agent, its pace, and the trial's object
     own = {key: value for key, value in (row.get("env") or {}).items() if key not in chosen}
     return json.dumps(own, sort_keys=True)
@@ -116,7 +116,7 @@ def _each(groups: Mapping[Any, Trials]) -> dict[Any, Fields]:
 
 
 def _statistics(pairs: Trials) -> Fields:
-    """Return counts, rates, and the difference with its interval and test on these scenes and on new objects.
+    """Return counts, rates, and the difference with interval and test, by scenes and by objects.
 
     Args:
         pairs: trials of one agent, each with that of another on the same scene as `other`.
@@ -137,7 +137,7 @@ def _statistics(pairs: Trials) -> Fields:
 
 
 def _discordant(row: Fields) -> Fields:
-    """One scene that one alone solved, and why the other did not."""
+    """Return a scene that only one agent solved, and the reason of the other."""
     other = row["other"]
     solved, failed = (row, other) if row["success"] else (other, row)
     scene = {key: failed[key] for key in _SCENE}
@@ -172,13 +172,13 @@ def render_comparison(content: Fields) -> str:
 
 
 def difference_words(cell: Fields) -> tuple[str, str]:
-    """Return a difference and its interval, points of a hundred, as people read them."""
+    """Return a difference and its interval as text, percentage points."""
     low, high = cell["ci95"]
     return f"{100 * cell['difference']:+.1f}", f"[{100 * low:+.0f}, {100 * high:+.0f}]"
 
 
 def _claim(content: Fields, interval: str, p_value: str) -> str:
-    """Return a difference as people read it: interval, test and what they say."""
+    """Return the interval and the test of a difference as text, with the conclusion."""
     low, high = content[interval]
     better, worse = (content[key] for key in ("ab" if content["difference"] > 0 else "ba"))
     verdict = f"{better} solves more than {worse}" if content[p_value] <= 0.05 else "no difference is shown"

@@ -1,4 +1,4 @@
-"""Every agent on every object: what is not there yet is run, and each trial is kept as soon as it ends."""
+"""Evaluation of agents: runs the trials that are missing in a folder, and stores each as soon as it ends."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,8 +21,10 @@ from dexgrasp_env.files import expand, write_json
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import load_target
 from dexgrasp_env.robot.cell import whole_path
+from dexgrasp_env.valid import checked
 
 
+@checked
 def evaluate(
     settings: EvaluationSettings,
     folder: str | Path,
@@ -38,10 +40,10 @@ def evaluate(
         settings: what to evaluate.
         folder: where trials.jsonl, summary.json and videos go; made if it is not there.
         backend: where trials run; the outcome does not depend on it.
-        videos: how many trials of each agent and object are recorded, or "failures" for what fell short; recording
-            makes a trial again, so that it may be asked for after the fact.
+        videos: number of trials of each agent and object to record, or "failures" for those that failed; recording
+            makes a trial again, so that it can be asked for afterwards.
         film: what videos are taken with.
-        progress: whether to say on standard error how far it is.
+        progress: flag: show progress on standard error.
 
     Raises:
         InputError: for wrong settings, a mesh that cannot be used, or a folder that holds another evaluation.
@@ -85,7 +87,7 @@ def _check(planned: Sequence[TrialSpec], runner: TrialRunner) -> None:
 
 @dataclass
 class _Run:
-    """An evaluation that goes on."""
+    """Evaluation in progress."""
 
     planned: Sequence[TrialSpec]
     store: TrialStore
@@ -94,7 +96,7 @@ class _Run:
     progress: bool
 
     def check_rows(self) -> None:
-        """Refuse trials of something else, or of an agent that read while it acted what has changed since.
+        """Refuse stored trials of other settings, or of an agent whose files have changed since it read them.
 
         Raises:
             InputError: naming one.
@@ -134,7 +136,7 @@ class _Run:
                     )
 
     def record(self, videos: int | str, film: VideoSettings) -> None:
-        """Record the first so many trials of each agent and object, or those that failed."""
+        """Record the first `videos` trials of each agent and object, or those that failed."""
         chosen = [
             row
             for row in self.store.rows
@@ -144,7 +146,7 @@ class _Run:
             record(self.runner, chosen, self.store.folder, film, self.backend, show)
 
     def close(self) -> Fields:
-        """Sum up what is there, and let go of it."""
+        """Write and return the summary of the stored trials; release the folder and the environments."""
         with held():
             summary = summarise(self.runner.settings, self.store.rows)
             write_json(self.store.folder / "summary.json", summary)

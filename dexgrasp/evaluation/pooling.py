@@ -17,8 +17,8 @@ Rows = dict[str, list[Fields]]
 def rows_by_agent(folders: Sequence[Path]) -> Rows:
     """Return the trials of every agent, judged by their protocols.
 
-    An agent of several evaluations that differ in the seed alone is one agent; of others, or of the same seed again,
-    it bears the folder's name.
+    An agent of several evaluations that differ only in the seed is one agent; otherwise its label has the folder's
+    name.
 
     Raises:
         InputError: if a folder holds no evaluation.
@@ -44,7 +44,7 @@ def rows_by_agent(folders: Sequence[Path]) -> Rows:
 
 
 def _legible(row: Fields) -> Fields:
-    """Make names text that can be drawn: those of files need not be."""
+    """Replace characters that cannot be encoded in the names of a row: file names may have them."""
     names = [key for key in ("agent", "object", "protocol", "reason") if isinstance(row.get(key), str)]
     return row | {key: row[key].encode(errors="replace").decode() for key in names}
 

@@ -1,4 +1,4 @@
-"""Protocols: what every agent is scored on, and the seeds that give all of them the same scenes."""
+"""Protocols: settings that agents are scored under, and the seeds that give all of them the same scenes."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -16,19 +16,19 @@ from dexgrasp_env.objects.load import seed_name
 from dexgrasp_env.yaml_file import parse_yaml, read_yaml
 
 AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode", "frame_skip", "action_scale", "hold")
-"""The settings that an agent may choose; everything else belongs to the protocol."""
+"""Settings of the environment that an agent may choose; all others belong to the protocol."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """Successes of agents on the same trials, published with a protocol.
+    """Published successes of agents on the same trials of a protocol.
 
     Attributes:
         objects: names, sets or files, with spaces between.
         trials: of each agent.
         agents: successes by name.
         command: that made them.
-        counts: what a success is: `held`, or `clean`, nothing else moved either.
+        counts: criterion of success: `held`, or `clean`, where no neighbour moved either.
     """
 
     objects: str
@@ -41,7 +41,7 @@ class Figure:
 SHOWN = {
     "floor": ("constant", "hardcoded"), "planner": ("bilevel", "bilevel_tracking"), "learned": ("bc_cloud", "bc", "rl")
 }  # fmt: skip
-"""Agents whose figures are shown, by kind: all of the floor, which others have to beat, and the best of the others."""
+"""Agents whose results are shown, by kind: every baseline of `floor`, and the best of each other kind."""
 
 
 @dataclass(frozen=True)
@@ -64,17 +64,17 @@ class Protocol:
 
     @property
     def places(self) -> bool:
-        """Flag: objects are brought somewhere."""
+        """Flag: the task brings objects to a goal."""
         return self.env_id.startswith(("DexGrasp/Place", "DexGrasp/Clear"))
 
     @property
     def floor_line(self) -> str:
-        """The floor in a line for people; empty where none is published."""
+        """Published results of the baselines as a line; empty where there are none."""
         floor = self.shown("floor")
         return f"floor of {self.name} on {self.figures[0].objects}: {floor}" if floor else ""
 
     def shown(self, kind: str) -> str:
-        """Return the published figures of a kind of `SHOWN` for people; empty where there are none."""
+        """Return the published results of a kind of `SHOWN` as text; empty where there are none."""
         found = [
             (one.agents[name] / one.trials, f"{name} {one.agents[name]} of {one.trials} {one.counts}")
             for name in SHOWN[kind]
@@ -87,7 +87,7 @@ class Protocol:
 
 DEFAULT_PROTOCOL = "lift"
 OTHER_PHYSICS = "lift@warp"
-"""Stands beside the others' figures, and is averaged into none."""
+"""Protocol in another engine, which is reported but averaged into no other figure."""
 
 _CONTENT = read_yaml(asset_path("protocols.yaml"))
 _FIGURES = read_yaml(asset_path("figures.yaml"))
@@ -100,10 +100,10 @@ def _figures(name: str) -> tuple[Figure, ...]:
 PROTOCOLS: dict[str, Protocol] = {
     name: Protocol(name, **words, figures=_figures(name)) for name, words in _CONTENT["protocols"].items()
 }
-"""Every protocol by name; a published number names the one it was made with. No agent is told which it is in."""
+"""Protocols by name. No agent is told under which it acts."""
 
 FAMILIES: dict[str, Fields] = _CONTENT["families"]
-"""Protocols NAME@NUMBER by what stands before their number, which is a setting of their scenes."""
+"""Families of protocols by NAME, for NAME@NUMBER; the number is a setting of their scenes."""
 
 
 def _of_family(stem: str, number: float) -> Protocol:
@@ -120,7 +120,7 @@ PROTOCOLS |= {
 }
 
 GROUPS: dict[str, tuple[str, ...]] = {name: tuple(own) for name, own in _CONTENT["groups"].items()}
-"""Protocols made of others, named before them; the rate is the mean of theirs."""
+"""Groups of protocols, and of groups that stand before them; the rate is the mean of theirs."""
 
 
 def get_protocol(name: str) -> Protocol:
@@ -144,7 +144,7 @@ def protocol_names() -> list[str]:
 
 
 def parts(name: str) -> tuple[str, ...]:
-    """Return the protocols that a name stands for: itself, or its parts.
+    """Return the protocols that a name stands for: itself, or the members of a group.
 
     Raises:
         InputError: for an unknown name.
@@ -178,10 +178,15 @@ def trial_seeds(seed: int, target: str, trial: int) -> TrialSeeds:
 
 
 def agent_settings(name: str, agent: Agent, preset: Mapping[str, Any] | None = None) -> Fields:
-    """Return the environment settings that an agent asks for, in an environment of some preset.
+    """Return the environment settings that an agent asks for.
+
+    Args:
+        name: of the agent, for messages.
+        agent: whose settings are asked.
+        preset: registered keywords of the environment, for agents that adapt to them (`settings_in`).
 
     Raises:
-        InputError: if it asks for something that is the protocol's to choose.
+        InputError: if it asks for a setting that belongs to the protocol.
     """
     asked = agent.settings_in(preset) if preset and hasattr(agent, "settings_in") else agent.env_settings
     for key in asked:
@@ -197,7 +202,7 @@ def agent_keywords(given: Mapping[str, Any] | Sequence[str]) -> Fields:
     """Return keywords of `gym.make` that are an agent's, from a mapping, or from words `KEY=VALUE`.
 
     Raises:
-        InputError: for one that is not an agent's to choose, is none, or stands twice.
+        InputError: for a key that is not an agent's to choose, a value that is no YAML, or a repeated key.
     """
     found = Fields(given) if isinstance(given, Mapping) else Fields()
     for word in () if isinstance(given, Mapping) else given:

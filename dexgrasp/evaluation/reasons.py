@@ -1,4 +1,4 @@
-"""Meanings of reason codes, one table for `plan`, the tables of `evaluate` and the report."""
+"""Reason codes in words, for `plan`, the tables of `evaluate` and the report."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -13,9 +13,8 @@ class Reason(NamedTuple):
 
     Attributes:
         sentence: what went wrong.
-        hint: what to try, or nothing; where a cloud takes another than an object of the catalogue or a mesh, by `cloud`
-            and `target`.
-        unit: of the violation: "m", or nothing where a number says nothing to people.
+        hint: what to try, or empty; a mapping with `cloud` and `target` where it differs between a cloud and a mesh.
+        unit: of the violation: "m", or empty where the number is of no use to people.
     """
 
     sentence: str
@@ -27,11 +26,11 @@ REASONS: dict[str, Reason] = {
     code: Reason(**words)
     for code, words in read_yaml(Path(__file__).with_name("reasons.yaml"))["reasons"].items()
 }
-"""Code -> what it means, from reasons.yaml."""
+"""Reasons by code, from reasons.yaml."""
 
 
 def sentence(code: str) -> str:
-    """Return a reason in words; what the table does not know stays as it is."""
+    """Return a reason code in words; an unknown code stays as it is."""
     head, _, rest = code.partition(":")
     if head == "no_grasp" and rest and rest != "None":
         return f"no grasp: {sentence(rest.strip())}"
@@ -44,13 +43,13 @@ def sentence(code: str) -> str:
 def explain(
     reason: str, blocked: Mapping[str, int], violations: Mapping[str, float], of: str = "target"
 ) -> str:
-    """Return why there is no grasp, as people read it: what blocked, how often, by how much at least, what to try.
+    """Return why there is no grasp, in words: each cause with its count and smallest violation, and a hint.
 
     Args:
         reason: the code of a report.
-        blocked: reason -> postures that it stopped.
+        blocked: reason -> number of postures that it ruled out.
         violations: reason -> the smallest violation, SI units.
-        of: what was planned for, `target` or `cloud`.
+        of: kind of input, `target` or `cloud`.
     """
     counts: Counter[str] = Counter()
     least: dict[str, float] = {}

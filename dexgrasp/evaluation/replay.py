@@ -1,4 +1,4 @@
-"""Trials made again from what their lines say: to watch them, and to see that they come out the same."""
+"""Replay of trials from their rows: to record videos, and to check that they are reproduced."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,14 +18,14 @@ from dexgrasp_env.files import expand
 
 @dataclass(frozen=True)
 class Replay:
-    """A trial made again.
+    """Replayed trial.
 
     Attributes:
         row: its line in trials.jsonl.
-        again: the line that it would have now.
-        grasp: as it was planned now, for agents that certify theirs.
-        changed: what came out otherwise: nothing, with the same code and files.
-        stale: what the evaluation was made with that is not so any more.
+        again: its row now.
+        grasp: planned now, for agents that certify theirs.
+        changed: keys of the row that differ; none with the same code and files.
+        stale: parts of the evaluation's identity that differ now: cell, code, files, versions.
         video: file, or None.
     """
 
@@ -47,7 +47,7 @@ def replay(
     film: VideoSettings | None = None,
     robot: str | None = None,
 ) -> Replay:
-    """Make a trial of an evaluation again, from the seeds that its line holds.
+    """Replay a trial of an evaluation, from the seeds in its row.
 
     Args:
         folder: of the evaluation.
@@ -55,7 +55,7 @@ def replay(
         target: the object's name there.
         trial: number.
         protocol: needed where the evaluation has several.
-        film: what a video is taken with, into `videos/` of the folder; None for no video.
+        film: settings of a video, written into `videos/` of the folder; None for no video.
         robot: path of the cell's file, where it is not where it was.
 
     Raises:
@@ -78,7 +78,7 @@ def replay(
 
 
 def _robot(run: Fields) -> str | None:
-    """Return the cell's file that a run.json names; a path, if it is one, has to be there still."""
+    """Return the cell that a run.json names; a path must still exist."""
     path: str | None = run.get("robot")
     if isinstance(path, str) and Path(path).suffix and not expand(path).is_file():
         raise InputError(f"the file of the cell is not at {path} any more: pass it with --robot")
@@ -88,7 +88,7 @@ def _robot(run: Fields) -> str | None:
 def record(
     runner: TrialRunner, rows: Trials, folder: Path, film: VideoSettings, backend: Backend, show: Show
 ) -> None:
-    """Make trials again and record them, but for those whose videos are there; `show` is told how many are."""
+    """Replay trials and record those that have no video yet; `show` is called with the number done and in all."""
     left = {row_key(row): row for row in rows if not video_path(folder, row).is_file()}
     specs = [
         replace(spec, video=video_path(folder, left[key]), film=film)
@@ -104,12 +104,12 @@ def record(
 
 
 def video_path(folder: Path, row: Fields) -> Path:
-    """Return where the video of a trial is, if there is one."""
+    """Return the path of the video of a trial."""
     return folder / "videos" / f"{trial_name(row)}.mp4"
 
 
 def changes(row: Fields, again: Fields) -> tuple[str, ...]:
-    """Return what came out otherwise, to the last bit."""
+    """Return the keys of a row whose values differ, to the last bit."""
     compared = ("success", "stable", "reason", "stage", "steps", "height", "slip", "tilt")
     return tuple(key for key in compared if key in row and row[key] != again[key])
 
@@ -129,7 +129,7 @@ def _find(rows: Trials, agent: str, target: str, trial: int, protocol: str | Non
 
 
 def _specs(rows: Trials, settings: EvaluationSettings) -> dict[Key, TrialSpec]:
-    """Return what the trials of lines are of, with the seeds that these hold."""
+    """Return the specification of each row's trial, with the seeds of the row."""
     planned = {spec.key: spec for spec in plan_trials(settings)}
     found = {}
     for row in rows:

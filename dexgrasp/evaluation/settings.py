@@ -1,4 +1,4 @@
-"""Settings of an evaluation: agents, objects, trials, seed and scene; a changed setting is another evaluation."""
+"""Settings of an evaluation, its identity, and the trials that it consists of."""
 
 import hashlib
 from collections.abc import Iterable, Sequence
@@ -34,7 +34,7 @@ from dexgrasp_env.valid import (
 )
 
 _CHECKPOINTS = {".zip": ("env_kwargs", "wrappers"), "lerobot:": ("env_kwargs",)}
-"""Kind of checkpoint -> settings that apply to it."""
+"""Kind of checkpoint -> settings of `EvaluationSettings` that apply to it."""
 
 
 def _unique(names: Iterable[str]) -> tuple[str, ...]:
@@ -53,7 +53,7 @@ def _protocols(names: Iterable[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class EvaluationSettings:
-    """Everything that the outcome depends on.
+    """Settings that the outcome depends on.
 
     Attributes:
         agents: names (dexgrasp list agents), checkpoints, package.module:Class, or ws://HOST:PORT of a policy server.
@@ -91,11 +91,11 @@ class EvaluationSettings:
     wrappers: tuple[Annotated[str, TEXT, "WRAPPER"], ...] = ()
 
     def __post_init__(self) -> None:
-        """Check what no field alone can be wrong in.
+        """Validate combinations of fields.
 
         Raises:
-            InputError: for a cell or a mount that there is not, a friction beside a protocol that has its own, or what
-                is of checkpoints where there are none.
+            InputError: for an unknown cell or mount, a friction beside a protocol that has its own, or settings of
+                checkpoints without a checkpoint.
         """
         make_cell(self.robot, self.mount)
         own = [name for name in self.parts if "friction" in get_protocol(name).scene]
@@ -111,7 +111,7 @@ class EvaluationSettings:
 
     @classmethod
     def of(cls, agents: Sequence[str], objects: Sequence[str], **rest: Any) -> "EvaluationSettings":
-        """Expand sets and check what can be checked without building anything.
+        """Expand sets and validate the settings; nothing is built.
 
         Raises:
             InputError: for no agent, an unknown object or protocol, numbers out of range.
@@ -120,10 +120,10 @@ class EvaluationSettings:
 
     @classmethod
     def of_run(cls, run: Fields) -> "EvaluationSettings":
-        """Return the settings that a run.json says.
+        """Return the settings of a run.json.
 
         Raises:
-            InputError: if it says none that are usable now.
+            InputError: if they are not valid any more.
         """
         saved = {**run, "protocols": str(run.get("protocol")).split("+")}
         return read(cls, saved, "run.json", more=True)
@@ -135,12 +135,12 @@ class EvaluationSettings:
 
     @property
     def protocol(self) -> str:
-        """The protocols' names in one."""
+        """Names of the protocols, joined by +."""
         return "+".join(self.protocols)
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The protocols that trials are run under: the named ones, or what they are made of."""
+        """Protocols that trials are run under: the named ones, groups replaced by their members."""
         return tuple(dict.fromkeys(part for name in self.protocols for part in parts(name)))
 
     def scene(self, protocol: str) -> Fields:
@@ -154,10 +154,10 @@ class EvaluationSettings:
         }
 
     def identity(self, files: Iterable[str] | None = None) -> Fields:
-        """Return the settings with the versions and contents they rest on, as JSON can hold them.
+        """Return the identity of the evaluation as JSON: settings, and hashes of cell, files, code and versions.
 
         Args:
-            files: those that count, where another process has found out which; None: those found here.
+            files: paths to hash, where another process has found them; None to find them here.
         """
         settings = jsonable(asdict(self))
         settings["protocol"] = "+".join(settings.pop("protocols"))
@@ -173,12 +173,12 @@ class EvaluationSettings:
         }
 
     def _own_wrappers(self) -> list[str]:
-        """Return the wrappers that are somebody's own, as agents are called: `module:Class`."""
+        """Return the user's own wrappers as `module:Class`."""
         named = [text.partition("(")[0].rpartition(".") for text in self.wrappers]
         return [f"{module}:{name}" for module, _, name in named if module]
 
     def _files(self) -> list[Path]:
-        """Return the files that outcomes rest on: meshes, checkpoints and what lies beside these, what agents read."""
+        """Return the files that outcomes depend on: meshes, checkpoints with their records, files that agents read."""
         named = [path for name in self.objects for path in target_files(name)]
         named += [path for name in (*self.agents, *self._own_wrappers()) for path in agent_files(name)]
         found = [path for path in dict.fromkeys(map(expand, named)) if path.is_file()]
@@ -188,7 +188,7 @@ class EvaluationSettings:
         return found
 
     def default_folder(self) -> Path:
-        """Return runs/<protocol>-<agents>-seed<seed>-<hash>: the same command finds its own results again."""
+        """Return runs/<protocol>-<agents>-seed<seed>-<hash>, in which the same command finds its results again."""
         digest = content_hash(sorted(self.identity().items()))[:8]
         agents = "+".join(Path(agent).stem.replace(":", ".") for agent in self.agents)[:60]
         return Path("runs") / f"{self.protocol[:40]}-{agents}-seed{self.seed}-{digest}"
@@ -196,17 +196,17 @@ class EvaluationSettings:
 
 @dataclass(frozen=True)
 class TrialSpec:
-    """One trial to run.
+    """Specification of a trial.
 
     Attributes:
         agent: its name.
         target: the object, as `gym.make` takes it.
-        label: the object, as people read it.
+        label: name of the object in results.
         trial: number from 0 on.
         protocol: its name.
         video: file to record to, or None.
-        film: what it is taken with.
-        seeds: of a trial that is made again; None for those that follow from the evaluation's.
+        film: settings of the video.
+        seeds: of a replayed trial; None to derive them from the evaluation's seed.
     """
 
     agent: str
@@ -220,7 +220,7 @@ class TrialSpec:
 
     @property
     def key(self) -> Key:
-        """Fields that tell the trial from the others of its evaluation."""
+        """Key of the trial within its evaluation."""
         return self.protocol, self.agent, self.label, self.trial
 
 
@@ -237,7 +237,7 @@ def plan_trials(settings: EvaluationSettings) -> list[TrialSpec]:
 
 
 def object_labels(targets: Sequence[str]) -> dict[str, str]:
-    """Return what each object is called in the results: name or file's stem, the path where two are alike."""
+    """Return the label of each object in results: name or file stem; the file's name or path where two are equal."""
     labels: dict[str, str] = {}
     for target in targets:
         label = object_name(target)
@@ -253,10 +253,7 @@ def versions() -> dict[str, str]:
 
 
 def code_hash(agents: Sequence[str]) -> str:
-    """Return a hash of both packages' sources, their assets and users' agents: results of other code do not mix in.
-
-    Assets are weights, the robot's description and shells, and rest poses; not what only people read.
-    """
+    """Return a hash of the sources and assets (without markdown) of both packages, and of users' agents' modules."""
     library = Path(__file__).parents[1]
     roots = (library, library / "agents", Path(dexgrasp_env.__file__).parent)
     files = sorted({path.resolve() for root in roots for path in root.rglob("*.py")})
@@ -269,7 +266,7 @@ def code_hash(agents: Sequence[str]) -> str:
 
 
 def short_hash(path: Path) -> str:
-    """Return the hash of a file as runs keep it.
+    """Return the first 16 digits of the SHA-256 of a file.
 
     Raises:
         InputError: if it cannot be read.
@@ -279,7 +276,7 @@ def short_hash(path: Path) -> str:
 
 
 def hashes_by_name(paths: Iterable[Path]) -> dict[str, str]:
-    """Return the hashes of files by what they are called from this folder, the same in every copy of it."""
+    """Return the hashes of files by their paths, relative to the current folder where they are below it."""
     here = Path.cwd()
     names = ((path.relative_to(here) if path.is_relative_to(here) else path, path) for path in paths)
     return {str(name): short_hash(path) for name, path in names}

@@ -1,8 +1,8 @@
-"""Statistics of successes: intervals of a rate and of a paired difference, and the test that goes with it.
+"""Statistics of successes: intervals of a rate and of a paired difference, and the test of that difference.
 
-Trials of one scene under several conditions are not independent, nor are those of one object. A claim about these
+Trials of one scene under several conditions are not independent, nor are those of one object. A claim about the tried
 objects has the scene as its unit, a claim about objects like these the object. Every interval is a score interval at
-the number of independent trials that would scatter as the units do; a test is the same interval read the other way.
+the effective number of trials: the independent ones that would have the same variance. Tests invert these intervals.
 """
 
 import math
@@ -26,7 +26,7 @@ _NORMAL = float(norm.ppf(0.975))
 def wilson_interval(successes: float, trials: float, quantile: float = _NORMAL) -> Interval:
     """Return Wilson's score interval of a rate (Wilson 1927), by default of 95 %; [0, 1] without trials.
 
-    Numbers need not be whole: trials that depend on each other count as fewer.
+    Counts need not be whole, as effective numbers of dependent trials are not.
 
     Raises:
         ValueError: unless 0 <= successes <= trials.
@@ -45,16 +45,16 @@ def wilson_interval(successes: float, trials: float, quantile: float = _NORMAL) 
 def cluster_interval(
     rate: float, moved: Iterable[tuple[Hashable, float]], trials: int, quantile: float = _NORMAL
 ) -> Interval:
-    """Return a 95 % interval of a rate of trials that are not independent within a unit: a scene, an object.
+    """Return a 95 % interval of a rate whose trials are clustered by unit: a scene, an object.
 
-    Wilson's at the number of independent trials that would give the rate the same variance, from the units' number to
-    the trials'; exact where every unit is met once.
+    Wilson's interval at the effective number of trials, at least the number of units and at most that of trials; it is
+    the usual one where every unit has one trial.
 
     Args:
         rate: weighted mean of outcomes.
-        moved: unit of every outcome, and by how much it moves the rate: weight times (outcome - mean).
-        trials: outcomes.
-        quantile: of the interval.
+        moved: unit and contribution to the rate, weight times (outcome - mean), of every outcome.
+        trials: number of outcomes.
+        quantile: of the normal or Student distribution.
     """
     scatter: dict[Hashable, float] = {}
     for unit, share in moved:
@@ -66,7 +66,7 @@ def cluster_interval(
 
 
 def _student(units: int) -> float:
-    """Return the quantile of a 95 % interval whose variance was estimated from so many units."""
+    """Return Student's quantile of a 95 % interval whose variance is estimated from a number of units."""
     return float(t.ppf(0.975, max(units - 1, 1)))
 
 
@@ -78,15 +78,15 @@ def quantiles(values: Sequence[float], **named: float) -> dict[str, float]:
 
 
 def paired_comparison(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields:
-    """Compare two agents on the same trials, of which those of one unit (a scene, an object) are not independent.
+    """Compare two agents on the same trials, which are clustered by unit: a scene, an object.
 
     Args:
-        outcomes: unit, success of the first and of the second, of every trial.
+        outcomes: unit, success of the first and of the second agent, of every trial.
 
     Returns:
-        trials; units; both, only_a, only_b and neither of the trials; difference of the rates; its 95 % interval ci95,
-        Newcombe's for as many trials as would, were they independent, scatter as the units do; and p_value, the level
-        at which that interval ends at 0. So p_value < 0.05 says what ci95 says.
+        trials; units; both, only_a, only_b and neither, counts of trials; difference of the rates; its 95 % interval
+        ci95, Newcombe's at the effective number of trials; and p_value, the level at which that interval ends at 0, so
+        that p_value < 0.05 where ci95 excludes 0.
     """
     units: dict[Hashable, list[tuple[bool, bool]]] = {}
     for unit, a, b in outcomes:
@@ -103,13 +103,13 @@ def paired_comparison(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields
         return paired_difference_interval(both, only_a, only_b, neither, quantile)
 
     def above_zero(quantile: float) -> float:
-        """Return how far the end of the interval that is nearer to 0 is beyond it."""
+        """Return the signed distance of the nearer end of the interval from 0; negative where it includes 0."""
         low, high = interval(quantile)
         return low if difference > 0 else -high
 
     ends_at_zero = 0.0
     if difference:
-        farthest = 40.0  # the largest quantile that is looked for
+        farthest = 40.0  # largest quantile that is searched
         ends_at_zero = brentq(above_zero, 0.0, farthest) if above_zero(farthest) < 0.0 else farthest
     p_value = 2.0 * float(t.sf(ends_at_zero, max(len(units) - 1, 1)))
     return dict(zip(("both", "only_a", "only_b", "neither"), cells, strict=True)) | {
@@ -121,7 +121,7 @@ def paired_comparison(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields
 def _design_effect(
     units: Collection[list[tuple[bool, bool]]], cells: Sequence[int], difference: float
 ) -> float:
-    """Return how many trials of these units scatter as one independent trial does: at least 1, at most a unit's."""
+    """Return the design effect: trials per independent trial, from 1 to the mean number of trials in a unit."""
     trials, number = max(sum(cells), 1), max(len(units), 1)
     alone = cells[1] + cells[2] - trials * difference**2
     off = sum((sum(a - b for a, b in own) - len(own) * difference) ** 2 for own in units)
@@ -147,7 +147,7 @@ def paired_difference_interval(
     phi = _phi(both, only_a, only_b, neither)
 
     def reach(x: float, y: float) -> float:
-        """Return how far an end of the interval is from the difference, by the ends of the two rates."""
+        """Return the distance of an end of the interval from the difference, from the ends of both rates."""
         return math.sqrt(max(x * x - 2.0 * phi * x * y + y * y, 0.0))
 
     difference = rate_a - rate_b
@@ -156,7 +156,7 @@ def paired_difference_interval(
 
 
 def _phi(both: float, only_a: float, only_b: float, neither: float) -> float:
-    """Correlation of the two outcomes, with Newcombe's continuity correction where it is positive."""
+    """Return the correlation of both outcomes, with Newcombe's continuity correction where it is positive."""
     n = both + only_a + only_b + neither
     margins = (both + only_a) * (only_b + neither) * (both + only_b) * (only_a + neither)
     if margins == 0.0:
@@ -168,7 +168,7 @@ def _phi(both: float, only_a: float, only_b: float, neither: float) -> float:
 
 
 def object_interval(counts: Counts) -> Interval:
-    """Return a 95 % interval of the rate on objects like these: the object is the unit; [0, 1] without objects."""
+    """Return a 95 % interval of the rate on objects like these, with the object as the unit; [0, 1] without any."""
     trials = sum(n for _, n in counts.values())
     if len(counts) < 2:
         return wilson_interval(sum(k for k, _ in counts.values()) / max(trials, 1), len(counts))

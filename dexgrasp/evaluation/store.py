@@ -1,7 +1,7 @@
-"""The folder of an evaluation: one line a trial, written as it ends; survives being killed.
+"""Folder of an evaluation: one line a trial, written as it ends, so that a killed run loses nothing finished.
 
-`run.json` says what the trials are of, `trials.jsonl` holds them, `grasps/` the grasps of agents that certify theirs,
-`summary.json` what comes out. What a line must hold to be counted is said here, and what a trial's files are called.
+`run.json` has the identity of the evaluation, `trials.jsonl` its rows, `grasps/` the grasps of agents that certify
+theirs, `summary.json` the summary. This module defines the schema of a row, and the names of a trial's files.
 """
 
 import hashlib
@@ -21,9 +21,9 @@ from dexgrasp_env.valid import Natural, Rule, number, read
 Key = tuple[str, str, str, int]
 """Protocol, agent, object, trial."""
 Trials = Sequence[Fields]
-"""Lines of trials.jsonl."""
+"""Rows of trials.jsonl."""
 SERVER_GONE = "server_gone"
-"""Reason of a trial whose policy server was not there: not a trial of the policy, so the next run makes it again."""
+"""Reason of a trial without its policy server: it says nothing of the policy, so the next run repeats it."""
 
 _RUN, _TRIALS = "run.json", "trials.jsonl"
 _Seed = Annotated[int, number(ge=0, lt=2**32, whole=True)]
@@ -36,22 +36,22 @@ class Outcome:
     Attributes:
         success: held at height by the hand alone for 3 s.
         stable: little motion in the hand at the end.
-        reason: why it failed, one of a countable few; None for successes.
-        stage: how far the object came.
+        reason: code of the failure; None for successes.
+        stage: last stage that the object reached, such as `lifted`.
         steps: control steps taken.
         total_reward: sum of the rewards of these, undiscounted.
         height: of the object's lowest point at the end, m.
         slip: in the hand since it left the table, m.
         tilt: in the hand since it left the table, rad.
         clean: a success that moved no neighbour by more than 2 cm; None where there are none.
-        moved: the farthest that a neighbour's centre has been from where it would be without the robot, m.
-        hit: neighbours that the robot has touched.
-        hit_names: theirs.
+        moved: largest displacement of a neighbour's centre that the robot caused, m.
+        hit: number of neighbours that the robot touched.
+        hit_names: their names.
         planning_seconds: as the agent reports; None if it does not plan.
         seconds: wall time of the trial.
         warnings: of the physics engine.
         details: of the agent's report.
-        error: the traceback of an agent's exception, or what was wrong with its action.
+        error: traceback of an agent's exception, or the fault of its action.
     """
 
     success: bool = False
@@ -91,7 +91,7 @@ _Stages = Annotated[Fields | None, Rule("numbers by stage", lambda value: _are_n
 
 @dataclass(frozen=True)
 class _Details:
-    """Fields of an agent's report that summaries read; the rest is the agent's own."""
+    """Fields of an agent's report that summaries read; others are not checked."""
 
     stage_seconds: _Stages = None
     stage_repeats: _Stages = None
@@ -100,7 +100,7 @@ class _Details:
 
 @dataclass(kw_only=True)
 class _Row(Outcome):
-    """Required keys beside an outcome."""
+    """Schema of a row: the outcome and what identifies the trial."""
 
     protocol: str
     agent: str
@@ -118,7 +118,7 @@ class _Row(Outcome):
 
 
 def row_fault(row: object) -> str | None:
-    """Return what is wrong with a line as it was parsed, or None; other keys than these are left alone."""
+    """Return the fault of a parsed line as a row, or None; further keys are allowed."""
     try:
         read(_Row, row, more=True)
     except InputError as error:
@@ -127,17 +127,17 @@ def row_fault(row: object) -> str | None:
 
 
 def failed_or_disturbed(row: Fields) -> bool:
-    """Return True for a trial that failed, or lifted the object and moved its neighbours."""
+    """Return True for a trial that failed, or that succeeded but moved a neighbour."""
     return not row["success"] or row.get("clean") is False
 
 
 def row_key(row: Fields) -> Key:
-    """Return what tells a trial from the others of its evaluation."""
+    """Return the key of a trial within its evaluation."""
     return row["protocol"], row["agent"], row["object"], row["trial"]
 
 
 def trial_name(row: Fields) -> str:
-    """Return the stem of the files of a trial: its protocol, agent, object and number, as any file system takes it."""
+    """Return the stem of a trial's files: protocol, agent, object and number, safe for any file system."""
     whole = "-".join(map(str, row_key(row)))
     plain = re.sub(r"[^\w.@+-]", ".", whole)
     if plain == whole and len(plain) <= 120:
@@ -146,10 +146,10 @@ def trial_name(row: Fields) -> str:
 
 
 class TrialStore:
-    """Finished trials of one evaluation; a second process on the same folder is refused."""
+    """Finished trials of an evaluation; refuses a second process on the same folder."""
 
     def __init__(self, folder: Path, identity: Fields, **beside: str | None) -> None:
-        """Open or make the folder; a new one's run.json holds `beside` as well.
+        """Open or make the folder; `beside` is added to the run.json of a new one.
 
         Raises:
             InputError: if the folder holds another evaluation or a damaged one, or cannot be written, or is being
@@ -167,12 +167,12 @@ class TrialStore:
 
     @property
     def finished(self) -> set[Key]:
-        """The trials that are there, but for those that met no policy server: these are run again."""
+        """Keys of the trials, except those without their policy server, which are repeated."""
         return {row_key(row) for row in self.rows if not _met_no_server(row)}
 
     @property
     def kept(self) -> set[Key]:
-        """All trials that are there."""
+        """Keys of all stored trials."""
         return {row_key(row) for row in self.rows}
 
     def append(self, row: Fields, grasp: Fields | None = None) -> None:
@@ -193,16 +193,16 @@ class TrialStore:
 
 
 def check_folder(folder: Path, identity: Fields) -> None:
-    """Refuse a folder that holds another evaluation, without touching it: before anything that takes time.
+    """Refuse a folder that holds another evaluation, without changing it.
 
     Raises:
-        InputError: naming what is different.
+        InputError: naming the differences.
     """
     _run_folder(folder).check(identity)
 
 
 def read_rows(folder: Path) -> list[Fields]:
-    """Read the finished trials of a folder without touching it, each once.
+    """Read the finished trials of a folder without changing it, each once.
 
     Raises:
         InputError: if it holds no evaluation, or a damaged one.
@@ -217,7 +217,7 @@ def read_rows(folder: Path) -> list[Fields]:
 
 
 def kept_grasps(folder: Path) -> list[Path]:
-    """Return the grasp files of a folder's trials, first those of trials that fell short, each in order of their names.
+    """Return the grasp files of a folder's trials by name, those of failed or disturbed trials first.
 
     Raises:
         InputError: if there are none, or no evaluation.
@@ -234,10 +234,10 @@ def kept_grasps(folder: Path) -> list[Path]:
 
 
 def read_run(folder: Path) -> Fields:
-    """Read what the trials of a folder are of.
+    """Read the run.json of a folder.
 
     Raises:
-        InputError: if there is no run.json, or it is not one.
+        InputError: if it is missing or damaged.
     """
     return read_json_object(folder / _RUN, "choose another --out")
 
@@ -247,7 +247,7 @@ def _run_folder(folder: Path) -> RunFolder:
 
 
 def _once_each(rows: Iterable[Fields]) -> list[Fields]:
-    """Copies of a line, as merged files have them, count once: the first, or one after it that met its server."""
+    """Drop repeated rows of a trial: the first counts, or the first that had its policy server."""
     found: dict[Key, Fields] = {}
     for row in rows:
         key = row_key(row)

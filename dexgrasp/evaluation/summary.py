@@ -1,4 +1,4 @@
-"""The summary of an evaluation, as documented in docs: schema 1."""
+"""Summary of an evaluation; docs/evaluation.md documents its schema 1."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,7 +29,7 @@ _QUARTILES = {"median": 0.5, "p25": 0.25, "p75": 0.75}
 
 
 def summarise(settings: EvaluationSettings, rows: Trials) -> Fields:
-    """Return the summary of the trials that are there; `complete` says whether these are all.
+    """Return the summary of finished trials; `complete` is true if no trial is missing.
 
     Args:
         settings: of the evaluation.
@@ -51,7 +51,7 @@ def summarise(settings: EvaluationSettings, rows: Trials) -> Fields:
 
 
 def judged(rows: Trials) -> list[Fields]:
-    """Return the trials with `pushed@1` a failure where the same scene was one under `pushed@0.5`."""
+    """Return the trials, those of `pushed@1` failed where the same scene failed under `pushed@0.5`."""
     lost = {row_key(row)[1:] for row in rows if row["protocol"] == "pushed@0.5" and not row["success"]}
     return [
         {**row, "success": False, "reason": "failed_pushed@0.5"}
@@ -62,12 +62,12 @@ def judged(rows: Trials) -> list[Fields]:
 
 
 def scene_of(row: Fields) -> tuple[Any, ...]:
-    """Return what a trial shares with those of the same scene under other conditions."""
+    """Return the key of a trial's scene, which trials under other protocols share."""
     return row["object"], row["trial"], row.get("scene_seed")
 
 
 def summarise_agent(rows: Trials) -> Fields:
-    """Return one agent's part of the summary; trials in other physics than MuJoCo's are in `by_protocol` alone."""
+    """Return one agent's part of the summary; trials in another engine than MuJoCo count in `by_protocol` only."""
     by_protocol = grouped(rows, "protocol")
     rows = [row for row in rows if row["protocol"] != OTHER_PHYSICS] or rows
     by_object = grouped(rows, "object")
@@ -93,7 +93,7 @@ def summarise_agent(rows: Trials) -> Fields:
 
 
 def grouped(rows: Trials, key: str) -> dict[Any, list[Fields]]:
-    """Return value of `key` -> the trials that have it, in the order in which they come; None for those without."""
+    """Group trials by the value of a key, in order of appearance; None for those without the key."""
     found: dict[Any, list[Fields]] = {}
     for row in rows:
         found.setdefault(row.get(key), []).append(row)
@@ -101,7 +101,7 @@ def grouped(rows: Trials, key: str) -> dict[Any, list[Fields]]:
 
 
 def _neighbours(rows: Trials) -> Fields:
-    """Return how many trials were clean lifts and in how many a neighbour was hit; {} where there were none."""
+    """Return counts of clean lifts and of trials that hit a neighbour; {} without neighbours."""
     among = [row for row in rows if row.get("clean") is not None]
     if not among:
         return {}
@@ -130,7 +130,7 @@ def object_counts(rows: Trials) -> Counts:
 
 
 def protocol_counts(rows: Mapping[str, Trials]) -> dict[str, Fields]:
-    """Return trials, successes, rate and 95 % interval of each protocol, and of those made of them that are whole."""
+    """Return trials, successes, rate and 95 % interval of each protocol, and of each group that is complete."""
     weights = {name: {name: 1.0} for name in rows}
     for group, names in GROUPS.items():
         own = [weights.get(name, {name: 1.0}) for name in names]
@@ -143,7 +143,7 @@ def protocol_counts(rows: Mapping[str, Trials]) -> dict[str, Fields]:
 
 
 def pooled(parts: Iterable[tuple[Trials, float]]) -> Fields:
-    """Return trials, successes, rate and 95 % interval of parts with weights, which may meet the same scenes."""
+    """Return trials, successes, rate and 95 % interval of weighted groups of trials, which may share scenes."""
     total, wins, rate = 0, 0, 0.0
     moved = list[tuple[Any, float]]()
     for rows, weight in parts:
@@ -157,7 +157,7 @@ def pooled(parts: Iterable[tuple[Trials, float]]) -> Fields:
 
 
 def count(rows: Trials) -> Fields:
-    """Return trials, successes, rate and its 95 % intervals: of these objects, and of objects like these."""
+    """Return trials, successes, rate and its 95 % intervals by scenes and by objects."""
     return {**pooled([(rows, 1.0)]), "ci95_objects": list(object_interval(object_counts(rows)))}
 
 
@@ -167,9 +167,9 @@ def bare_count(rows: Trials) -> dict[str, int]:
 
 
 def present_sets(objects: Sequence[str]) -> dict[str, list[str]]:
-    """Return the sets that have members among `objects`, with these.
+    """Return the sets that have members among `objects`, with these members.
 
-    The training set counts only if more of it is there than what the seen test objects share with it.
+    The training set counts only if it has members here that are not seen test objects.
     """
     names = ("seen", "familiar", "novel", "ycb6")
     sets = {name: [o for o in objects if o in OBJECT_SETS[name]] for name in names}
@@ -180,7 +180,7 @@ def present_sets(objects: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _constraints(rows: Trials) -> Fields:
-    """Return what the grasps' certificates say (Tables 4 and 5); {} without certificates."""
+    """Return the distributions of the certificates' figures (Tables 4 and 5); {} without certificates."""
     certificates = [own for row in rows if (own := row["details"].get("certificate"))]
     if not certificates:
         return {}
@@ -202,7 +202,7 @@ def _constraints(rows: Trials) -> Fields:
 
 
 def _stages(rows: Trials) -> Fields:
-    """Return times and repeats of the stages (Table 6): quartiles of what the agent reports."""
+    """Return quartiles of the times and repeats of planning stages, as the agent reports them (Table 6)."""
     found = {}
     for key in ("stage_seconds", "stage_repeats"):
         reports = [row["details"].get(key) or {} for row in rows]

@@ -1,4 +1,4 @@
-"""One trial: one agent, one object, one scene."""
+"""Trial: an episode of one agent on one object in one scene."""
 
 import time
 import traceback
@@ -23,29 +23,29 @@ NOT_HELD = {
     "lifted": "not_held_3s",
     "dropped": "dropped",
 }
-"""Stage at the end of the episode -> reason why the trial failed."""
+"""Last stage of an episode -> reason of the failure."""
 
 
 class AgentError(Exception):
-    """An exception of the agent's code; the cause is chained."""
+    """Exception of an agent's code; the cause is chained."""
 
 
 def run_trial(
     env: Env, agent: Any, seeds: TrialSeeds, *, name: str = "", frames: Video | None = None
 ) -> tuple[Outcome, Fields | None]:
-    """Run one episode; stops as soon as it is decided.
+    """Run one episode until success or its end.
 
     An agent's exception or a wrong action fails the trial, not the evaluation.
 
     Args:
-        env: the protocol's.
-        agent: see `dexgrasp.agent`; its class's name stands in for a missing `name`.
+        env: of the protocol.
+        agent: see `dexgrasp.agent`.
         seeds: of scene and agent.
-        name: of the agent.
-        frames: takes pictures.
+        name: of the agent; empty for `module:Class` of it.
+        frames: records a video.
 
     Returns:
-        How it went, and the grasp as a grasp file holds it, for agents that certify theirs.
+        The outcome, and the content of a grasp file for agents that certify their grasps, else None.
     """
     name = name or f"{type(agent).__module__}:{type(agent).__name__}"
     agent = complete(name, agent)
@@ -89,7 +89,7 @@ def _begin(
 
 
 def _certified(agent: Agent, name: str, subject: Subject) -> Fields | None:
-    """Return the grasp that an agent has planned as a grasp file holds it, None for one that certifies nothing."""
+    """Return the planned grasp as the content of a grasp file; None for an agent without certificates."""
     if not isinstance(agent, PlansGrasps) or agent.result is None:
         return None
     contents = agent.result.contents(subject.identity, name, subject.pose)
@@ -97,7 +97,7 @@ def _certified(agent: Agent, name: str, subject: Subject) -> Fields | None:
 
 
 def _given_up(agent: Agent) -> str | None:
-    """Why an agent has no plan and will have none, or None."""
+    """Return the reason of an agent that gave up, or None."""
     report = report_of(agent)
     return str(report.failure) if report.failure and not report.again else None
 

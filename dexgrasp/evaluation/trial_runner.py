@@ -1,4 +1,4 @@
-"""A place to run trials at: makes agents and environments once and uses them again."""
+"""Runner of trials, which reuses agents and environments."""
 
 from contextlib import nullcontext
 from dataclasses import asdict
@@ -24,7 +24,7 @@ from dexgrasp_env.tasks.settings import OF_CAMERAS
 
 
 class TrialRunner:
-    """Runs cells one after the other; every process has its own."""
+    """Runs trials one after the other; every process has its own."""
 
     def __init__(self, settings: EvaluationSettings) -> None:
         self.settings = settings
@@ -32,9 +32,9 @@ class TrialRunner:
         self._envs: dict[tuple[str, str, str, VideoSettings | None], Env] = {}
 
     def run(self, spec: TrialSpec) -> tuple[Fields, Fields | None]:
-        """Run one trial; return its line of `trials.jsonl` and the certified grasp, for agents that have one.
+        """Run one trial; return its row of `trials.jsonl` and, for agents that certify one, the grasp.
 
-        Line, grasp and versions are all that it takes to make the trial again.
+        The row and the versions in run.json suffice to replay the trial.
         """
         agent, env = self.agent(spec), self._env(spec)
         seeds = spec.seeds or trial_seeds(self.settings.seed, spec.target, spec.trial)
@@ -87,7 +87,7 @@ class TrialRunner:
         return gym.make(**needed, disable_env_checker=True, **render)
 
     def _env_arguments(self, spec: TrialSpec) -> Fields:
-        """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
+        """Return the keywords of `gym.make`: the scene of the protocol, and the settings of the agent."""
         env_id = get_protocol(spec.protocol).env_id
         scene, preset = self.settings.scene(spec.protocol), gym.spec(env_id)
         own = agent_settings(spec.agent, self.agent(spec), preset.kwargs)
@@ -112,15 +112,15 @@ class TrialRunner:
         self._envs.clear()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what it runs trials of, for another process, where it makes its own agents and environments."""
+        """Pickle the settings only: another process makes its own agents and environments."""
         return _runner_elsewhere, (self.settings, self.settings.identity())
 
 
 def _runner_elsewhere(settings: EvaluationSettings, identity: Fields) -> TrialRunner:
-    """Return a runner in another process.
+    """Return a runner in a worker process.
 
     Raises:
-        InputError: where that has other code or files.
+        InputError: where code or files there differ.
     """
     here = settings.identity(identity["files"])
     if other := [key for key, value in identity.items() if here[key] != value]:

@@ -45,14 +45,15 @@ class VideoSettings:
 
     @property
     def env_settings(self) -> Fields:
-        """Arguments of `gym.make`."""
+        """Keywords of `gym.make`."""
         return {"render_mode": "rgb_array", "render_camera": self.camera, "render_size": self.size}
 
 
 class Video:
-    """Collects what the environment renders and writes it as mp4 in real time, ten pictures a second.
+    """Writes the environment's renderings as an mp4 in real time, ten frames a second.
 
-    Pictures only read the simulation: a recorded trial ends like an unrecorded one. The file is there once it is whole.
+    Rendering does not change the simulation: a recorded trial ends like an unrecorded one. The file appears once it is
+    complete.
     """
 
     def __init__(self, path: Path) -> None:
@@ -62,7 +63,7 @@ class Video:
         self._steps = 0
 
     def add(self, env: Env) -> NDArray[np.uint8] | None:
-        """Take note of a control step; render, append and return a picture where one is due."""
+        """Count a control step; render, append and return a frame (H, W, 3) where one is due, else None."""
         import imageio.v2 as imageio
 
         self._steps += 1
@@ -82,7 +83,7 @@ class Video:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Finish the file, or leave none of what was broken off."""
+        """Finish the file, or remove it after an exception."""
         if self._writer is None:
             return
         self._writer.close()
@@ -93,7 +94,7 @@ class Video:
 
 
 def check_rendering() -> None:
-    """Fail before the first trial rather than in it.
+    """Check that videos can be rendered, before the first trial.
 
     Raises:
         InputError: with the remedy, where nothing renders.

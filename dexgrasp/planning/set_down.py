@@ -122,7 +122,7 @@ def goal_poses(target: GraspTarget, goal: Goal, cell: Cell) -> GoalPoses:
 
 def fault_at(target: GraspTarget, T: Array) -> str | None:
     """Return why an object moved by `T` (4, 4) cannot stand there: off the table, or where something stands."""
-    corners = placed(T, np.concatenate(target.corners))
+    corners = placed(T, target.corners)
     half = 0.5 * np.array(TABLE_SIZE[:2])
     if (np.abs(corners[:, :2] - [TABLE_CENTRE_X, 0.0]) > half).any():
         return "goal_off_table"
@@ -137,7 +137,7 @@ def fault_at(target: GraspTarget, T: Array) -> str | None:
 
 def _moved(target: GraspTarget, T: Array) -> GraspTarget:
     """Return the object moved by `T` (4, 4), among what stands there."""
-    moved = GraspTarget.of_corners([placed(T, part) for part in target.corners])
+    moved = GraspTarget.of_corners([placed(T, part) for part in target.distance.corners])
     return replace(moved, neighbours=target.neighbours)
 
 
@@ -153,13 +153,13 @@ def _poses(target: GraspTarget, goal: Goal, cell: Cell) -> GoalPoses:
 
 def _foot(target: GraspTarget) -> Array:
     """Return the point (3,) m of the object that a goal is for: below the middle of its outline."""
-    corners = np.concatenate(target.corners)
+    corners = target.corners
     return np.array([*middle(corners)[:2], 0.0])
 
 
 def _leans(target: GraspTarget) -> bool:
     """Return True for an object that does not stand by itself: its centre is not over what it stands on."""
-    corners = np.concatenate(target.corners)
+    corners = target.corners
     low = corners[corners[:, 2] < corners[:, 2].min() + 0.004][:, :2]  # m: these bear it
     off = np.maximum(low.min(0) - target.centre[:2], target.centre[:2] - low.max(0))
     return bool(off.max() > 0.005)  # m outside of them

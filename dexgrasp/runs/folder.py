@@ -2,7 +2,9 @@
 
 import json
 import os
+import shutil
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -88,6 +90,16 @@ def _differences(old: Any, new: Any, name: str = "") -> Iterator[str]:
     elif old != new:
         before, now = (value if isinstance(value, str) else json.dumps(value) for value in (old, new))
         yield f"{name}: {shortened(before, 120)} there, {shortened(now, 120)} now"
+
+
+@contextmanager
+def replaced(folder: Path) -> Iterator[Path]:
+    """Yield a new folder to fill, which replaces `folder` once the block has ended."""
+    making = folder.with_name(f"{folder.name}.part")
+    shutil.rmtree(making, ignore_errors=True)
+    yield making
+    shutil.rmtree(folder, ignore_errors=True)
+    making.rename(folder)
 
 
 def make_folder(path: Path) -> Path:

@@ -5,7 +5,6 @@ The single environment has one, the vector environment many; only who advances t
 
 import copy
 from collections.abc import Callable, Mapping
-from dataclasses import astuple
 from itertools import accumulate
 from typing import Any
 
@@ -16,19 +15,18 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays, Fields, Index, Mask
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.tasks import kernel
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, ActionSpace, check_finite
+from dexgrasp_env.tasks.disturbance import MOTION, draw_motion, moves_now
 from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
 from dexgrasp_env.tasks.grasp_actions import GraspActions
 from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
 from dexgrasp_env.tasks.infos import EpisodeInfos
-from dexgrasp_env.tasks.moving import MOTION, draw_motion, moves_now
 from dexgrasp_env.tasks.observations import FLAT, key_columns, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Rngs, Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, PHASES, rules_of
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, new_record, rules_of
 from dexgrasp_env.tasks.reset_options import check_joints, check_options
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -185,7 +183,12 @@ class Episodes(EpisodeInfos):
         if given is not None:
             simulation.place(pose, self.slots[i].joints)
             simulation.check_free()
-        self._start_record(i, target, variation)
+        self.records[i] = new_record(
+            simulation.object, variation, self._hull_spans[target], settings.disturbance_steps > 0
+        )
+        self.task_records[i] = np.zeros((), self.task_records.dtype)
+        joints = self.slots[i].joints
+        self.commands[i] = settings.cell.robot.home if joints is None else joints
         if settings.disturbance.moves:
             motion = draw_motion(settings.disturbance, pose, settings.frame_skip, rng)
             self.task_records[list(MOTION.names or ())][i] = motion
@@ -229,20 +232,6 @@ class Episodes(EpisodeInfos):
             self.enter(i).vary(variation)
         slot.target, slot.neighbours, slot.variation = target, neighbours, variation
         return self.enter(i)
-
-    def _start_record(self, i: int, target: str, variation: Variation) -> None:
-        model, record = self.simulations[target].object, self.records[i]
-        self.records[i], self.task_records[i] = np.zeros((), EPISODE), np.zeros((), self.task_records.dtype)
-        record["half_extents"] = 0.5 * model.extents * variation.size
-        record["mass"] = model.mass * variation.mass * variation.size**3
-        record["size"] = variation.size
-        record["variation"] = astuple(variation)
-        record["hull_first"], record["hull_count"] = self._hull_spans[target]
-        record["latency"] = round(variation.latency / TIMESTEP)
-        joints = self.slots[i].joints
-        self.commands[i] = self.settings.cell.robot.home if joints is None else joints
-        record["grip_quat"][0] = 1.0
-        record["phase"] = PHASES.index("before" if self.settings.disturbance_steps else "none")
 
     def set_points(self, actions: Array, where: Physics, step: int = 0) -> tuple[Array, Array]:
         """Move the set-points by one control step.
@@ -330,13 +319,16 @@ class Episodes(EpisodeInfos):
             rngs: theirs; None for those that do not run.
             running: indices, ascending.
         """
-        if self.span == 1:
-            return self.complete(slice(None), where, self._step(actions, where, rngs, running))
+        everything, pushed = slice(None), self.settings.disturbance.kind not in ("none", "shaken")
         going, rngs, gained = running, list(rngs), np.zeros(len(self.slots))
         rows, kept = (self.records, self.task_records, self.commands), {}
         late = lifted_by(self.settings) if self.whole else self.span
         for step in range(self.span):
-            seen = self._step(actions, where, rngs, going, step)
+            set_points, push = self.set_points(actions, where, step)
+            warnings = where.step(set_points, push if pushed else None, going)
+            seen = self.conclude(everything, where, warnings, rngs)
+            if self.span == 1:
+                return self.complete(everything, where, seen)
             gained[going] += self.rewards[going]
             goes_on(self.records, self.whole, late, self._goes_on)
             for i in going[~self._goes_on[going]].tolist():
@@ -348,15 +340,7 @@ class Episodes(EpisodeInfos):
             for whole, part in zip((*seen.values(), *rows), parts, strict=True):
                 whole[i] = part
         self.rewards[:] = gained
-        return self.complete(slice(None), where, seen)
-
-    def _step(
-        self, actions: Array, where: Physics, rngs: Rngs, going: NDArray[np.intp], step: int = 0
-    ) -> Arrays:
-        set_points, push = self.set_points(actions, where, step)
-        pushed = self.settings.disturbance.kind not in ("none", "shaken")
-        warnings = where.step(set_points, push if pushed else None, going)
-        return self.conclude(slice(None), where, warnings, rngs)
+        return self.complete(everything, where, seen)
 
     def get_state(self, i: int, physics: Array, sensors: Array, rng: Generator) -> EpisodeState:
         """Return the state of episode `i`."""
@@ -369,8 +353,16 @@ class Episodes(EpisodeInfos):
 
     def _of(self) -> Fields:
         """Return the settings, by name, that a state and this environment have to share."""
-        modes, pace = ("obs_mode", "control_mode", "mount"), ("frame_skip", "action_scale", "reward_weights")
-        keys = *modes, "disturbance", *pace, *["views"] * self.settings.sees
+        keys = [
+            "obs_mode",
+            "control_mode",
+            "mount",
+            "disturbance",
+            "frame_skip",
+            "action_scale",
+            "reward_weights",
+        ]
+        keys += ["views"] * self.settings.sees
         own = {key: getattr(self.settings, key) for key in keys}
         return {"task": self.task, "robot": self.settings.cell.robot.name, **own}
 

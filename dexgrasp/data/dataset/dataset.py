@@ -1,4 +1,4 @@
-"""The files of a dataset (shards, rest poses, the manifest), and a reader that checks them against the manifest."""
+"""Files of a dataset (shards, rest poses, the manifest), and a reader that checks them against the manifest."""
 
 import json
 import re
@@ -21,7 +21,7 @@ from dexgrasp_env.yaml_file import read_yaml
 MANIFEST = "manifest.json"
 
 FIELDS: dict[str, Fields] = read_yaml(Path(__file__).with_name("fields.yaml"))
-"""Field -> shape of one grasp, type, meaning, from fields.yaml."""
+"""Field -> shape for one grasp, type and meaning, from fields.yaml."""
 
 
 def fields_of(robot: Robot) -> dict[str, Fields]:
@@ -35,7 +35,7 @@ def fields_of(robot: Robot) -> dict[str, Fields]:
 
 
 def shard_arrays(found: ShardGrasps, robot: Robot) -> Arrays:
-    """Return the grasps of a shard, of a robot, with their counts."""
+    """Return the arrays of a shard's file: fields of its grasps, counts, and why postures were infeasible."""
     arrays: Arrays = {
         name: np.asarray(found.fields.get(name, []), dtype=words["type"]).reshape(len(found), *words["shape"])
         for name, words in fields_of(robot).items()
@@ -46,7 +46,7 @@ def shard_arrays(found: ShardGrasps, robot: Robot) -> Arrays:
 
 
 def pose_arrays(scene: RestScene) -> Arrays:
-    """Return a rest pose: cloud, hull, candidates."""
+    """Return the arrays of a rest pose's file: cloud, hull, candidate contacts."""
     return {
         "cloud": scene.cloud.astype("float32"), "points": scene.points.astype("float32"),
         "normals": scene.normals.astype("float32"),
@@ -58,15 +58,15 @@ def pose_arrays(scene: RestScene) -> Arrays:
 
 
 def read_checked(path: Path, key: str | None = None, hashed: str | None = None) -> Arrays:
-    """Read a file of a dataset whole.
+    """Read a file of a dataset and check it.
 
     Args:
         path: of the file.
-        key: of the dataset that it must be of; None for any.
+        key: of the dataset that it must belong to; None for any.
         hashed: SHA-256 that it must have; None for any.
 
     Raises:
-        InputError: as `read_shard`, and where numbers are not finite.
+        InputError: as `read_shard`; for another hash, or numbers that are not finite.
     """
     arrays = read_shard(path, key)
     if hashed not in (None, file_hash(path)):
@@ -78,7 +78,7 @@ def read_checked(path: Path, key: str | None = None, hashed: str | None = None) 
 
 
 def complete(path: Path, key: str, hashed: str | None = None) -> bool:
-    """Check that a file is there, whole, of this dataset, and, where its hash is known, unchanged."""
+    """Return True for a complete file of this dataset, unchanged where its hash is known."""
     try:
         return bool(read_checked(path, key, hashed))
     except InputError:
@@ -103,7 +103,7 @@ def read_manifest(folder: Path) -> Fields:
 
 
 def _manifest_fault(manifest: Fields) -> str | None:
-    """Return what is wrong with a manifest; its files lie in its folder, whatever it says."""
+    """Return the fault of a manifest, or None; names of files must not leave its folder."""
     for name, kind in {"key": str, "settings": dict, "objects": dict, "complete": bool}.items():
         if not isinstance(manifest.get(name), kind):
             return f"no {name}"
@@ -119,7 +119,7 @@ def _manifest_fault(manifest: Fields) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class PoseGrasps:
-    """The grasps of an object in one rest pose.
+    """Grasps of an object in one rest pose.
 
     Attributes:
         name: of the object.
@@ -127,8 +127,8 @@ class PoseGrasps:
         scene: arrays of the rest pose: `cloud`, `points`, `normals`, `hull`, `centre`, `mass` (see
             `pose_arrays`).
         grasps: arrays of `FIELDS`, n grasps each.
-        counts: how many were tried, placed, reached, feasible, holding.
-        blocked: why postures were not feasible.
+        counts: numbers of tries by stage, see `sampler.COUNTS`.
+        blocked: reason -> number of infeasible postures.
     """
 
     name: str
@@ -139,12 +139,12 @@ class PoseGrasps:
     blocked: dict[str, int]
 
     def __len__(self) -> int:
-        """Grasps."""
+        """Return the number of grasps."""
         return len(self.grasps["q"])
 
     @property
     def coverage(self) -> float:
-        """Share of the candidate points that are nearest to some contact of a grasp."""
+        """Share of the candidate points that are the nearest one to a contact of some grasp."""
         points = self.scene["points"]
         if not len(self):
             return 0.0

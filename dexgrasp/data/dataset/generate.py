@@ -1,4 +1,4 @@
-"""Generation of a dataset: jobs that can run anywhere in any order, and go on where they were stopped."""
+"""Generation of a dataset: independent jobs, resumed where they were stopped."""
 
 import json
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from dexgrasp_env.objects.rest_poses import rest_poses
 
 @dataclass(frozen=True)
 class Job:
-    """One file; shard -1 is the rest pose itself."""
+    """Job that makes one file; shard -1 is the rest pose itself."""
 
     target: str
     pose: int
@@ -38,7 +38,7 @@ class Job:
 
     @property
     def file(self) -> str:
-        """Its name in the dataset's folder."""
+        """Path of the file in the dataset's folder."""
         stem = f"{object_name(self.target)}-pose{self.pose:02d}"
         return f"poses/{stem}.npz" if self.shard < 0 else f"grasps/{stem}-{self.shard:04d}.npz"
 
@@ -46,13 +46,13 @@ class Job:
 def generate(
     settings: DatasetSettings, folder: str | Path, backend: Backend = Backend(), progress: Show = silent
 ) -> Fields:
-    """Make a dataset, or what is missing of it; the files do not depend on the backend or on interruptions.
+    """Generate a dataset, or what is missing of it; the files do not depend on the backend or on interruptions.
 
     Args:
-        settings: what it is made of.
-        folder: where; one that holds a dataset of other settings is refused.
-        backend: where the work is done; the nodes of a cluster share `folder`.
-        progress: called with files done and files in all.
+        settings: of the dataset.
+        folder: of the dataset; one with a dataset of other settings is refused.
+        backend: of the workers; the nodes of a cluster share `folder`.
+        progress: called with the number of files done and in all.
 
     Returns:
         The manifest.
@@ -77,7 +77,7 @@ def generate(
         )
         manifest = about | {
             "complete": True,
-            "frames": "rest: origin on the table under the centre of mass, z up; robot base for q and placement",
+            "frames": "rest: origin on the table under the centre of mass, z up; placement: its place in the world",
             "units": "m, rad, N, kg; quaternions wxyz", "fingers": list(robot.hand.grasp),
             "hand": robot.hand.stamp, "fields": fields_of(robot),
             "files": {job.file: file_hash(folder / job.file) for job in jobs},
@@ -87,7 +87,7 @@ def generate(
 
 
 def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
-    """Make one file, whole or not at all."""
+    """Make one file; an interrupted one leaves none."""
     if job.shard < 0:
         arrays = pose_arrays(rest_scene(job.target, job.pose, settings))
     else:
@@ -97,7 +97,7 @@ def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
 
 
 def _identity(settings: DatasetSettings) -> Fields:
-    """Return all that the grasps depend on."""
+    """Return the identity of a dataset: all that its grasps depend on, as JSON."""
     check_names(settings.objects)
     objects = {}
     for target in settings.objects:

@@ -1,4 +1,4 @@
-"""Summary of a dataset: counts, histograms, coverage, and a sample checked by `verify`'s means."""
+"""Summary of a dataset: counts, histograms, coverage; and a random sample checked by `verify`."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -59,15 +59,14 @@ def _quantiles(values: np.ndarray) -> dict[str, float]:
 
 
 def check_sample(folder: Path, count: int, robot: str | None = None) -> Fields:
-    """Check a random sample by `verify`'s independent means.
+    """Check a random sample of grasps by `verify`.
 
-    Grasps in the dataset are of a hand that is there already: nothing is checked of how it came there, and nothing of
-    the forces where `load` is -1.
+    Grasps of a dataset have no motion, so approach and lift are not checked; nor are forces where `load` is -1.
 
     Args:
         folder: of the dataset.
         count: of grasps.
-        robot: path of the cell's file, where it is not where it was.
+        robot: path of the cell's file, where it has moved.
 
     Returns:
         `checked`, `passed`, and how often each check failed.

@@ -1,4 +1,4 @@
-"""An object in one rest pose: surface points, every feasible triple of them, and placements before the robot.
+"""An object in one rest pose: surface points, every feasible contact triple, and its placement before the robot.
 
 The **rest frame** has its origin on the table under the object's centre of mass, z up, and the yaw of
 `RestPose.quat_wxyz`; any other placement is a turn about z and a shift in the plane.
@@ -35,12 +35,12 @@ class RestScene:
         name: of the object.
         pose: index of the rest pose, likeliest first.
         grasp_target: hull, distance, centre of mass and mass.
-        rest: rest pose: turn and height of the object's frame in the rest frame, probability when dropped.
-        points: (N, 3) candidate contacts and
-        normals: (N, 3) out of the object.
-        friction: (N,) that an error in place leaves there; see `narrowed_friction`.
-        triples: (M, 3) indices, all that can be in equilibrium.
-        decided: triples that were decided.
+        rest: rest pose: rotation and height of the object's frame in the rest frame, probability when dropped.
+        points: (N, 3) candidate contacts.
+        normals: (N, 3) at the points, out of the object.
+        friction: (N,) usable coefficients, reduced for errors of position; see `narrowed_friction`.
+        triples: (M, 3) indices of all triples that can be in equilibrium.
+        decided: number of triples that were tested.
         cloud: (2048, 6) points and normals of the hull, underside included.
     """
 
@@ -57,19 +57,19 @@ class RestScene:
 
 
 def rng_of(settings: DatasetSettings, *key: int | str) -> np.random.Generator:
-    """Return the generator of a part of the dataset: it depends on the seed and the key alone."""
+    """Return the random generator of a part of the dataset, which depends on the seed and the key only."""
     numbers = [int(content_hash(k), 16) if isinstance(k, str) else k for k in key]
     return np.random.default_rng(np.random.SeedSequence([settings.seed, *numbers]))
 
 
 def model_of(target: str, settings: DatasetSettings) -> ObjectModel:
-    """Return an object as the settings scale and weigh it."""
+    """Return an object with the scale and the mass of the settings."""
     return load_target(target, settings.mesh_scale, settings.mesh_mass)
 
 
 @lru_cache(maxsize=2)
 def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
-    """Prepare an object in a rest pose: steps 2 to 4 of section 1.3."""
+    """Prepare an object in a rest pose: steps 2 to 4 of section 1.3 of the supplement."""
     model = model_of(target, settings)
     rest, name = rest_poses(model)[pose], object_name(target)
     T = pose_matrix(np.array([0.0, 0.0, rest.height]), np.array(rest.quat_wxyz))
@@ -92,9 +92,9 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
 
 
 def target_at(grasp_target: GraspTarget, placement: Array) -> GraspTarget:
-    """Return the grasp_target at a placement (x m, y m, yaw rad) for the optimiser, which looks at distances alone.
+    """Return the target moved to a placement (x m, y m, yaw rad) for the optimiser, which uses distances only.
 
-    NB: `hull` stays where it was; moving a mesh costs more than solving.
+    NB: `hull` is not moved: that would cost more than solving.
     """
     R, shift = about_z(float(placement[2])), np.array([placement[0], placement[1], 0.0])
     old = grasp_target.distance

@@ -1,9 +1,9 @@
-"""Step 5 of section 1.3: finger assignments and kinematics of a varied sample of feasible triples.
+"""Sampling of grasps, step 5 of section 1.3: finger assignments and kinematics of varied feasible triples.
 
-Triples are drawn with a probability inverse to how often their points are used in grasps found so far, so that
-grasps cover the object. Those at which no fingers could bear it are left out. Each other is tried with all six
-assignments; each assignment that the hand's atlas can place, and whose squeeze is estimated to bear the object there,
-gets a random placement of the object before the robot, arm and hand, and the bilevel optimisation.
+Triples are drawn with a weight that falls with the number of grasps that use their points, so that grasps cover the
+object. Triples at which no forces could bear it are left out. Each other one is tried with all six assignments of
+fingers; an assignment that the hand's atlas can place, and whose squeeze is estimated to bear the object, gets a random
+placement of the object before the robot, inverse kinematics of the arm, and the bilevel optimisation.
 """
 
 from collections import Counter
@@ -35,7 +35,7 @@ from dexgrasp_env.poses import about_z, matrix_to_quat
 
 BATCH = 128  # triples drawn at once
 PLACEMENTS = 3  # placements tried until the arm reaches
-REACH = ((0.40, 0.60), (-0.15, 0.15))  # m, where objects are put, x and y
+REACH = ((0.40, 0.60), (-0.15, 0.15))  # m, range of placements in x and y
 MOST_FORCE = 15.0  # N along each axis: a finger's 0.7 Nm over the shortest lever that any posture has
 NONE = -1
 """Level of a grasp that bears none of `PlannerSettings.loads`."""
@@ -45,7 +45,7 @@ COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_a
 
 @dataclass
 class ShardGrasps:
-    """Grasps of a shard as they are found, one list a field, and the counts of the way there."""
+    """Grasps found for a shard, a list for each field, and the counts of tries by stage."""
 
     fields: dict[str, list[Any]] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
@@ -57,13 +57,13 @@ class ShardGrasps:
             self.fields.setdefault(name, []).append(value)
 
     def __len__(self) -> int:
-        """Grasps found."""
+        """Return the number of grasps."""
         return self.counts["feasible"]
 
 
 @dataclass(frozen=True)
 class PlacedPosture(Posture):
-    """A start with the object put where the arm reaches it.
+    """Start of the optimisation with the object placed within the arm's reach.
 
     Attributes:
         triple: (n,) indices of the contacts, thumb, index, middle; of a gripper two.
@@ -96,7 +96,7 @@ class _Sampler:
         self._use = np.zeros(len(scene.points))
 
     def run(self, own: Triples, quota: int) -> ShardGrasps:
-        """Try triples (M, 3), the less used before the others, until there are enough grasps or tries."""
+        """Try triples (M, 3), less used ones first, until `quota` grasps are found or the tries are used up."""
         left, found, tries = np.ones(len(own), bool), self._found, self._settings.tries * quota
         while left.any() and len(found) < quota and found.counts["placed_by_atlas"] < tries:
             drawn = _draw(own, left, self._use, self._rng)
@@ -110,7 +110,7 @@ class _Sampler:
         return found
 
     def _starts(self, triples: Triples) -> Iterator[PlacedPosture]:
-        """Yield all six assignments of some triples where the hand is likely to bear the object and the arm reaches."""
+        """Yield starts for the assignments of triples that the arm reaches and that are likely to bear the object."""
         if not len(triples):
             return
         scene, counts, problem = self._scene, self._found.counts, self._problem
@@ -131,7 +131,7 @@ class _Sampler:
                 yield PlacedPosture(q, there, goal, float(loads[k]), ordered[goal], placement)
 
     def _reach(self, q: Array, R: Array, p: Array) -> Array | None:
-        """Put the object where the arm reaches the palm's pose; return x, y, yaw, and the arm's joints in `q`."""
+        """Draw a placement (x m, y m, yaw rad) at which the arm reaches the palm pose; write the arm into `q`."""
         low, high = np.array(REACH).T
         for u in self._rng.random((PLACEMENTS, 3)):
             x, y = low + u[:2] * (high - low)
@@ -173,7 +173,7 @@ def _draw(own: Triples, left: Mask, use: Array, rng: np.random.Generator) -> Ind
 
 
 def bearable(scene: RestScene, triples: Triples, settings: DatasetSettings) -> Triples:
-    """Return the triples that have the margin asked for, and at which some forces of `MOST_FORCE` bear the object."""
+    """Return the triples with the required closure margin at which forces up to `MOST_FORCE` can bear the object."""
     target, least = scene.grasp_target, settings.least_load
     planner = settings.planner.for_hand(settings.cell.robot.hand)
     shape = planner.proposed
@@ -190,7 +190,7 @@ def _free_loads(
     points: Array, normals: Array, friction: Array, triples: Triples, centre: Array, gravity: Array,
     most: float, shape: Shape,
 ) -> Array:  # fmt: skip
-    """Loads (M,) of triples, up to `most`, if each contact were pushed along each axis by a joint of its own."""
+    """Return loads (M,) of triples, up to `most`, for a hand whose contacts have an independent joint for each axis."""
     n, parts = shape.contacts, len(shape.model.parts)
     J, limit = np.eye(n * parts).reshape(n, parts, n * parts), np.full(n * parts, MOST_FORCE)
     room, out = empty_room(shape, n * parts), np.empty(len(triples))
@@ -202,7 +202,7 @@ def _free_loads(
 
 
 def level_of(load: float, settings: PlannerSettings) -> int:
-    """Return which of `settings.loads` a load reaches first, `NONE` if it reaches none."""
+    """Return the index of the first of `settings.loads` that a load reaches, `NONE` if it reaches none."""
     for level, (share, disturbance) in enumerate(settings.loads):
         if load >= share * (1.0 + disturbance) - 1e-6:
             return level

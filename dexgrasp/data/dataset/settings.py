@@ -1,4 +1,4 @@
-"""Settings of the grasp dataset, and what a folder of it was made from."""
+"""Settings of the grasp dataset."""
 
 import platform
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from dexgrasp_env.valid import CellFile, Count, Mass, Natural, Positive, Rule, r
 
 SCHEMA = 1
 MU = 0.4
-"""Friction coefficient of Eq. 4 in the dataset (the original's, as far as we know)."""
+"""Friction coefficient of Eq. 4 in the dataset: the original's, as far as we know."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class DatasetSettings:
 
     @classmethod
     def of(cls, objects: Sequence[str], **rest: Any) -> "DatasetSettings":
-        """Expand sets of objects and check the numbers.
+        """Expand sets of objects and validate the settings.
 
         Raises:
             InputError: for an unknown object or a number out of range.
@@ -58,16 +58,16 @@ class DatasetSettings:
 
     @property
     def cell(self) -> Cell:
-        """The cell that `robot` means."""
+        """Cell that `robot` names."""
         return make_cell(self.robot)
 
     @property
     def chunks(self) -> int:
-        """Shards a rest pose."""
+        """Number of shards of a rest pose."""
         return -(-self.grasps_per_pose // self.chunk)
 
     def quota(self, shard: int) -> int:
-        """Grasps asked for of a shard."""
+        """Return the number of grasps wanted of a shard."""
         return min(self.chunk, self.grasps_per_pose - shard * self.chunk)
 
     def as_json(self) -> Fields:
@@ -76,7 +76,7 @@ class DatasetSettings:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that bits may depend on."""
+    """Return the versions of packages that the last bits of grasps may depend on."""
     return {"python": platform.python_version()} | package_versions(
         ("numpy", "scipy", "numba", "daqp", "trimesh", "mujoco")
     )

@@ -1,10 +1,10 @@
-"""Demonstrations: rollouts of agents, converted, replayed, and kept as data sets that other libraries read."""
+"""Demonstrations: rollouts of agents, converted, replayed, and stored as data sets that other libraries read."""
 
 __all__ = ["DemoResets"]
 
 
 def __getattr__(name: str) -> object:
-    """Import what is asked for, not before."""
+    """Import a name on first use."""
     if name not in __all__:
         raise AttributeError(f"module 'dexgrasp.data.demonstrations' has no attribute {name!r}")
     from dexgrasp.data.demonstrations.resets import DemoResets

@@ -1,4 +1,4 @@
-"""Set-points as the actions that would have commanded them in each control mode."""
+"""Conversion of joint set-points to actions of each control mode."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,12 +12,12 @@ from dexgrasp_env.tasks.control import max_step, normalise
 
 
 def to_action(control_mode: str, now: Array, wanted: Array, tree: RobotTree, scale: float = 1.0) -> Single:
-    """Return the action that takes the set-points to `wanted`, or as near as one control step of 50 ms can.
+    """Return the action that moves the set-points to `wanted`, or as near as a control step of 50 ms allows.
 
     Args:
         control_mode: one of `DIRECT_MODES`.
         now: (n,) rad, set-points before the step.
-        wanted: (n,) rad, set-points after it. `ee_delta` follows the palm and the hand: the arm's posture is its own.
+        wanted: (n,) rad, set-points after it; `ee_delta` follows palm and hand, the arm may differ.
         tree: the robot.
         scale: `action_scale` of the environment.
     """
@@ -32,13 +32,13 @@ def to_action(control_mode: str, now: Array, wanted: Array, tree: RobotTree, sca
 
 
 def with_noise(control_mode: str, action: Array, noise: Array, robot: Robot) -> Array:
-    """Return an action with noise on what it commands.
+    """Return an action with noise added to its commands.
 
     Args:
         control_mode: one of `DIRECT_MODES`.
         action: (n,) of that mode.
-        noise: (n,) shares of the way that each joint may go in a control step.
-        robot: that moves.
+        noise: (n,) shares of the largest motion of each joint in a control step.
+        robot: that the action moves.
     """
     change = noise
     if control_mode != "joint_delta":

@@ -1,4 +1,4 @@
-"""Generation of demonstrations: jobs that can run anywhere in any order, and go on where they were stopped."""
+"""Generation of demonstrations: independent jobs, resumed where they were stopped."""
 
 import json
 import shutil
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from dexgrasp.data.demonstrations.hdf5_formats import write_minari, write_robomimic
+from dexgrasp.data.demonstrations.hdf5_formats import DATA, write_minari, write_robomimic
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
 from dexgrasp.data.demonstrations.rollout import Episode, Recorder
 from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings
-from dexgrasp.runs.folder import RunFolder
+from dexgrasp.runs.folder import RunFolder, replaced
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
 from dexgrasp.runs.shards import (
@@ -29,40 +29,45 @@ from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, expand, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
+from dexgrasp_env.valid import checked
 
-FORMATS = {"minari": write_minari, "lerobot": write_lerobot, "robomimic": write_robomimic}
+FORMATS = {
+    "minari": (DATA, write_minari), "lerobot": ("lerobot", write_lerobot), "robomimic": ("robomimic", write_robomimic),
+}  # fmt: skip
+"""Format -> name of its folder, and function that writes it."""
 ABOUT = "demos.json"
 _PARTS = "parts"
 
 
 @dataclass(frozen=True)
 class Job:
-    """Some scenes of one object: from trial `first` on."""
+    """Job that records some scenes of one object, from trial `first` on."""
 
     target: str
     first: int
 
     @property
     def file(self) -> str:
-        """Its name in the folder of the demonstrations."""
+        """Path of its file in the folder of the demonstrations."""
         return f"{_PARTS}/{object_name(self.target)}-{self.first:05d}.npz"
 
 
+@checked
 def generate(
     settings: DemoSettings, folder: str | Path, formats: tuple[str, ...] = ("minari",), backend: Backend = Backend(),
     progress: Show = silent,
 ) -> Fields:  # fmt: skip
-    """Make demonstrations, or what is missing of them; they do not depend on the backend or on interruptions.
+    """Record demonstrations, or those that are missing; they do not depend on the backend or on interruptions.
 
     Args:
-        settings: what they are made of.
-        folder: where; one that holds demonstrations of other settings is refused.
+        settings: of the demonstrations.
+        folder: of the demonstrations; one with demonstrations of other settings is refused.
         formats: `minari` (in `data/`), `lerobot`, `robomimic` (in folders of their names).
-        backend: where the work is done; the nodes of a cluster share `folder`.
-        progress: called with files done and files in all.
+        backend: of the workers; the nodes of a cluster share `folder`.
+        progress: called with the number of files done and in all.
 
     Returns:
-        What `demos.json` holds.
+        The content of `demos.json`.
 
     Raises:
         InputError: other settings or another process in `folder`, an unknown format, two objects of one name, no
@@ -93,7 +98,7 @@ def generate(
 
 
 def make(job: Job, settings: DemoSettings, folder: Path, key: str) -> None:
-    """Make one file, whole or not at all."""
+    """Make one file; an interrupted one leaves none."""
     recorder = Recorder(settings, job.target)
     last = min(job.first + settings.chunk, settings.episodes)
     outcomes = [recorder.record(trial) for trial in range(job.first, last)]
@@ -120,7 +125,7 @@ def read_about(folder: Path) -> Fields:
 def _converted(
     settings: DemoSettings, folder: Path, formats: tuple[str, ...], parts: list[Path], key: str
 ) -> Fields:
-    """Write the data sets anew from the parts; return what is said of them."""
+    """Write the data sets from the parts; return their counts."""
     notes = [_note(read_shard(path, key)) for path in parts]
     kept = Counter(about["object"] for note in notes for about in note["about"])
     failures = Counter(reason for note in notes for reason in note["failures"])
@@ -128,7 +133,9 @@ def _converted(
         counts = ", ".join(f"{reason} {count}" for reason, count in failures.most_common())
         raise InputError(f"not one demonstration succeeded: {counts}")
     for name in formats:
-        FORMATS[name](folder, settings, _episodes(parts, key))
+        place, write = FORMATS[name]
+        with replaced(folder / place) as making:
+            write(making, settings, _episodes(parts, key))
     return {
         "complete": True, "tried": len(settings.objects) * settings.episodes, "episodes": sum(kept.values()),
         "kept": dict(kept), "failures": dict(failures.most_common()),
@@ -136,7 +143,7 @@ def _converted(
 
 
 def _part_arrays(episodes: Sequence[Episode], failures: Sequence[str]) -> Arrays:
-    """Return demonstrations, and why others failed, as `write_shard` takes them."""
+    """Return demonstrations, and the reasons of failed ones, as arrays for `write_shard`."""
     note = {"about": [episode.about for episode in episodes], "failures": failures}
     arrays: Arrays = {"note": bytes_of(json.dumps(note))}
     for i, episode in enumerate(episodes):

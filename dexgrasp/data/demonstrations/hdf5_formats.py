@@ -1,8 +1,7 @@
-"""Demonstrations in HDF5: as a Minari data set, read back from one, and as robomimic has them."""
+"""Demonstrations in HDF5: Minari data sets, written and read, and robomimic's format."""
 
 import copy
 import json
-import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,14 +19,13 @@ from dexgrasp_env.files import jsonable
 
 DATA = "data"
 _FILE = "main_data.hdf5"
-ROBOMIMIC = "robomimic/demos.hdf5"
 
 
 def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
-    """Write `folder/data` as Minari has it, in place of what is there.
+    """Write a Minari data set into a new folder.
 
-    What cameras saw at reset is in the group `once` of an episode of the HDF5 file, object, seeds and certificate in
-    its attribute `about`, as JSON.
+    In the HDF5 file an episode has a group `once` with the observations of cameras at reset, and an attribute `about`,
+    JSON with object, seeds and certificate.
     """
     require_extra("demos", "the Minari format")
     import gymnasium as gym
@@ -36,8 +34,6 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
     from minari.data_collector.episode_buffer import EpisodeBuffer
     from minari.dataset.minari_storage import MinariStorage
 
-    making = folder.resolve() / f"{DATA}.part"  # Minari counts its files wrongly under a relative path
-    shutil.rmtree(making, ignore_errors=True)
     env = gym.make(ENV_ID, objects=[settings.objects[0]], **settings.env_arguments)
     assert env.spec  # as all that `gym.make` makes
     spec = copy.deepcopy(env.spec)
@@ -45,7 +41,8 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
     once = CAMERA_KEYS if settings.observe == "reset" else ()
     seen: Any = env.observation_space
     kept = spaces.Dict({key: part for key, part in seen.items() if key not in once})
-    storage = MinariStorage.new(making, kept, env.action_space, spec, "hdf5", jpeg_encoding=False)
+    folder = folder.resolve()  # Minari counts its files wrongly under a relative path
+    storage = MinariStorage.new(folder, kept, env.action_space, spec, "hdf5", jpeg_encoding=False)
     env.close()
     for number, episode in enumerate(episodes):
         storage.update_episodes([
@@ -55,7 +52,7 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
                 infos={"is_success": np.arange(len(episode) + 1) > episode.about["solved"]},
             )
         ])  # fmt: skip
-        with h5py.File(making / _FILE, "a") as file:
+        with h5py.File(folder / _FILE, "a") as file:
             group = file[f"episode_{number}"]
             group.attrs["about"] = json.dumps(episode.about)
             for name, array in episode.once.items():
@@ -65,8 +62,6 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
         "minari_version": minari.__version__,
         "algorithm_name": settings.agent, "description": "Demonstrations of DexGrasp/Lift-v2",
     })  # fmt: skip
-    shutil.rmtree(folder / DATA, ignore_errors=True)
-    making.rename(folder / DATA)
 
 
 def read_episodes(folder: Path) -> Iterator[Episode]:
@@ -96,20 +91,18 @@ def _episode(group: Any) -> Episode:
 
 
 def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
-    """Write `folder/robomimic/demos.hdf5`, in place of what is there.
+    """Write `demos.hdf5` of robomimic into a new folder.
 
-    Below `data/demo_K` are `actions`, `rewards`, `dones`, and `obs` and `next_obs` by key, pictures as `view_K_image`
-    (T, H, W, 3); in the attribute `about` are object, seeds and certificate, as JSON. There are no `states`: scenes
-    are made again from their seeds.
+    Each `data/demo_K` has `actions`, `rewards`, `dones`, and `obs` and `next_obs` by key, with pictures as
+    `view_K_image` (T, H, W, 3), and an attribute `about`, JSON with object, seeds and certificate. There are no
+    `states`: scenes are reproduced from their seeds.
     """
     with from_extra():
         import h5py
 
-    making = (folder / ROBOMIMIC).with_suffix(".part")
-    shutil.rmtree(making.parent, ignore_errors=True)
-    making.parent.mkdir(parents=True)
+    folder.mkdir(parents=True)
     total, names = 0, list[str]()
-    with h5py.File(making, "w") as file:
+    with h5py.File(folder / "demos.hdf5", "w") as file:
         data = file.create_group("data")
         for number, episode in enumerate(episodes):
             names.append(f"demo_{number}")
@@ -130,11 +123,10 @@ def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Epi
         masks = {"train": [name for name in names if name not in valid], "valid": valid}
         for mask, chosen in masks.items():
             file.create_dataset(f"mask/{mask}", data=np.array(chosen, dtype="S"))
-    making.rename(folder / ROBOMIMIC)
 
 
 def _seen(episode: Episode) -> Arrays:
-    """Return the observations (T + 1, ...) by key; what was seen once is there at every step."""
+    """Return the observations (T + 1, ...) by key; those stored once are repeated at every step."""
     steps = len(episode) + 1
     seen = episode.observations | {
         key: np.broadcast_to(array, (steps, *array.shape)) for key, array in episode.once.items()

@@ -42,13 +42,13 @@ def summary(folder: Path) -> Fields:
 def replay_all(
     folder: Path, number: int | None = None, progress: Show = silent, robot: str | None = None
 ) -> Fields:
-    """Play recorded actions again from their scenes; one that succeeds again, at whichever step, is as good as it was.
+    """Replay recorded actions from their scenes, and count those that succeed again, at whichever step.
 
     Args:
         folder: of the demonstrations.
-        number: the first so many; None for all.
-        progress: called with episodes done and episodes in all.
-        robot: path of the cell's file, where it is not where it was.
+        number: of episodes, from the first; None for all.
+        progress: called with the number of episodes done and in all.
+        robot: path of the cell's file, where it has moved.
 
     Raises:
         InputError: if there are none.

@@ -1,13 +1,12 @@
-"""Demonstrations in the layout of LeRobot's data sets, version 3, written with pyarrow alone.
+"""Demonstrations in the layout of LeRobot's data sets, version 3, written with pyarrow only.
 
-`data/` has a row a control step, `meta/episodes/` a row an episode, `meta/info.json` the columns and `meta/stats.json`
-their distributions. LeRobot's policies take `observation.state` (joints), `observation.environment_state` (the object)
-and `observation.images.*`. Clouds and depths that were seen once are in the episodes' table, flat, with object, seeds
-and success; pictures are there at every step.
+`data/` has a row for each control step, `meta/episodes/` one for each episode, `meta/info.json` the columns and
+`meta/stats.json` their distributions. LeRobot's policies take `observation.state` (joints),
+`observation.environment_state` (the object) and `observation.images.*`. Clouds and depth images that were observed once
+are in the table of episodes, flattened, with object, seeds and success; pictures are stored at every step.
 """
 
 import json
-import shutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,6 @@ from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.valid import Names
 
-FOLDER = "lerobot"
 _DATA = "data/chunk-000/file-000.parquet"
 _EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 _PICTURES = 4
@@ -32,15 +30,14 @@ _QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
 
 
 def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
-    """Write `folder/lerobot`, in place of what is there."""
+    """Write a data set of LeRobot into a new folder."""
     with from_extra():
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-    making, robot = folder / f"{FOLDER}.part", make_cell(settings.robot).robot
-    shutil.rmtree(making, ignore_errors=True)
+    robot = make_cell(settings.robot).robot
     for file in (_DATA, _EPISODES):
-        (making / file).parent.mkdir(parents=True)
+        (folder / file).parent.mkdir(parents=True)
     writer: Any = None
     parts: dict[str, list[tuple[Any, ...]]] = {}
     rows: list[Fields] = []
@@ -50,7 +47,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
         task = task_of(episode.about["object"])
         columns = _columns(episode, number, start, tasks.setdefault(task, len(tasks)))
         table = pa.table({name: _array(pa, values) for name, values in columns.items()})
-        writer = writer or pq.ParquetWriter(making / _DATA, table.schema)
+        writer = writer or pq.ParquetWriter(folder / _DATA, table.schema)
         writer.write_table(table)
         for name, values in columns.items():
             parts.setdefault(name, []).append(_part(values))
@@ -58,7 +55,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
         rows.append(_episode_row(episode, number, start, task, own))
         start += len(episode)
     writer.close()
-    pq.write_table(pa.Table.from_pylist(rows), making / _EPISODES)
+    pq.write_table(pa.Table.from_pylist(rows), folder / _EPISODES)
     names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
     pandas = {  # as it writes a table that is indexed by the task
         "index_columns": ["task"], "column_indexes": [], "pandas_version": "2.0.0", "columns": [
@@ -67,9 +64,9 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
         ],
     }  # fmt: skip
     pq.write_table(
-        names.replace_schema_metadata({"pandas": json.dumps(pandas)}), making / "meta" / "tasks.parquet"
+        names.replace_schema_metadata({"pandas": json.dumps(pandas)}), folder / "meta" / "tasks.parquet"
     )
-    write_json(making / "meta" / "stats.json", {name: _statistics(each) for name, each in parts.items()})
+    write_json(folder / "meta" / "stats.json", {name: _statistics(each) for name, each in parts.items()})
     info = {
         "codebase_version": "v3.0", "robot_type": robot.name, "total_episodes": len(rows), "total_frames": start,
         "total_tasks": len(tasks), "chunks_size": 1000, "data_files_size_in_mb": 100,
@@ -77,18 +74,16 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "video_path": None,
         "features": {name: _feature(values, robot.joints) for name, values in columns.items()},
     }  # fmt: skip
-    write_json(making / "meta" / "info.json", info)
-    shutil.rmtree(folder / FOLDER, ignore_errors=True)
-    making.rename(folder / FOLDER)
+    write_json(folder / "meta" / "info.json", info)
 
 
 def task_of(name: str) -> str:
-    """Return the task on an object in words."""
+    """Return the task description for an object."""
     return f"lift {name}"
 
 
 def object_keys(keys: Iterable[str]) -> list[str]:
-    """Return the keys of observations whose numbers, in this order, are `observation.environment_state`."""
+    """Return the keys of observations that make up `observation.environment_state`, in this order."""
     return sorted(key for key in keys if key.startswith("object_"))
 
 
@@ -157,9 +152,9 @@ def _feature(values: AnyArray, joints: Names) -> Fields:
 
 
 def _part(values: AnyArray) -> tuple[Any, ...]:
-    """Return the share of rows (n,) or (n, m), or of pictures (n, H, W, 3), in the `_statistics` of all.
+    """Return the contribution of rows (n,) or (n, m), or of pictures (n, H, W, 3), to `_statistics`.
 
-    It is count, extremes, sums, sums of squares, and quantiles; of pictures by colour, from 0 to 1.
+    These are count, extremes, sums, sums of squares and weighted quantiles; of pictures by colour, from 0 to 1.
     """
     if values.ndim == _PICTURES:
         x = values[:, ::4, ::4].reshape(-1, 3, 1, 1) / 255.0
@@ -173,9 +168,9 @@ def _part(values: AnyArray) -> tuple[Any, ...]:
 
 
 def _statistics(parts: Sequence[tuple[Any, ...]]) -> dict[str, list[float] | list[int]]:
-    """Return least, greatest, mean, standard deviation and quantiles of episodes' columns, as LeRobot names them.
+    """Return minimum, maximum, mean, standard deviation and quantiles of a column, by LeRobot's names.
 
-    Quantiles of several episodes are the means of theirs, by length, as LeRobot has them.
+    Quantiles over several episodes are the means of theirs, weighted by length, as in LeRobot.
     """
     counts, low, high, *sums = zip(*parts, strict=True)
     count = sum(counts)

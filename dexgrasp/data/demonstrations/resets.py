@@ -1,4 +1,4 @@
-"""Episodes that begin along demonstrations, backwards from success: reward is met before the way to it is known."""
+"""Reverse curriculum: episodes that begin at states of demonstrations, at first near success, later further back."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,6 +17,7 @@ from dexgrasp.data.demonstrations.settings import ENV_ID, DemoSettings
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import expand
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.constants import GOAL_STEPS
@@ -31,15 +32,15 @@ from dexgrasp_env.tasks.views import CameraViews
 
 
 class DemoResets(ReverseStarts):
-    """Gives episodes their beginnings: states of demonstrations from `front` on, and some of the usual.
+    """Initial states of episodes: states of demonstrations from `front` on, and a share of the usual ones.
 
         resets = DemoResets("runs/demos").attach(envs)
 
-    Resets that are given options of their own are not touched. In `Place` the goal is where a demonstration ends.
-    What cameras saw is kept once a look; where they look at every step (`observe="step"`) they do so at these resets.
+    Resets with options of their own are left as they are. In `Place` the goal is where a demonstration ends. Camera
+    observations are stored once for each view; with `observe="step"` cameras look again at these resets.
 
     Attributes:
-        states: of each demonstration, in time.
+        states: of each demonstration, in order of time.
     """
 
     def __init__(self, folder: str | Path, whole: float = 0.2) -> None:
@@ -47,29 +48,30 @@ class DemoResets(ReverseStarts):
 
         Args:
             folder: of `dexgrasp demos generate`.
-            whole: share of the episodes that begin as usual.
+            whole: share of the episodes with the usual initial state.
 
         Raises:
             InputError: if there are none, they are damaged, or of sizes that each scene drew.
         """
         super().__init__(whole)
-        self._settings = DemoSettings.of_json(read_about(Path(folder))["settings"])
+        folder = expand(folder)
+        self._settings = DemoSettings.of_json(read_about(folder)["settings"])
         if "size" in ranges(self._settings.randomise):
             raise InputError(
                 f"{folder} has demonstrations at drawn sizes: episodes begin along those made without "
                 "--randomise size alone, whose objects are as large as an environment's"
             )
-        self._demos = [_followed(demo) for demo in islice(read_episodes(Path(folder)), 100)]
+        self._demos = [_followed(demo) for demo in islice(read_episodes(folder), 100)]
         self.states: list[list[EpisodeState]] = []
 
     def attach(self, env: Env | gym.vector.VectorEnv[Any, Any, Any]) -> "DemoResets":
-        """Follow the demonstrations in a copy of an environment, single or vector, and give its episodes beginnings.
+        """Replay the demonstrations in a copy of an environment, single or vector, and let its episodes begin there.
 
-        What its settings make fail (another friction, pushes) is left out.
+        Demonstrations that fail under its settings (another friction, pushes) are left out.
 
         Raises:
-            InputError: if it is none of ours or of another pace, every demonstration fails there, or one for `Place`
-                says no end.
+            InputError: if it is no environment of ours or of another control period, every demonstration fails there,
+                or one for `Place` does not record where it ends.
         """
         inner: Any = env.unwrapped
         if not isinstance(inner, LiftEnv | LiftVectorEnv):
@@ -116,7 +118,7 @@ class DemoResets(ReverseStarts):
         return {"state": states[min(int(share * len(states)), len(states) - 1)]}
 
     def _follow(self, env: LiftEnv, demo: Episode) -> list[EpisodeState]:
-        """Return states on the way to success, none where it is not reached."""
+        """Return the states up to success, every fourth step; none where it is not reached."""
         states: list[EpisodeState] = []
         for step, (_, result) in enumerate(self._play(env, demo)):
             if result[4]["is_success"]:
@@ -126,7 +128,7 @@ class DemoResets(ReverseStarts):
         return []
 
     def _play(self, env: LiftEnv, demo: Episode) -> Iterator[tuple[Single | None, tuple[Any, ...]]]:
-        """Yield actions and what `step` returns along a demonstration; first None and what the reset returns."""
+        """Yield each action and what `step` returned along a demonstration; first None and the reset."""
         target = demo.about["target"]
         if target not in env.settings.objects:
             return
@@ -173,7 +175,7 @@ class DemoResets(ReverseStarts):
                     break
 
     def _pose(self, demo: Episode) -> Array:
-        """Return where the object of a demonstration lay at first."""
+        """Return the initial pose (7,) of the object of a demonstration."""
         if "object_pose" in demo.observations:
             return demo.observations["object_pose"][0].astype(float)
         scene = self._settings.env_arguments | {"obs_mode": "state", "objects": [demo.about["target"]]}
@@ -182,13 +184,13 @@ class DemoResets(ReverseStarts):
 
 
 def _followed(demo: Episode) -> Episode:
-    """Return a demonstration with no more of what was seen than it takes to follow it."""
+    """Return a demonstration with only the observations that replaying it takes."""
     seen = {key: array for key, array in demo.observations.items() if key in ("joint_targets", "object_pose")}
     return replace(demo, observations=seen, once={})
 
 
 def _lean(env: LiftEnv, before: CameraViews | None = None) -> EpisodeState:
-    """Return the state of an environment, with the view `before` it where that still is the last look."""
+    """Return the state of an environment; its view is shared with `before` where the cameras have not looked since."""
     state = env.get_state()
     if env.settings.observe == "step":
         return replace(state, view=CameraViews())

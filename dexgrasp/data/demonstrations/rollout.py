@@ -1,4 +1,4 @@
-"""One demonstration: an agent's rollout, converted, replayed, and recorded where the replay succeeds too."""
+"""Recording of a demonstration: an agent's rollout, converted and replayed; kept if the replay succeeds too."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ Step = tuple[Single, Any]
 
 @dataclass
 class Episode:
-    """A demonstration of T steps.
+    """Demonstration of T steps.
 
     Attributes:
         observations: (T + 1, ...) by key.
@@ -39,8 +39,8 @@ class Episode:
         rewards: (T,).
         terminations: (T,).
         truncations: (T,).
-        once: what does not change: what cameras saw at reset.
-        about: object, seeds, certificate, the first step that is a success: anything JSON can hold.
+        once: observations that do not change: those of cameras at reset.
+        about: object, seeds, certificate and first successful step, as JSON.
     """
 
     observations: Arrays
@@ -55,7 +55,7 @@ class Episode:
         return len(self.actions)
 
     def arrays(self) -> Arrays:
-        """Return all arrays by name, `observations/KEY` and `once/KEY` among them."""
+        """Return all arrays by name, with `observations/KEY` and `once/KEY`."""
         whole = {name: getattr(self, name) for name in _STEPS}
         for part in ("observations", "once"):
             whole |= {f"{part}/{key}": array for key, array in getattr(self, part).items()}
@@ -63,7 +63,7 @@ class Episode:
 
     @classmethod
     def of_arrays(cls, arrays: Arrays, about: Fields) -> "Episode":
-        """Return the demonstration that has such arrays, among others.
+        """Return the demonstration of `arrays()`, which may have others besides.
 
         Raises:
             KeyError: if some are missing.
@@ -73,13 +73,13 @@ class Episode:
 
 
 class Recorder:
-    """Records demonstrations on one object; holds the agent's environment and that of the demonstrations."""
+    """Records demonstrations on one object: runs the agent in its environment, replays in that of the data set."""
 
     def __init__(self, settings: DemoSettings, target: str) -> None:
         """Make agent and environments.
 
         Raises:
-            InputError: for an unknown agent, or one that asks for what is not its own to choose.
+            InputError: for an unknown agent, or one whose settings belong to the protocol.
         """
         self._settings, self._target = settings, target
         self._agent: Any = make_agent(settings.agent)
@@ -102,7 +102,7 @@ class Recorder:
         """Record the demonstration of a scene.
 
         Returns:
-            The demonstration and "", or None and why there is none.
+            The demonstration and "", or None and the reason of the failure.
         """
         seeds = trial_seeds(self._settings.seed, self._target, trial)
         path, first, steps, failure = self._roll_out(seeds)
@@ -130,7 +130,7 @@ class Recorder:
         return episode, ""
 
     def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, list[Step], str]:
-        """Return set-points (T + 1, n), the first observation, the T steps, and why it failed."""
+        """Return set-points (T + 1, n) rad, the first observation, the T steps, and the reason of a failure."""
         env, agent, robot = self._env, self._agent, self._robot
         rng = np.random.default_rng([seeds.agent, 1])
         first, info = env.reset(seed=seeds.scene)
@@ -163,11 +163,11 @@ class Recorder:
 
 
 def intended(episode: Episode, noise: float, robot: Robot) -> Array:
-    """Return what an agent of a joint mode meant set-points to be: without the noise that was put on its commands.
+    """Return the set-points that an agent of a joint mode intended: without the noise on its commands.
 
     Args:
         episode: of T steps.
-        noise: of the settings.
+        noise: standard deviation in the settings.
         robot: that moved.
 
     Returns:
@@ -182,14 +182,14 @@ def intended(episode: Episode, noise: float, robot: Robot) -> Array:
 
 
 def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Episode | None:
-    """Follow set-points (T + 1, n) in another mode from the same scene; None where that does not succeed."""
+    """Replay set-points (T + 1, n) in another control mode from the same scene; None if that fails."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     first, _ = env.reset(seed=seed)
     return _episode(first, list(follow(env, path, tree)), CAMERA_KEYS if settings.observe == "reset" else ())
 
 
 def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
-    """Follow set-points (T + 1, n), 50 ms apart, in the mode of a running episode, and hold the last for a while."""
+    """Yield the steps of set-points (T + 1, n), 50 ms apart, in a running episode; the last is held for ten more."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     path, scale = path[:: settings.hold], settings.action_scale * settings.hold
     for step in range(len(path) - 1 + 10):
@@ -202,7 +202,7 @@ def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
 
 
 def _episode(first: Arrays, steps: Sequence[Step], still: Sequence[str]) -> Episode | None:
-    """Return the demonstration, None where no step is a success."""
+    """Return the demonstration of some steps, None where none is a success; keys `still` are stored once."""
     actions, results = zip(*steps, strict=True)
     observations, rewards, terminated, truncated, infos = zip(*results, strict=True)
     solved = [info["is_success"] for info in infos]

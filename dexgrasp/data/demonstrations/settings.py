@@ -30,12 +30,12 @@ SCHEMA = 1
 ENV_ID = "DexGrasp/Lift-v2"
 MODES = "obs_mode", "control_mode"
 CAMERA_KEYS = ("cloud", "cloud_normals", "cloud_mask", "table_plane", "depth", "rgb")
-"""Observations of cameras; with `observe="reset"` they are the same all episode long and are stored once."""
+"""Observations of cameras, which with `observe="reset"` stay the same and are stored once."""
 
 
 @dataclass(frozen=True)
 class DemoSettings:
-    """Everything that demonstrations depend on.
+    """Settings that demonstrations depend on.
 
     Attributes:
         objects: objects, sets, varied-N, or mesh files.
@@ -70,17 +70,17 @@ class DemoSettings:
     chunk: Count = 25
 
     def __post_init__(self) -> None:
-        """Check what no field alone can be wrong in.
+        """Validate combinations of fields.
 
         Raises:
-            InputError: for a cell or a mount that there is not, or `observe` where nothing looks.
+            InputError: for an unknown cell or mount, or `observe` without cameras.
         """
         make_cell(self.robot, self.mount)
         refuse_idle(self, {"observe": (self.obs_mode != "state", "an obs_mode of cameras")})
 
     @classmethod
     def of(cls, objects: Sequence[str], **rest: Any) -> "DemoSettings":
-        """Expand sets of objects and check what can be checked without building anything.
+        """Expand sets of objects and validate the settings; nothing is built.
 
         Raises:
             InputError: for an unknown object, agent or mode, or a number out of range.
@@ -89,7 +89,7 @@ class DemoSettings:
 
     @property
     def env_arguments(self) -> Fields:
-        """Keywords of `gym.make` for the demonstrations, objects apart."""
+        """Keywords of `gym.make` for the demonstrations, without objects."""
         looks = {} if self.obs_mode == "state" else {"observe": self.observe}
         return {
             "obs_mode": self.obs_mode,
@@ -102,16 +102,16 @@ class DemoSettings:
         }
 
     def as_json(self) -> Fields:
-        """Return the settings as JSON holds them, with the cell and the versions that they rest on."""
+        """Return the settings as JSON, with the versions of cell and packages."""
         rest = {"cell": make_cell(self.robot).version, "versions": versions()}
         return asdict(self) | {"objects": list(self.objects)} | rest
 
     @classmethod
     def of_json(cls, saved: Fields, robot: str | None = None) -> "DemoSettings":
-        """Return the settings that `as_json` wrote, in the cell of a file where they name none that is here.
+        """Return the settings that `as_json` wrote; `robot` replaces the path of a cell that has moved.
 
         Raises:
-            InputError: if they are of another cell, or none.
+            InputError: if they are of another cell, or not valid.
         """
         saved = {**saved, "robot": robot or saved.get("robot")}
         here = make_cell(saved["robot"]).version

@@ -1,1 +1,1 @@
-"""Results as people read them: tables, plots, the paper's figures beside ours."""
+"""Reports: tables and plots of evaluations, with the paper's figures beside ours."""

@@ -17,7 +17,7 @@ from dexgrasp_env.files import write_atomically
 
 
 def read_agents(folders: Sequence[Path]) -> Fields:
-    """Return agents' summaries from the trials of every folder, pooled over seeds.
+    """Return the summary of each agent from the trials of all folders, pooled over seeds.
 
     Raises:
         InputError: if a folder holds no evaluation.
@@ -55,7 +55,7 @@ def render(form: str, content: Fields) -> str:
 
 
 def contents(folders: Sequence[Path]) -> Fields:
-    """Return what templates/report.j2 shows, by the names that it has there."""
+    """Return the variables of templates/report.j2."""
     rows = rows_by_agent(folders)
     agents = {name: summarise_agent(own) for name, own in rows.items()}
     met = list(dict.fromkeys(row["protocol"] for own in rows.values() for row in own))

@@ -1,4 +1,4 @@
-"""The plots of a report: medians, rates and their intervals as points with bars, the paper's as hollow diamonds."""
+"""Plots of a report: rates or medians as points with interval bars, the paper's as hollow diamonds."""
 
 import io
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,13 +12,13 @@ from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp_env.arrays import Fields
 
 Points = Mapping[str, Sequence[float]]
-"""Row's name -> middle, low and high."""
+"""Row -> middle, low and high."""
 
 SUCCESS = "success, % (95 % interval)"
 
 
 class Figure(NamedTuple):
-    """A plot.
+    """Plot of intervals.
 
     Attributes:
         name: its file's stem.
@@ -27,7 +27,7 @@ class Figure(NamedTuple):
         agents: agent -> its points; a colour for each agent.
         printed: agent -> the paper's points, of which only the middle is drawn.
         rows: names of the rows from the top, as points call them -> as people read them.
-        log: whether the horizontal axis is logarithmic; else points are percentages.
+        log: flag: the horizontal axis is logarithmic; otherwise points are percentages.
     """
 
     name: str
@@ -90,7 +90,7 @@ def _finished(figure: Any, axes: Any, kind: str) -> bytes:
 
 
 def success(key: str, words: str, agents: Agents, rows: Sequence[str]) -> Figure:
-    """Return success rates by what `key` of the summary counts, a row for each name, the paper's beside ours."""
+    """Return the plot of success rates of one breakdown (`by_set`, `by_object`, ...), the paper's beside ours."""
     ours = {name: _rates({**agent[key], "all": agent}, rows) for name, agent in agents.items()}
     printed = {name: _rates(paper.successes(name), rows) for name in agents}
     shown = {row: row.replace("_", " ") for row in rows}
@@ -98,7 +98,7 @@ def success(key: str, words: str, agents: Agents, rows: Sequence[str]) -> Figure
 
 
 def planning_times(agents: Agents) -> list[Figure]:
-    """Return planning times by stage on a logarithmic axis, where an agent reports any."""
+    """Return the plot of planning times by stage, if an agent reports any."""
     shown = {}
     # Stages as Table 6 has them -> what they are here.
     names = {
@@ -125,7 +125,7 @@ def planning_times(agents: Agents) -> list[Figure]:
 
 
 def _rates(cells: Mapping[Any, Fields], keys: Iterable[Any]) -> Points:
-    """Return success rates with the ends of the tables' intervals, percent; Wilson's of cells that are counts alone."""
+    """Return success rates and intervals, percent; Wilson's interval for cells that have counts only."""
     rates = {}
     for key in keys:
         if key in cells and (n := cells[key]["trials"]):

@@ -1,4 +1,4 @@
-"""Origin of figures: settings, versions, and the commands that make them again."""
+"""Provenance of a report: settings, versions, and the commands that reproduce it."""
 
 import shlex
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ _Names = tuple[str, ...]
 
 @dataclass(frozen=True)
 class _Run:
-    """Content of run.json; the settings of an evaluation of others are unknown."""
+    """Content of run.json, as far as a report shows it."""
 
     seed: Any
     trials: Any
@@ -36,7 +36,7 @@ class _Run:
 
     @property
     def own_cell(self) -> str | None:
-        """The cell of a user's in which it was made."""
+        """Version of the user's cell; None for the simulated cell."""
         return None if str(self.cell).startswith(SIMULATED) else str(self.cell)
 
 
@@ -48,7 +48,7 @@ def _run(folder: Path) -> _Run | None:
 
 
 def describe_run(folder: Path) -> str:
-    """Return one line on how an evaluation was made."""
+    """Return the settings of an evaluation as one line."""
     run = _run(folder)
     if run is None:
         return f"{folder.name}: settings unknown"
@@ -58,7 +58,7 @@ def describe_run(folder: Path) -> str:
 
 
 def commands(folder: Path) -> list[str]:
-    """Return the commands that make an evaluation again, as far as its settings are known."""
+    """Return the commands that reproduce an evaluation, as far as its settings are known."""
     run = _run(folder)
     if run is None or not run.agents or not run.objects:
         return [_typed("report", folder)]
@@ -73,7 +73,7 @@ def commands(folder: Path) -> list[str]:
 
 
 def replay_commands(folder: Path, rows: Sequence[Fields]) -> list[str]:
-    """Return the commands that show the first failures of an evaluation again."""
+    """Return the commands that replay the first failures of an evaluation."""
     failed = [row for row in rows if not row["success"]][:12]
     keys = ("agent", "object", "trial", "protocol")
     named = ([word for key in keys for word in (f"--{key}", row[key])] for row in failed)
@@ -81,7 +81,7 @@ def replay_commands(folder: Path, rows: Sequence[Fields]) -> list[str]:
 
 
 def _typed(*words: object) -> str:
-    """Return a command as a shell takes it."""
+    """Return a command, quoted for a shell."""
     return shlex.join(["dexgrasp", *map(str, words)])
 
 

@@ -11,7 +11,7 @@ violation (4); `ratios` of force and torque, percent (5), `seconds` by stage (6)
 
 
 def successes(agent: str) -> dict[str, dict[str, int]]:
-    """Return object, or set of which all were tried, -> `successes` and `trials` as the paper prints them."""
+    """Return the paper's `successes` and `trials` by object, and by set of which all objects were tried."""
     own = PRINTED["successes"].get(agent, {"objects": {}})
     found = {name: {"successes": count, "trials": own["trials"]} for name, count in own["objects"].items()}
     for name in PRINTED["tables"]:

@@ -1,4 +1,4 @@
-"""Results as tables, the paper's figures beside ours: agents by sets, objects one by one, constraints and times."""
+"""Tables of results, the paper's figures beside ours: agents by set and object, constraints and times."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import combinations
@@ -16,11 +16,11 @@ Agents = Mapping[str, Fields]
 """Agent -> its part of the summary."""
 
 PLANNER = "bilevel"
-"""The agent whose times stand beside Table 6, which is of the paper's planner alone."""
+"""Agent whose times are compared with Table 6, which is of the paper's planner only."""
 
 
 class Table(NamedTuple):
-    """Values of a table's cells."""
+    """Cells of a table as text."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -42,13 +42,13 @@ def render_summary(summary: Fields) -> str:
 
 
 def present(agents: Agents) -> list[str]:
-    """Return the sets of whose objects some were tried, in the order of their columns."""
+    """Return the sets that objects were tried of, in the order of the columns."""
     names = ("seen", "familiar", "novel", "ycb6", "meshes")
     return [name for name in names if any(name in a["by_set"] for a in agents.values())]
 
 
 def set_table(agents: Agents) -> Table:
-    """Return agents by sets with intervals and planning times; the paper's row follows an agent that it has."""
+    """Return agents by sets, with intervals and planning times; the paper's row follows an agent that it reports."""
     sets, rows = present(agents), []
     for name, agent in agents.items():
         cells = (agent, *map(agent["by_set"].get, sets))
@@ -64,13 +64,13 @@ def set_table(agents: Agents) -> Table:
 
 
 def protocol_table(agents: Agents, names: Sequence[str]) -> Table:
-    """Return protocols by agents."""
+    """Return success rates, a row for each protocol and a column for each agent."""
     rows = [[p, *(rate_words(agent["by_protocol"].get(p)) for agent in agents.values())] for p in names]
     return Table(("protocol", *agents), rows)
 
 
 def clutter_table(agents: Agents) -> Table:
-    """Return agents by protocols with neighbours: lifts, those that were clean, trials in which a neighbour was hit."""
+    """Return agents by protocols with neighbours: rates of lifts, clean lifts, and hits of a neighbour."""
     rows = []
     for name, agent in agents.items():
         for protocol, found in agent["clutter"].items():
@@ -91,14 +91,14 @@ def clutter_table(agents: Agents) -> Table:
 
 
 def ordered_objects(agents: Agents) -> list[str]:
-    """Return the objects that agents were tried on: those of sets first, in their order."""
+    """Return the objects that agents were tried on: those of the sets first, in their order."""
     ordered = dict.fromkeys(o for names in OBJECT_SETS.values() for o in names)
     tried = dict.fromkeys(o for agent in agents.values() for o in agent["by_object"])
     return [o for o in ordered if o in tried] + [o for o in tried if o not in ordered]
 
 
 def object_table(agents: Agents, among: Collection[str] | None = None) -> Table:
-    """Return objects by agents, ours and in brackets the paper's; of some objects alone where `among` names them."""
+    """Return successes by object and agent, the paper's in brackets; `among` restricts the objects."""
     objects = [o for o in ordered_objects(agents) if among is None or o in among]
     own = {name: a["by_object"] for name, a in agents.items() if any(o in objects for o in a["by_object"])}
     printed = {name: paper.successes(name) for name in own}
@@ -127,7 +127,7 @@ def object_tables(agents: Agents) -> list[tuple[str, Table]]:
 
 
 def paired_table(rows: Rows) -> Table:
-    """Return agents two by two on the same scenes; across evaluations those of equal seeds."""
+    """Return the paired comparison of every two agents on their common scenes."""
     body = []
     for a, b in combinations(rows, 2):
         found = compare_rows([{**row, "agent": name} for name in (a, b) for row in rows[name]], a, b)
@@ -139,7 +139,7 @@ def paired_table(rows: Rows) -> Table:
 
 
 def failure_table(agents: Agents) -> Table:
-    """Return how often each agent failed, and why: in words, and what trials.jsonl calls it."""
+    """Return the failures of each agent by reason: count, words and code."""
     rows = [
         (name, str(n), f"{sentence(why)} [{why}]" if sentence(why) != why else why)
         for name, agent in agents.items()
@@ -149,7 +149,7 @@ def failure_table(agents: Agents) -> Table:
 
 
 def constraint_tables(name: str, agent: Fields) -> list[tuple[str, Table]]:
-    """Return titles and tables of one agent's constraints and times; none where the data are not there."""
+    """Return titles and tables of an agent's constraints and times, as far as it reports them."""
     constraints = agent["constraints"]
     groups = {**constraints.get("by_set", {}), "overall": constraints} if constraints else {}
     tables = []
@@ -204,12 +204,12 @@ def _quartiles(values: Mapping[str, float] | None, words: Callable[[float], str]
 
 
 def _range_words(values: Sequence[float] | None, words: Callable[[float], str] = "{:.2f}".format) -> str:
-    """Return median and quartiles as people read them; "" for None."""
+    """Return median and quartiles as text; "" for None."""
     return "{} ({}, {})".format(*map(words, values)) if values else ""
 
 
 def rate_words(cell: Fields | None) -> str:
-    """Return a success rate with its interval as people read it; "-" where nothing was tried."""
+    """Return a success rate with its interval as text; "-" without trials."""
     return f"{100 * cell['rate']:.1f} % {_interval(cell['ci95'])}" if cell and cell["trials"] else "-"
 
 

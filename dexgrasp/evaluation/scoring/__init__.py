@@ -1,1 +1,1 @@
-"""Grasp files, ours and others', scored under the protocols that others publish."""
+"""Scores of grasp files, our own and others', under published protocols for floating hands."""

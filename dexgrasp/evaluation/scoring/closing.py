@@ -1,8 +1,8 @@
-"""Opening and squeeze where a file gives one configuration and its contacts.
+"""Pregrasp and squeeze for files that give one configuration and its contacts.
 
-The squeeze presses with forces in balance: each contact at least 1 N along its normal, all in their friction cones,
-with the least wrench left over (the law of FRoGGeR's own controller); then as hard as `PRESS` at the firmest contact or
-0.5 Nm at the busiest joint. The pregrasp draws each contact back along its normal.
+The squeeze applies forces in balance: each contact at least 1 N along its normal, all in their friction cones, with
+the least residual wrench (as FRoGGeR's own controller does); they are scaled to `PRESS` at the contact of the largest
+normal force, or to 0.5 Nm at the joint of the largest torque. The pregrasp moves each contact back along its normal.
 """
 
 from dataclasses import replace
@@ -15,8 +15,8 @@ from dexgrasp.evaluation.scoring.hand import HandModel, HandStage
 from dexgrasp.mechanics.cones import cone_edges
 from dexgrasp_env.arrays import Array, unit
 
-PRESS = 4.0  # N, normal, of the firmest contact
-SERVO_KP = 10.0  # Nm/rad that the squeeze is given for
+PRESS = 4.0  # N, the largest normal force
+SERVO_KP = 10.0  # Nm/rad of the servos that the squeeze is made for
 
 
 def close_around(
@@ -45,10 +45,12 @@ def close_around(
 
 
 def balanced_forces(points: Array, inward: Array, centre: Array) -> Array:
-    """Return forces (k, 3) N on the object in balance; the firmest presses with `PRESS`, none draws.
+    """Return forces (k, 3) N on the object in balance; the largest normal force is `PRESS`.
 
-    Contacts are at `points` (k, 3) m with unit normals `inward` (k, 3). Torques are taken about `centre` (3,), over
-    the points' rms distance from it.
+    Args:
+        points: (k, 3) m, contacts.
+        inward: (k, 3) unit normals into the object.
+        centre: (3,) m, which torques are taken about; they are divided by the points' rms distance from it.
     """
     count, arms = len(points), points - centre
     length = max(float(np.sqrt((arms**2).sum(1).mean())), 1e-6)

@@ -1,4 +1,4 @@
-"""Hands that float, and their grasps as every protocol takes them, whatever file they came from.
+"""Floating hands, and grasps of them in the form that every protocol takes.
 
 A hand is our Allegro, or any hand as MJCF with its own joint names.
 """
@@ -31,8 +31,8 @@ class HandModel:
     Attributes:
         name: "allegro", or the stem of the file.
         path: of the MJCF file.
-        part: of a robot file, whose palm frame is the hand's frame, and whose limits, couplings and tendons count; its
-            servos take the gains of the protocol, one set-point a joint. Other hands keep their own.
+        part: hand of a robot file; its palm frame is the hand's frame, its limits, couplings and tendons apply, and its
+            servos have the gains of the protocol, one set-point a joint. None: a hand with servos of its own.
     """
 
     name: str
@@ -40,7 +40,7 @@ class HandModel:
     part: Hand | None = None
 
     def spec(self, servo_kp: float = 1.0) -> mujoco.MjSpec:
-        """Return a fresh specification without what is only to be seen, its files named by absolute paths.
+        """Return a new specification without visual shapes, its files named by absolute paths.
 
         Args:
             servo_kp: Nm/rad of the servos of a robot's hand.
@@ -68,7 +68,7 @@ class HandModel:
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The hand alone, its base fixed in the world.
+        """Compiled model of the hand, its base fixed in the world.
 
         Raises:
             InputError: if the file cannot be compiled.
@@ -80,7 +80,7 @@ class HandModel:
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
-        """The joints in the order of the file.
+        """Names of the joints in the order of the file.
 
         Raises:
             InputError: if a joint is neither a hinge nor a slide, or nothing drives the hand.
@@ -98,7 +98,7 @@ class HandModel:
 
 
 def find_hand(hand: str | Hand) -> HandModel:
-    """Return our Allegro by its name, or a hand by the path of its MJCF file, of a robot's file, or of what that says.
+    """Return a hand: our Allegro by its name, another by the path of its MJCF or robot file, or as that was read.
 
     Raises:
         InputError: if there is no such hand.
@@ -121,7 +121,7 @@ def find_hand(hand: str | Hand) -> HandModel:
 
 @dataclass(frozen=True)
 class HandStage:
-    """Target of the hand.
+    """Set-points of hand base and joints.
 
     Attributes:
         T_world_hand: (4, 4) of the hand's frame; z up, the table's top at z = 0.
@@ -138,18 +138,18 @@ class HandStage:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A grasp to be scored.
+    """Grasp to be scored.
 
     Attributes:
-        source: the file it came from, with its number where the file holds several.
+        source: path of its file, with the index where the file holds several.
         hand: the hand.
-        object: what is grasped, its frame at the centre of mass.
+        object: that is grasped, its frame at the centre of mass.
         T_world_object: (4, 4).
         pregrasp: around the object, touching nothing.
         grasp: in contact.
         squeeze: set-points inside the object.
-        servo_kp: Nm/rad, one or (n,), of the servos that the squeeze is meant for; None where the file does not say:
-            set-points are then taken as they are.
+        servo_kp: Nm/rad, one or (n,), of the servos that the squeeze is made for; None where the file does not state
+            them: set-points are then taken as they are.
     """
 
     source: str
@@ -162,7 +162,7 @@ class Candidate:
     servo_kp: float | Array | None = None
 
     def squeeze_for(self, servo_kp: float | None) -> HandStage:
-        """Return the squeeze for servos of another gain, so that they press with the same torques."""
+        """Return the squeeze rescaled for servos of another gain, Nm/rad, so that torques stay the same."""
         if self.servo_kp is None or servo_kp is None:
             return self.squeeze
         press = (self.squeeze.joints - self.grasp.joints) * (self.servo_kp / servo_kp)
@@ -170,11 +170,6 @@ class Candidate:
 
     def displaced(self, T: Array) -> "Candidate":
         """Return the grasp with the hand displaced by `T` (4, 4) in its own frame at every stage."""
-
-        def moved(stage: HandStage) -> HandStage:
-            """Return the stage in the other frame."""
-            return replace(stage, T_world_hand=stage.T_world_hand @ T)
-
-        return replace(
-            self, pregrasp=moved(self.pregrasp), grasp=moved(self.grasp), squeeze=moved(self.squeeze)
-        )
+        stages = {name: getattr(self, name) for name in ("pregrasp", "grasp", "squeeze")}
+        moved = {name: replace(own, T_world_hand=own.T_world_hand @ T) for name, own in stages.items()}
+        return replace(self, **moved)

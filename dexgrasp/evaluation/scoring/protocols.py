@@ -1,8 +1,8 @@
-"""The protocols that others publish for grasps of a floating hand.
+"""Published protocols for grasps of a floating hand.
 
-What they share: the hand comes from the pregrasp to the grasp to the squeeze, stage by stage, and the object, pushed or
-lifted or shaken, may not move further than allowed. Success rates are comparable within one protocol only. What differs
-from the publications is in docs/scoring.md.
+In all of them the hand moves from pregrasp to grasp to squeeze, and the object, pushed or lifted or shaken, must not
+move further than allowed. Success rates are comparable within one protocol only. docs/scoring.md lists deviations from
+the publications.
 """
 
 import itertools
@@ -25,7 +25,7 @@ AXES: dict[str, Array] = {
     for axis, row in zip("xyz", np.eye(3), strict=True)
     for sign in "-+"
 }
-"""The six directions of the world in DexGraspBench's order."""
+"""Six directions of the world in DexGraspBench's order."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class Verdict:
 
     Attributes:
         success: by the protocol.
-        score: from 0 to 1: the share of draws that succeeded where there are several, else 0 or 1.
-        reason: why it failed, one of a countable few; None for successes.
+        score: from 0 to 1: share of draws that succeeded where there are several, else 0 or 1.
+        reason: code of the failure; None for successes.
         sentence: the same in words.
-        moved_m: of the object against where it should be, when it was judged.
-        turned_rad: likewise.
+        moved_m: distance of the object from its expected position when it was judged.
+        turned_rad: angle of the object from its expected rotation.
     """
 
     success: bool
@@ -50,15 +50,15 @@ class Verdict:
 
 
 class GraspProtocol(ABC):
-    """One way of scoring a grasp.
+    """Base of protocols that score a grasp.
 
     Attributes:
         name: on the command line.
         summary: one line for people.
         physics: friction, solver, servo gain.
-        most_moved: m.
-        most_turned: rad.
-        closing: s from the pregrasp to the grasp, and on to the squeeze.
+        most_moved: m, allowed displacement of the object.
+        most_turned: rad, allowed rotation.
+        closing: s, from the pregrasp to the grasp, and on to the squeeze.
         gravity: m/s^2.
         density: of the object, kg/m^3; or its `fixed_mass`, kg.
     """
@@ -82,25 +82,25 @@ class GraspProtocol(ABC):
         """Score a grasp; `seed` is of the protocol's own draws."""
 
     def _scene(self, candidate: Candidate) -> FloatingScene:
-        """Return the scene, in the pregrasp."""
+        """Return the scene with the hand in the pregrasp."""
         scene = FloatingScene(candidate, self.physics, self.mass(candidate))
         scene.reset(candidate.pregrasp)
         return scene
 
     def _close(self, scene: FloatingScene) -> HandStage:
-        """Close from the pregrasp, which the scene is in, and return the squeeze."""
+        """Close from the pregrasp, and return the squeeze."""
         candidate, squeeze = scene.candidate, scene.candidate.squeeze_for(scene.servo_kp)
         scene.move(candidate.pregrasp, candidate.grasp, self.closing[0])
         scene.move(candidate.grasp, squeeze, self.closing[1])
         return squeeze
 
     def _close_under_weight(self, scene: FloatingScene) -> HandStage:
-        """Close on the object while it bears down with its weight, and return the squeeze."""
+        """Close while the object's weight acts, and return the squeeze."""
         scene.push(self.gravity * scene.mass * AXES["-z"])
         return self._close(scene)
 
     def _verdict(self, before: Array, after: Array, when: str) -> Verdict:
-        """Judge the object's pose `after` against where it should be."""
+        """Judge the object's pose `after` by the expected one, `before`; `when` is for the sentence."""
         moved, turned = displacement(before, after)
         if moved < self.most_moved and turned < self.most_turned:
             return Verdict(True, 1.0, moved_m=moved, turned_rad=turned)
@@ -141,7 +141,7 @@ class DexGraspBenchForceClosure(DexGraspBench):
     physics = ContactPhysics()
 
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
-        """Push along each direction; the first that it does not bear fails it."""
+        """Push along each direction; the first that the grasp does not resist fails it."""
         scene, worst = self._scene(candidate), Verdict(True, 1.0)
         for name, axis in AXES.items():
             scene.reset(candidate.pregrasp)
@@ -197,7 +197,7 @@ class FroggerPick(GraspProtocol):
     _period = 0.01  # s between set-points
 
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
-        """Lift and hold; judged all the way."""
+        """Lift and hold; judged after every set-point."""
         scene = self._scene(candidate)
         squeeze = self._close_under_weight(scene)
         scene.run(self._wait)
@@ -268,7 +268,7 @@ class GetAGrip(GraspProtocol):
         return verdict
 
     def _targets(self) -> Array:
-        """Offsets of the hand (38, 3), m, from where it closed: up by eighths, then to and fro along x, y, z."""
+        """Return offsets (38, 3) m of the hand from where it closed: up in eighths, then to and fro along x, y, z."""
         up = [(0, 0, part / 8 * self._lift) for part in (0, 1, 2, 3, 4, 5, 6, 7, 8, 8)]
         top, beats = np.array([0.0, 0.0, self._lift]), (0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0, 0.0)
         shakes = [top + self._shake * beat * axis for axis in np.eye(3) for beat in beats]
@@ -279,7 +279,7 @@ GRASP_PROTOCOLS: dict[str, type[GraspProtocol]] = {
     protocol.name: protocol
     for protocol in (DexGraspBenchForceClosure, DexGraspBenchTabletop, FroggerPick, GetAGrip)
 }
-"""Every protocol for grasp files by name."""
+"""Protocols for grasp files by name."""
 
 
 def get_grasp_protocol(name: str) -> GraspProtocol:

@@ -21,7 +21,7 @@ BASE, _MOCAP = "hand_base", "hand_target"
 
 @dataclass(frozen=True)
 class ContactPhysics:
-    """Contact and solver settings of a protocol.
+    """Settings of contact and solver of a protocol.
 
     Attributes:
         friction: sliding coefficient of hand and object, and torsional, m.
@@ -82,7 +82,7 @@ def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: ContactPhysics) -> 
 
 
 class FloatingScene:
-    """The simulation of one grasp."""
+    """Simulation of one grasp."""
 
     def __init__(self, candidate: Candidate, physics: ContactPhysics, mass: float) -> None:
         """Build it.
@@ -101,7 +101,7 @@ class FloatingScene:
         self.hand_bodies = np.flatnonzero(model.body_rootid == model.body(BASE).id).tolist()
 
     def reset(self, stage: HandStage) -> None:
-        """Put hand and object where the stage has them, at rest, without forces."""
+        """Set the hand to a stage and the object to its initial pose, at rest, without forces."""
         mujoco.mj_resetData(self.model, self.data)
         object_pose = _seven(self.candidate.T_world_object)
         self.data.qpos[:] = np.concatenate([_seven(stage.T_world_hand), stage.joints, object_pose])
@@ -115,7 +115,7 @@ class FloatingScene:
         self.data.ctrl[:] = self._servo_inputs(joints)
 
     def _servo_inputs(self, joints: Array) -> Array:
-        """Return the set-points that hold joints (n,): a tendon's is the sum of its joints."""
+        """Return the set-points (nu,) that hold joints (n,); a tendon's is the sum of its joints."""
         hand = self.candidate.hand
         if hand.part:
             return joints[[hand.joint_names.index(hand.model.actuator(k).name) for k in range(hand.model.nu)]]
@@ -143,7 +143,7 @@ class FloatingScene:
         return pose_matrix(self.data.body(body).xpos, self.data.body(body).xquat)
 
     def hand_contacts(self) -> list[tuple[int, float, float]]:
-        """Return (body of the hand, distance m, normal force N) of each contact between hand and object."""
+        """Return body of the hand, distance [m] and normal force [N] of each contact of hand and object."""
         found, force = [], np.zeros(6)
         for index in range(self.data.ncon):
             contact = self.data.contact[index]
@@ -155,12 +155,12 @@ class FloatingScene:
         return found
 
     def penetration(self) -> float:
-        """Return how deep hand and object are in each other, m; 0 apart."""
+        """Return the deepest penetration of hand and object, m; 0 where they are apart."""
         return max((-distance for _, distance, _ in self.hand_contacts()), default=0.0)
 
 
 def displacement(before: Array, after: Array) -> tuple[float, float]:
-    """Return how far (m) and by what angle (rad) a pose (4, 4) has moved."""
+    """Return the distance (m) and the angle (rad) between two poses (4, 4)."""
     turn = Rotation.from_matrix(after[:3, :3] @ before[:3, :3].T).magnitude()
     return float(np.linalg.norm(after[:3, 3] - before[:3, 3])), float(turn)
 

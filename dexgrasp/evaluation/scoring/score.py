@@ -1,6 +1,6 @@
-"""Grasp files under protocols: a row for each grasp and protocol, and a summary with intervals.
+"""Scores of grasp files: a row for each grasp and protocol, and a summary with intervals.
 
-Beside success stand the metrics of DexGraspBench: contact of the hand with the object, and penetration.
+The metrics of DexGraspBench (contacts of hand and object, penetration) are reported as well.
 """
 
 import time
@@ -26,7 +26,7 @@ from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 
 Scored = tuple[list[Fields], Fields]
-"""What came of one grasp: a row for each protocol, and its metrics."""
+"""Rows of one grasp, one for each protocol, and its metrics."""
 
 
 def score_files(
@@ -37,7 +37,7 @@ def score_files(
     seed: int = 0,
     workers: int = 1,
 ) -> Fields:
-    """Score every grasp of the files; what comes out does not depend on the number of workers.
+    """Score every grasp of the files; the result does not depend on the number of workers.
 
     Args:
         paths: grasp files.
@@ -80,7 +80,7 @@ def score_files(
 
 
 def score_grasp(numbered: tuple[int, Candidate], protocols: Sequence[str], seed: int) -> tuple[int, Scored]:
-    """Return the number of a grasp, and what came of it."""
+    """Return the number of a grasp, and its rows and metrics."""
     number, candidate = numbered
     about = {"grasp": candidate.source, "object": candidate.object.name}
     rows = []
@@ -153,7 +153,7 @@ def _features(candidate: Candidate) -> Array:
 
 
 def _fingers(scene: FloatingScene) -> dict[int, int]:
-    """Return body -> the first body of its finger: the branches of the first body that has several."""
+    """Return body -> first body of its finger; fingers branch off the first body that has several children."""
     parents = scene.model.body_parentid
     branches = np.bincount(parents[scene.hand_bodies])
     palm = next((body for body in scene.hand_bodies[:-1] if branches[body] > 1), -1)

@@ -1,8 +1,10 @@
-"""Forces within friction cones: the judge's own programmes, solved by clarabel.
+"""Forces within friction cones: the judge's own programmes, solved by clarabel and, through qpsolvers, by osqp.
 
 A solver may stop short, so no answer rests on its word. The residual of Eq. 4 is that of forces moved into the cones, a
 margin that of forces whose balance is looked at. What is left open counts as not shown.
 """
+
+import warnings
 
 import numpy as np
 
@@ -59,7 +61,14 @@ def conic_residual(points: Array, normals: Array, mu: float) -> float:
         mu: friction coefficient.
     """
     G, N = wrench_map(points, points.mean(0)), len(points)
-    forces = _least_wrench(G, (-press_rows(normals), np.full(N, -1.0)), cone_rows(normals, mu)).reshape(N, 3)
+    n = 3 * N
+    # In (f, w) with w = G f: better conditioned than G^T G.
+    x, _ = _minimise(
+        np.diag(np.r_[np.zeros(n), np.full(6, 2.0)]), np.zeros(n + 6), equal=(np.c_[G, -np.eye(6)], np.zeros(6)),
+        at_most=(np.c_[-press_rows(normals), np.zeros((N, 6))], np.full(N, -1.0)),
+        cones=np.c_[cone_rows(normals, mu), np.zeros((n, 6))], tolerance=1e-12,
+    )  # fmt: skip
+    forces = np.nan_to_num(x[:n]).reshape(N, 3)
     press, sliding = slides(forces, normals)
     need = np.maximum(1.0, sliding / mu * (1 + 1e-15))  # harder until each lies in its cone
     forces -= np.maximum(0.0, need - press)[:, None] * normals
@@ -68,14 +77,20 @@ def conic_residual(points: Array, normals: Array, mu: float) -> float:
 
 
 def pyramid_forces(points: Array, normals: Array, mu: float) -> Array:
-    """Return forces (N, 3) N of Eq. 4 as in the paper: pyramids of Eq. 2, f_min 1 N; 1 N each where clarabel fails."""
+    """Return forces (N, 3) N of Eq. 4 as in the paper (pyramids of Eq. 2, f_min 1 N); of 1 N each where osqp fails."""
+    import qpsolvers
+    from scipy.sparse import csc_matrix
+
     G, press = wrench_map(points, points.mean(0)), press_rows(normals)
     across = np.delete(cone_rows(normals, mu), np.s_[::3], axis=0)
     bound = mu * np.repeat(press, 2, axis=0)
     A = np.concatenate([-press, across - bound, -across - bound])
     b = np.r_[np.full(len(press), -1.0), np.zeros(2 * len(across))]
-    forces = _least_wrench(G, (A, b), np.zeros((0, G.shape[1]))).reshape(-1, 3)
-    return forces if forces.any() else -normals
+    problem = qpsolvers.Problem(csc_matrix(G.T @ G), np.zeros(G.shape[1]), csc_matrix(A), b)
+    with warnings.catch_warnings():  # of what is returned as not found
+        warnings.simplefilter("ignore")
+        answer = qpsolvers.solve_problem(problem, "osqp", eps_abs=1e-9, eps_rel=1e-9, max_iter=400_000)
+    return -normals if answer.x is None or not answer.found else answer.x.reshape(-1, 3)
 
 
 def conic_margin(points: Array, normals: Array, mu: float, torsion: float = 0.0) -> float | None:
@@ -128,18 +143,6 @@ def largest_push(
         cones=np.c_[cone_rows(normals, mu, parts), np.zeros(n)], tolerance=1e-9, size=parts,
     )  # fmt: skip
     return float(x[-1]) if solved else None
-
-
-def _least_wrench(G: Array, at_most: tuple[Array, Array], cones: Array) -> Array:
-    """Return the forces (n,) N of the least |G f|^2 within rows f <= bounds and cones; 0 where clarabel fails."""
-    n, (rows, bounds) = G.shape[1], at_most
-    # In (f, w) with w = G f: better conditioned than G^T G.
-    x, _ = _minimise(
-        np.diag(np.r_[np.zeros(n), np.full(6, 2.0)]), np.zeros(n + 6), equal=(np.c_[G, -np.eye(6)], np.zeros(6)),
-        at_most=(np.c_[rows, np.zeros((len(rows), 6))], bounds), cones=np.c_[cones, np.zeros((len(cones), 6))],
-        tolerance=1e-12,
-    )  # fmt: skip
-    return np.nan_to_num(x[:n])
 
 
 def _minimise(

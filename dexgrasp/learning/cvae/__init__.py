@@ -1,1 +1,1 @@
-"""Training the conditional VAE that proposes where three fingertips go."""
+"""Training of the conditional VAE that proposes the positions of three fingertips."""

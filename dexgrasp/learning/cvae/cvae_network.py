@@ -1,7 +1,7 @@
-"""The conditional variational autoencoder: a cloud and a latent to three fingertips and a palm pose.
+"""Conditional variational autoencoder: from a cloud and a latent to fingertips and a palm pose.
 
 Clouds are centred at the mean of their points in x and y, z is the height above the table; lengths inside the network
-are decimetres. The cloud is encoded once and shared by all grasps on it.
+are decimetres. A cloud is encoded once for all grasps on it.
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from dexgrasp.planning.decoder import PALM, SCALE, NetworkSettings
 
 
 class Output(NamedTuple):
-    """Result of a forward pass; grasps are tips, then the palm (`PALM`), network units."""
+    """Output of a forward pass; a grasp is its fingertips, then the palm (`PALM`), in network units."""
 
     grasp: Tensor
     mean: Tensor
@@ -25,10 +25,10 @@ class Output(NamedTuple):
 
 
 class CloudEncoder(nn.Module):
-    """Points and normals to one feature, in two levels of shared layers with max pooling (PointNet, PointNet++).
+    """Encoder of points and normals: two levels of shared layers with max pooling (PointNet, PointNet++).
 
-    The second level sees each point beside the whole cloud's first feature, so that it can tell what a point is to the
-    object: near its top, on its long side.
+    The second level has the feature of the whole cloud beside that of each point, so that it knows where on the object
+    a point is: near its top, on its long side.
     """
 
     def __init__(self, settings: NetworkSettings) -> None:
@@ -86,7 +86,7 @@ class Losses(NamedTuple):
 
 
 def losses(output: Output, grasp: Tensor, kl_weight: float) -> Losses:
-    """2 L1(palm) + 0.2 |R R_hat^T - I|_F + 10 L1(fingertips) + w KL; L1 in metres, summed over coordinates."""
+    """Return 2 L1(palm) + 0.2 |R R_hat^T - I|_F + 10 L1(fingertips) + w KL; L1 in metres, summed over coordinates."""
     difference = (output.grasp - grasp) / SCALE
     fingertips = difference[..., :-PALM].abs().sum(-1).mean()
     palm = difference[..., -PALM:-6].abs().sum(-1).mean()
@@ -100,7 +100,7 @@ def losses(output: Output, grasp: Tensor, kl_weight: float) -> Losses:
 
 
 def rotation_of(six: Tensor) -> Tensor:
-    """Return rotations (..., 3, 3) of their first two columns (..., 6) by Gram-Schmidt."""
+    """Return rotations (..., 3, 3) from their first two columns (..., 6) by Gram-Schmidt (Zhou et al. 2019)."""
     b = six[..., 3:]
     x = nn.functional.normalize(six[..., :3], dim=-1)
     y = nn.functional.normalize(b - (x * b).sum(-1, keepdim=True) * x, dim=-1)

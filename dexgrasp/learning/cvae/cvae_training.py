@@ -26,7 +26,7 @@ WEIGHTS = "cvae.safetensors"
 
 
 class CvaeTraining(GradientTraining):
-    """The CVAE on a dataset; the weights of the least test loss are kept in `WEIGHTS`."""
+    """Training of the CVAE on a dataset; the weights of the least test loss are kept in `WEIGHTS`."""
 
     about, steps, clip = "run.json", 50, 5.0
 
@@ -60,7 +60,7 @@ class CvaeTraining(GradientTraining):
         return Cvae(self.settings.network, self._poses[0].tips.shape[1])
 
     def rate_factor(self, done: float) -> float:
-        """Return 1 for the first half, then a straight line."""
+        """Return 1 for the first half, then a linear decay."""
         return min(1.0, 2.0 * (1.0 - done))
 
     def losses(self, step: int, done: float) -> Losses:
@@ -78,7 +78,7 @@ class CvaeTraining(GradientTraining):
         return found._replace(total=found.total + self.settings.wrench_weight * wrench_residual(some, cloud))
 
     def figures(self, losses: Sequence[float]) -> Fields:
-        """Return the losses of every split."""
+        """Return the losses of every split: training means, test losses of the present weights."""
         trained = dict(zip(Losses._fields, losses, strict=True))
         return {"train": trained, **{name: self._test(batches) for name, batches in self._tests.items()}}
 
@@ -91,12 +91,12 @@ class CvaeTraining(GradientTraining):
 
     @property
     def best(self) -> int:
-        """Epoch of the least test loss, the first fifth of all epochs apart; 0 before."""
+        """Epoch of the least test loss after the first fifth of all epochs; 0 before."""
         late = [row for row in self.state.curve if 5 * row["epoch"] >= self.state.epochs]
         return int(min(late, key=lambda row: row["test"]["total"])["epoch"]) if late else 0
 
     def write(self) -> None:
-        """Write the weights, where they are the best so far."""
+        """Write the weights if they are the best so far."""
         if self.best == self.state.epoch:
             row = dict(self.state.curve[-1])
             about = {
@@ -106,7 +106,7 @@ class CvaeTraining(GradientTraining):
             write_tensors(self.out / WEIGHTS, self.net.state_dict(), about)
 
     def restore(self, note: Fields) -> None:
-        """Refuse to go on where the best weights are gone: no further epoch can bring them back.
+        """Refuse to resume where the file of the best weights is missing.
 
         Raises:
             InputError: in that case.
@@ -119,10 +119,10 @@ class CvaeTraining(GradientTraining):
 
 
 def wrench_residual(grasp: torch.Tensor, cloud: torch.Tensor) -> torch.Tensor:
-    """Return the mean residual of Eq. 4 of decoded fingertips (C, G, 3 n + 9), with the normals of the nearest points.
+    """Return the mean residual of Eq. 4 at decoded fingertips, with the normals of the nearest points.
 
     Args:
-        grasp: network units.
+        grasp: (C, G, 3 n + 9), network units.
         cloud: (C, N, 6) points (network units) and unit normals.
     """
     tips = grasp[..., :-PALM].unflatten(-1, (-1, 3))

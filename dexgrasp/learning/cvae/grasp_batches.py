@@ -1,4 +1,4 @@
-"""Grasps for training: splits that share no contact triple, augmentation, batches by seed and step alone."""
+"""Batches of grasps for training: splits that share no contact triple, augmentation, draws by seed and step."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,12 +15,12 @@ from dexgrasp_env.poses import about_z, quat_to_matrix
 
 @dataclass(frozen=True, eq=False)
 class PoseSplit:
-    """Grasps of one rest pose in one split; m, rest frame.
+    """Grasps of one rest pose in one split, in the rest frame.
 
     Attributes:
-        cloud: (N, 6) points and normals.
-        tips: (n, g, 3) contacts of the first two or three fingers of a grasp.
-        palm: (n, 3) positions.
+        cloud: (N, 6) points, m, and normals.
+        tips: (n, g, 3) m, contacts of the first two or three fingers of a grasp.
+        palm: (n, 3) m, positions.
         rotation: (n, 3, 3) of the palm.
     """
 
@@ -30,7 +30,7 @@ class PoseSplit:
     rotation: Array
 
     def __len__(self) -> int:
-        """Grasps."""
+        """Return the number of grasps."""
         return len(self.tips)
 
 
@@ -43,12 +43,12 @@ class Batch(NamedTuple):
 
 
 def split(poses: list[PoseGrasps], settings: TrainingSettings) -> dict[str, list[PoseSplit]]:
-    """Split a dataset. Only grasps that hold some load are taken (`load` >= 0).
+    """Split a dataset; only grasps that bear some load (`load` >= 0) are used.
 
-    The rest pose that is kept apart of an object is the last but one.
+    The rest pose of an object that is held out is the last but one.
 
     Raises:
-        InputError: for an object that is not there, or nothing left to train on.
+        InputError: for an unknown object, or a split without grasps to train or to test on.
     """
     objects = list(dict.fromkeys(p.name for p in poses))
     if settings.held_out_object not in (None, *objects):
@@ -73,7 +73,7 @@ def split(poses: list[PoseGrasps], settings: TrainingSettings) -> dict[str, list
 
 
 def _tested(pose: PoseGrasps, seed: int) -> Mask:
-    """Return which grasps have one of the 5 % of contact triples that are tested, whichever finger takes which."""
+    """Return a mask of the grasps in the test split: those of 5 % of the triples, in any order of fingers."""
     unique, inverse = np.unique(np.sort(pose.grasps["triple"], axis=1), axis=0, return_inverse=True)
     return (np.random.default_rng([seed, pose.pose]).random(len(unique)) < 0.05)[inverse.ravel()]
 
@@ -87,7 +87,7 @@ def _take(pose: PoseGrasps, mask: Mask) -> PoseSplit:
 
 
 def training_batch(poses: list[PoseSplit], step: int, settings: TrainingSettings) -> Batch:
-    """Return the batch of a step: the same for the same seed and step, whatever went before."""
+    """Return the batch of a step, which depends on seed and step only."""
     rng = np.random.default_rng([settings.seed, 7, step])
     root = np.sqrt([len(p) for p in poses])  # rare rest poses count more than their share
     chosen = rng.choice(len(poses), settings.clouds, p=root / root.sum())
@@ -96,7 +96,7 @@ def training_batch(poses: list[PoseSplit], step: int, settings: TrainingSettings
 
 
 def test_batches(poses: list[PoseSplit], settings: TrainingSettings) -> list[Batch]:
-    """Return batches of one rest pose each, not augmented but turned once: at most 128 grasps each."""
+    """Return a batch for each rest pose, of at most 128 grasps, with a fixed random yaw and no other augmentation."""
     batches = []
     for k, pose in enumerate(poses):
         rng = np.random.default_rng([settings.seed, 11, k])
@@ -108,7 +108,7 @@ def test_batches(poses: list[PoseSplit], settings: TrainingSettings) -> list[Bat
 
 
 def _augmented(pose: PoseSplit, rng: np.random.Generator, grasps: int, points: int) -> tuple[Array, Array]:
-    """Yaw, stretch by up to 12 % an axis, resampling, occlusion of one side, noise of 1.5 mm, a tilt of normals."""
+    """Augment: yaw, scaling by up to 12 % an axis, resampling, occlusion of one side, noise of points and normals."""
     at = rng.integers(len(pose), size=grasps)
     stretch = rng.uniform(0.88, 1.12, 3)
     keep = _visible(pose.cloud, rng)
@@ -120,7 +120,7 @@ def _augmented(pose: PoseSplit, rng: np.random.Generator, grasps: int, points: i
 
 
 def _visible(cloud: Array, rng: np.random.Generator) -> Index:
-    """Leave out, in half of the cases, up to a quarter of the points on one side."""
+    """Return indices of visible points: in half of the cases up to a quarter, on one side, is left out."""
     if rng.random() < 0.5:
         return np.arange(len(cloud))
     direction = about_z(rng.uniform(-np.pi, np.pi))[0]

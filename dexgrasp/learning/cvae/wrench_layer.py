@@ -1,13 +1,12 @@
 """Eq. 4, the lower level of the bilevel optimisation, as a differentiable layer: batched, double precision, CPU.
 
-Section 2.1 of the supplementary builds the bilevel optimisation from OptNet (Amos and Kolter, 2017), and this
-is that layer, for learning through the lower level. The planner needs no layer: by the envelope theorem the
-gradients of a margin are those of its Lagrangian (`dexgrasp.mechanics.margin`), without torch.
+Section 2.1 of the supplement builds the bilevel optimisation on OptNet (Amos and Kolter, 2017); this is that layer, for
+learning through the lower level. The planner needs no layer: by the envelope theorem the gradients of a margin are
+those of its Lagrangian (`dexgrasp.mechanics.margin`), without torch.
 
-The forces of Eq. 4 are not unique: `regulariser` |f|^2 makes them so, and is what the gradients are of. DAQP
-says which constraints are active; the forces solve the KKT system of those, which torch differentiates, as
-often as one likes. Where a constraint is active with a zero multiplier the derivative does not exist and
-one side's is returned.
+The forces of Eq. 4 are not unique: `regulariser` |f|^2 makes them so, and gradients are of the regularised solution.
+DAQP finds the active constraints; torch solves and differentiates their KKT system, to any order. Where a constraint is
+active with a zero multiplier the derivative does not exist, and a one-sided one is returned.
 """
 
 import numpy as np
@@ -22,9 +21,9 @@ with from_extra():
 
 
 def _active(H: Tensor, A: Tensor, b: Tensor) -> Tensor:
-    """Return which constraints (B, m) hold the least of 0.5 f^T H f subject to A f >= b; 1 for those, 0 for others.
+    """Return 1 for the active constraints (B, m) at the minimum of 0.5 f^T H f subject to A f >= b, 0 for others.
 
-    The batches are H (B, n, n), A (B, m, n), b (B, m).
+    Batches are H (B, n, n), A (B, m, n), b (B, m).
     """
     import daqp
 
@@ -41,7 +40,7 @@ def _active(H: Tensor, A: Tensor, b: Tensor) -> Tensor:
 
 
 def _forces(H: Tensor, A: Tensor, b: Tensor) -> Tensor:
-    """Return argmin 0.5 f^T H f subject to A f >= b (B, n): the KKT system of the active constraints, solved."""
+    """Return argmin 0.5 f^T H f subject to A f >= b, (B, n), from the KKT system of the active constraints."""
     active, n = _active(H, A, b), H.shape[-1]
     rows = A * active[..., None]
     above, below = torch.cat([H, -rows.mT], -1), torch.cat([rows, torch.diag_embed(1.0 - active)], -1)
@@ -50,7 +49,7 @@ def _forces(H: Tensor, A: Tensor, b: Tensor) -> Tensor:
 
 
 def tangent_basis(normals: Tensor) -> tuple[Tensor, Tensor]:
-    """Tangents (..., 3) of unit normals (..., 3): the basis of `dexgrasp.mechanics.cones`, differentiable."""
+    """Return tangents (..., 3) of unit normals (..., 3): the basis of `dexgrasp.mechanics.cones`, differentiable."""
     axis, first, second = (normals.new_tensor(v) for v in (C, C1, C2))
     D = 1.0 + (normals * axis).sum(-1, keepdim=True)
     pole = D < POLE
@@ -60,7 +59,7 @@ def tangent_basis(normals: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def grasp_matrix(points: Tensor, length: float) -> Tensor:
-    """Grasp maps (B, 6, 3 N) of points (B, N, 3) about their centroids, torques over a length."""
+    """Return grasp maps (B, 6, 3 N) of points (B, N, 3) m about their centroids, torques divided by a length, m."""
     arms = ((points - points.mean(1, keepdim=True)) / length)[..., None, :]
     eye = torch.eye(3, dtype=points.dtype).expand(*points.shape, 3)
     cross = torch.linalg.cross(arms, eye).mT
@@ -68,7 +67,7 @@ def grasp_matrix(points: Tensor, length: float) -> Tensor:
 
 
 def pyramid_matrix(normals: Tensor, mu: Tensor) -> Tensor:
-    """Rows (B, 5 N, 3 N) of f_min and Eq. 2: press, +t1, -t1, +t2, -t2; normals (B, N, 3), mu (B,)."""
+    """Return rows (B, 5 N, 3 N) of f_min and Eq. 2: normal, +t1, -t1, +t2, -t2; normals (B, N, 3), mu (B,)."""
     B, N, _ = normals.shape
     t1, t2 = tangent_basis(normals)
     friction = -mu[:, None, None] * normals
@@ -83,17 +82,19 @@ def wrench_layer(
     mu: Tensor | float,
     regulariser: float = 1e-3,
 ) -> tuple[Tensor, Tensor]:
-    """Solve Eq. 4 with `regulariser` |f|^2 added, differentiably; L is 5 cm, each contact presses with 1 N at least.
+    """Solve Eq. 4 with `regulariser` |f|^2 added, differentiably; L is 5 cm, normal forces are at least 1 N.
 
     Args:
-        points: (B, N, 3) metres. normals: (B, N, 3) unit, out of the object. mu: (B,) or one number.
-        regulariser: above 0; smaller is nearer to Eq. 4 and steeper.
+        points: (B, N, 3) m.
+        normals: (B, N, 3) unit vectors out of the object.
+        mu: friction coefficients (B,), or one.
+        regulariser: above 0; smaller is nearer to Eq. 4, with steeper gradients.
 
     Returns:
         forces (B, N, 3) [N] and residual (B,), |F|^2 + |tau / L|^2 of those forces; both float64.
 
     Raises:
-        InputError: shapes, NaN, or numbers out of range.
+        InputError: for shapes that do not fit, numbers that are not finite, or out of range.
     """
     if points.ndim != 3 or points.shape[-1] != 3 or normals.shape != points.shape:
         raise InputError(

@@ -1,1 +1,1 @@
-"""Imitation of demonstrations: chunks of set-points from what a robot sees, by a network small enough for numpy."""
+"""Behaviour cloning: policies that predict chunks of set-points or a grasp, by networks small enough for numpy."""

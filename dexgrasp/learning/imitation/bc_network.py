@@ -1,4 +1,4 @@
-"""Networks of cloned policies in torch, for training; `bc_policy` and `cloud_grasp_policy` run them in numpy."""
+"""Networks of cloned policies in torch, for training; `bc_policy` and `cloud_grasp_policy` evaluate them in numpy."""
 
 from collections.abc import Iterable
 
@@ -16,23 +16,23 @@ with from_extra():
 
 
 class PolicyNet(nn.Module):
-    """A network with the scaling of its features as buffers."""
+    """Network with the normalisation of its features as buffers."""
 
     mean: Tensor
     scale: Tensor
 
     def __init__(self, **kept: Single) -> None:
-        """Keep arrays by name, `mean` and `scale` (F,) of the features among them."""
+        """Register arrays as buffers by name, with `mean` and `scale` (F,) of the features."""
         super().__init__()
         for name, array in kept.items():
             self.register_buffer(name, torch.from_numpy(array))
 
     def scaled(self, looks: Tensor) -> Tensor:
-        """Return features (..., F) as layers are given them."""
+        """Return normalised features (..., F)."""
         return ((looks - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST)
 
     def arrays(self) -> dict[str, Single]:
-        """Return the arrays as policies read them."""
+        """Return buffers and weights by the names that policies read."""
         out = {name: buffer.cpu().numpy() for name, buffer in self.named_buffers()}
         for name, layers in self.named_children():
             out |= layer_arrays(name, layers.children())
@@ -40,7 +40,7 @@ class PolicyNet(nn.Module):
 
 
 class BcNet(PolicyNet):
-    """Features to the set-points of the next steps, in units of their spread."""
+    """Network from features to the set-points of the next steps, in units of their spread."""
 
     unit: Tensor
 
@@ -62,7 +62,7 @@ class BcNet(PolicyNet):
 
 
 class GraspNet(PolicyNet):
-    """Objects seen along grips, to the merit of each grip and to ways to take hold along it."""
+    """Mixture network: from a cloud in the frame of a grip to logits and rows of numbers for grasps along it."""
 
     row_mean: Tensor
     row_scale: Tensor
@@ -72,8 +72,8 @@ class GraspNet(PolicyNet):
 
         Args:
             sizes: of the layers.
-            numbers: (M, F) of scenes, which give mean and scale.
-            rows: (E, R) of grasps, which give mean and scale.
+            numbers: (M, F) features of scenes, for their mean and scale.
+            rows: (E, R) of grasps (see `grasp_to_row`), for their mean and scale.
         """
         super().__init__(
             mean=numbers.mean(0),
@@ -87,14 +87,14 @@ class GraspNet(PolicyNet):
         self.trunk = perceptron([sizes.cloud + numbers.shape[1], *[sizes.width] * sizes.depth, outputs])
 
     def forward(self, points: Tensor, numbers: Tensor) -> tuple[Tensor, Tensor]:
-        """Return merits (..., modes) and rows (..., modes, R) for points (..., N, 6) and numbers (..., F)."""
+        """Return logits (..., modes) and rows (..., modes, R) for points (..., N, 6) and features (..., F)."""
         code = torch.relu(self.encoder(points)).amax(dim=-2)
         out = self.trunk(torch.cat([code, self.scaled(numbers)], dim=-1)).unflatten(-1, (self.modes, -1))
         return out[..., 0], self.row_mean + self.row_scale * out[..., 1:]
 
 
 def layer_arrays(name: str, layers: Iterable[nn.Module]) -> dict[str, Single]:
-    """Return weights and biases of the linear ones of `layers`, as `policy.Mlp` reads them."""
+    """Return weights and biases of the linear layers, by the names that `policy.Mlp` reads."""
     return {
         f"{name}.{k}.{part}": tensor.detach().cpu().numpy()
         for k, layer in enumerate(each for each in layers if isinstance(each, nn.Linear))

@@ -1,4 +1,4 @@
-"""A policy cloned from the state at work, in numpy: looks, predicts a chunk of set-points, carries out a part of it."""
+"""Policy cloned from the state, in numpy: predicts a chunk of set-points, executes a part of it, and repeats."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from dexgrasp_env.tasks.features import entry, features, initial_scene
 
 
 class BcPolicy(Policy):
-    """The network: arrays and how to use them."""
+    """Policy that predicts the set-points of the next control steps."""
 
     kind = "clone"
 
@@ -43,10 +43,10 @@ class BcPolicy(Policy):
 
 
 class BcRun:
-    """A clone in one episode."""
+    """Cloned policy in one episode."""
 
     def __init__(self, clone: BcPolicy, first: Observation, cell: Cell) -> None:
-        """Look at the first observation.
+        """Start at the first observation.
 
         Raises:
             InputError: where the robot is another.
@@ -69,6 +69,6 @@ class BcRun:
         return self._wanted[at]
 
     def action(self, observation: Observation) -> Single:
-        """Return the next action, in the clone's control mode."""
+        """Return the next action, in the policy's control mode."""
         now = entry(observation, "joint_targets")
         return to_action(self._clone.env["control_mode"], now, self.set_points(observation), self._tree)

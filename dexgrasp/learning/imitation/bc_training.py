@@ -1,10 +1,10 @@
-"""Behaviour cloning: a policy trained on demonstrations; its folder is an agent by its path."""
+"""Behaviour cloning: training of a policy on demonstrations; its folder is an agent by its path."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.runs.weights import write_policy
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
+from dexgrasp_env.files import expand
+from dexgrasp_env.valid import Rule, checked, several
 
 with from_extra():
     import torch
@@ -35,14 +37,19 @@ with from_extra():
 
 
 class BcTraining(GradientTraining):
-    """Training of a network on demonstrations, to predict what they did."""
+    """Base of trainings on demonstrations."""
 
     steps, clip = 200, 1.0
 
+    @checked
     def __init__(
-        self, data: Sequence[Path], settings: BcSettings, out: Path, options: RunOptions = RunOptions()
+        self,
+        data: Annotated[Sequence[Path], several(Rule("a folder", expand))],
+        settings: BcSettings,
+        out: Path,
+        options: RunOptions = RunOptions(),
     ) -> None:
-        """Read demonstrations, and keep some apart for tests.
+        """Read demonstrations, and hold some out for the test loss.
 
         Args:
             data: folders of `dexgrasp demos generate`.
@@ -62,7 +69,7 @@ class BcTraining(GradientTraining):
 
     @abstractmethod
     def read(self, data: Sequence[Path]) -> Any:
-        """Return what is learned from: it has a length and a key, and draws batches."""
+        """Return the training data: it has a length and a `key`, and draws batches."""
 
     @abstractmethod
     def loss(self, *batch: Tensor) -> Tensor:
@@ -70,14 +77,14 @@ class BcTraining(GradientTraining):
 
     @abstractmethod
     def policy(self) -> Fields:
-        """Return what `policy.json` says of the policy."""
+        """Return the policy's own keys of `policy.json`."""
 
     def identity(self) -> Fields:
         """Return the hash of the demonstrations."""
         return {"data": self._rows.key}
 
     def rate_factor(self, done: float) -> float:
-        """Return a cosine."""
+        """Return the factor of a cosine decay."""
         return float(0.5 * (1.0 + np.cos(np.pi * done)))
 
     def losses(self, step: int, done: float) -> Sequence[Tensor]:
@@ -86,7 +93,7 @@ class BcTraining(GradientTraining):
         return (self.loss(*self.tensors(self._rows.draw(rng, self._trained, self.settings))),)
 
     def figures(self, losses: Sequence[float]) -> Fields:
-        """Return the loss, and that on demonstrations that were kept apart, where there are any."""
+        """Return the loss, and that on held-out demonstrations; None without any."""
         return {"loss": losses[0], "test_loss": self._test()}
 
     @torch.no_grad()
@@ -106,14 +113,14 @@ class BcTraining(GradientTraining):
 
 
 class StateBcTraining(BcTraining):
-    """Cloning of a policy that sees the state, and answers with the next set-points."""
+    """Cloning of a policy from the state to the next set-points."""
 
     def read(self, data: Sequence[Path]) -> ControlSteps:
         """Return the control steps of demonstrations."""
         return read_steps(data)
 
     def network(self) -> BcNet:
-        """Make the network, and measure the spread (chunk * joints,) rad of what it predicts."""
+        """Make the network, with the spread (chunk * joints,) rad of its predictions in the data."""
         rng, looks = np.random.default_rng([self.settings.seed, 1]), self._rows.looks
         drawn = self._rows.draw(rng, self._trained, replace(self.settings, episodes=256, rows=32)).chunks
         # rad: joints that hardly move need not be predicted better
@@ -122,13 +129,13 @@ class StateBcTraining(BcTraining):
         return BcNet(self.settings.network, mean=looks.mean(axis=0), scale=spread, unit=unit)
 
     def loss(self, *batch: Tensor) -> Tensor:
-        """Return the distance of set-points from those that were meant."""
+        """Return the smooth L1 distance of predicted set-points from the intended ones."""
         looks, chunks = batch
-        # Beyond `beta` a row counts by its distance, so that of two ways to do it one is learned.
+        # Linear beyond `beta`, so that of two ways to do it one is learned and not their mean.
         return smooth_l1_loss(self.net(looks), chunks.flatten(start_dim=2) / self.net.unit, beta=0.1)
 
     def policy(self) -> Fields:
-        """Return what a `BcPolicy` reads."""
+        """Return the keys that `BcPolicy` reads."""
         mode = self._rows.control_mode
         env = {"obs_mode": "state", "control_mode": mode if mode.startswith("joint") else "joint_position"}
         sizes = {"chunk": self.settings.network.chunk, "execute": self.settings.execute}
@@ -136,14 +143,14 @@ class StateBcTraining(BcTraining):
 
 
 class CloudBcTraining(BcTraining):
-    """Cloning of a policy that looks at a cloud once, and answers with a grasp.
+    """Cloning of a policy from one cloud to a grasp.
 
-    Demonstrations of one scene grip along many lines and in several ways, so a mean of them is none: the network tells
-    the line that was taken from others around the object, and along it a mixture of ways.
+    Demonstrations of a scene grip along many lines and in several ways, whose mean is no grasp: the network classifies
+    the line that was taken among others around the object, and predicts a mixture of grasps along it.
     """
 
     def read(self, data: Sequence[Path]) -> Grips:
-        """Return looks at objects, and the grasps that demonstrations took."""
+        """Return observed clouds, and the grasps that demonstrations took."""
         parts = sizes(robot_tree(self.cell))
         # Network units that tips, palm, its turn, hand closed and opened, and forces are off by before distance counts.
         off = np.repeat([0.15, 0.15, 0.15, 0.15, 0.15, 0.3], parts).astype(np.float32)
@@ -158,16 +165,16 @@ class CloudBcTraining(BcTraining):
         return GraspNet(self.settings.grasps, numbers, self._rows.rows)
 
     def loss(self, *batch: Tensor) -> Tensor:
-        """Return the mean of -log p(grip, grasp): the first grip of each object is the one that was taken."""
+        """Return the mean of -log p(grip, grasp); the first grip of each object is the one that was taken."""
         points, numbers, rows = batch
-        merits, grasps = self.net(points, numbers)
+        logits, grasps = self.net(points, numbers)
         off = (grasps[:, 0] - rows[:, None]) / self._off
         far = smooth_l1_loss(off, torch.zeros_like(off), reduction="none") @ self._weights
-        likely = merits.flatten(1).log_softmax(dim=1).unflatten(1, merits.shape[1:])
+        likely = logits.flatten(1).log_softmax(dim=1).unflatten(1, logits.shape[1:])
         return -torch.logsumexp(likely[:, 0] - far, dim=1).mean()
 
     def policy(self) -> Fields:
-        """Return what a `CloudGraspPolicy` reads."""
+        """Return the keys that `CloudGraspPolicy` reads."""
         env = {"obs_mode": "pointcloud", "control_mode": "joint_position", "observe": "reset"}
         return {"kind": CloudGraspPolicy.kind, "modes": self.settings.grasps.modes, "env": env}
 
@@ -176,4 +183,4 @@ VIEWS: dict[str, type[StateBcTraining | CloudBcTraining]] = {
     "state": StateBcTraining,
     "cloud": CloudBcTraining,
 }
-"""The training of each view."""
+"""View (`state`, `cloud`) -> its training."""

@@ -1,8 +1,8 @@
-"""Features of a policy cloned from clouds: one cloud of the object, in the frame of each grip that is weighed.
+"""Features of a policy cloned from clouds: the cloud of the object, in the frame of each candidate grip.
 
-A grip is level and has an azimuth, from the thumb to the fingers. Turned about the vertical so that this line is its x
-axis, scenes that are grasped alike look alike, however the object lies: what the network is asked is whether to grip
-along x, and how.
+A grip is a level line with an azimuth, from the thumb to the fingers. In a frame turned about the vertical so that this
+line is x, scenes that are grasped alike have equal features, however the object lies: the network decides whether to
+grip along x, and how.
 """
 
 from typing import Any, NamedTuple
@@ -16,21 +16,21 @@ from dexgrasp_env.poses import about_z
 from dexgrasp_env.tasks.features import METRES, entry
 
 POINTS = 192
-"""Points of a cloud that the network is given."""
-_KEPT = 512  # points that a look remembers
+"""Number of points of a cloud in the network's input."""
+_KEPT = 512  # points kept of an observed cloud
 _LEVEL = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
 _DIRECTIONS = np.stack([np.cos(_LEVEL), np.sin(_LEVEL)])  # (2, 24)
 NUMBERS = 7 + len(_LEVEL)
-"""Numbers of a scene beside its points."""
+"""Number of features of a scene beside its points."""
 
 
 class ObjectCloud(NamedTuple):
-    """One look at an object.
+    """Observed cloud of an object.
 
     Attributes:
-        points: (N, 3) m of its cloud, world frame.
+        points: (N, 3) m, world frame.
         middle: (3,) m, their mean.
-        seen: (_KEPT, 6) of them, chosen evenly: network units about the middle, and normals.
+        seen: (512, 6) evenly chosen ones: positions about the middle in network units, and normals.
     """
 
     points: Array
@@ -39,10 +39,10 @@ class ObjectCloud(NamedTuple):
 
 
 def observed_cloud(first: Observation) -> ObjectCloud:
-    """Return the look of an episode's first observation.
+    """Return the object's cloud in the first observation of an episode.
 
     Raises:
-        InputError: where it has no cloud, or an empty one.
+        InputError: without a cloud, or with fewer than 20 points.
     """
     if not {"cloud", "cloud_mask", "cloud_normals"} <= first.keys():
         raise InputError(
@@ -61,9 +61,9 @@ def observed_cloud(first: Observation) -> ObjectCloud:
 def grip_features(
     look: ObjectCloud, azimuths: Array, rng: np.random.Generator | None = None
 ) -> tuple[Any, Any]:
-    """Return points (m, POINTS, 6) and numbers (m, NUMBERS) of a look, along grips of azimuths (m,) rad.
+    """Return points (m, POINTS, 6) and features (m, NUMBERS) in the frames of grips of azimuths (m,) rad.
 
-    With a generator the points are drawn, otherwise chosen evenly.
+    With a random generator the points are drawn, otherwise chosen evenly.
     """
     if rng is None:
         chosen = np.linspace(0, _KEPT - 1, POINTS).round().astype(int)

@@ -1,7 +1,7 @@
-"""A policy cloned from clouds at work, in numpy: looks once, takes the likeliest grasp that the arm can carry out.
+"""Policy cloned from clouds, in numpy: observes once, and executes the likeliest grasp that the arm can reach.
 
-The network weighs grips all around the object and says of each how the hand would take hold. Tips are put where it says
-by inverse kinematics; approach, closing until contact and lift are those of every grasp here, felt through the joints.
+The network scores grips all around the object and predicts the grasps along each. Inverse kinematics moves the tips to
+the prediction; approach, closing until contact (felt by joint errors) and lift are those of the planner's grasps.
 """
 
 from collections.abc import Iterator
@@ -38,7 +38,7 @@ _AZIMUTHS = np.linspace(0.0, 2 * np.pi, 36, endpoint=False)
 
 
 class CloudGraspPolicy(Policy):
-    """The network: arrays and how to use them."""
+    """Policy that chooses one grasp from a cloud."""
 
     kind = "grasper"
 
@@ -59,12 +59,12 @@ class CloudGraspPolicy(Policy):
         """Choose a grasp and start an episode in a cell.
 
         Raises:
-            InputError: where there is nothing to look at, the robot is another, or it can carry out no grasp.
+            InputError: without a cloud, with another robot, or where no grasp can be executed.
         """
         return CloudGraspRun(self, first, cell)
 
-    def weigh(self, look: ObjectCloud, azimuths: Array) -> tuple[Array, Array]:
-        """Return merits (m, modes), and grasps (m, modes, F) as rows, of grips of azimuths (m,) rad."""
+    def predict(self, look: ObjectCloud, azimuths: Array) -> tuple[Array, Array]:
+        """Return logits (m, modes) and rows (m, modes, R) of grasps along grips of azimuths (m,) rad."""
         points, numbers = grip_features(look, azimuths)
         seen = np.concatenate([relu(self._encoder(points)).max(axis=1), self._scaling(numbers)], axis=1)
         out = self._trunk(seen).reshape(len(azimuths), self._modes, 1 + self.row).astype(float)
@@ -72,17 +72,17 @@ class CloudGraspPolicy(Policy):
 
     def grasps(self, look: ObjectCloud, tree: RobotTree) -> Iterator[DemonstratedGrasp]:
         """Yield grasps of an object, the likeliest first."""
-        merits, rows = self.weigh(look, _AZIMUTHS)
-        for flat in np.argsort(-merits, axis=None):
+        logits, rows = self.predict(look, _AZIMUTHS)
+        for flat in np.argsort(-logits, axis=None):
             k, mode = divmod(int(flat), self._modes)
             yield grasp_from_row(rows[k, mode], look.middle, float(_AZIMUTHS[k]), tree)
 
 
 class CloudGraspRun:
-    """A policy from clouds in one episode."""
+    """Policy cloned from clouds in one episode."""
 
     def __init__(self, grasper: CloudGraspPolicy, first: Observation, cell: Cell) -> None:
-        """Look at the first observation, and choose.
+        """Choose a grasp from the first observation.
 
         Raises:
             InputError: as `CloudGraspPolicy.begin`.
@@ -101,10 +101,10 @@ class CloudGraspRun:
 def _first(
     grasps: Iterator[DemonstratedGrasp], look: ObjectCloud, start: Array, cell: Cell
 ) -> tuple[ActionScript, Grasp]:
-    """Return the first of some grasps that the arm can carry out, and how.
+    """Return the script of the first grasp that the arm can execute, and that grasp.
 
     Raises:
-        InputError: with why it can carry out none of them.
+        InputError: with the reason why none can be executed.
     """
     obstacle, reason = standing_hull(look.points), "out_of_reach"
     for wanted in islice(grasps, 24):
@@ -119,7 +119,7 @@ def _first(
 
 
 def _posed(wanted: DemonstratedGrasp, start: Array, cell: Cell) -> Grasp | None:
-    """Return a grasp in the robot's joints; None where it does not reach."""
+    """Return a grasp in joints of the robot; None if inverse kinematics fails."""
     tree = robot_tree(cell)
     lower, upper, hand = tree.lower, tree.upper, slice(tree.arm, None)
     q = start.copy()

@@ -1,4 +1,4 @@
-"""The grasp that a demonstration takes, and the numbers that stand for it in the frame of its grip."""
+"""Grasp of a demonstration, and its encoding as a row of numbers in the frame of its grip."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -15,18 +15,18 @@ from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.tasks.features import METRES, entry
 
-_NEWTONS = 10.0  # N, a unit of the network
+_NEWTONS = 10.0  # N, the network's unit of force
 
 
 class DemonstratedGrasp(NamedTuple):
-    """A grasp with g contacts by a hand of h joints; world frame.
+    """Grasp with g contacts by a hand of h joints; world frame.
 
     Attributes:
-        tips: (g, 3) m, centres of the tips that press, the opposing one first.
-        palm: (3,) m.
-        turn: (3, 3) of the palm.
-        closed: (h,) rad, as the hand holds.
-        opened: (h,) rad, before it closes.
+        tips: (g, 3) m, centres of the fingertips in contact, the opposing one first.
+        palm: (3,) m, position.
+        turn: (3, 3) rotation of the palm.
+        closed: (h,) rad, hand joints in the grasp.
+        opened: (h,) rad, hand joints before closing.
         forces: (g, 3) N on the object.
     """
 
@@ -39,13 +39,13 @@ class DemonstratedGrasp(NamedTuple):
 
     @property
     def azimuth(self) -> float:
-        """Of the level line from the opposing tip to the middle of the others, rad."""
+        """Azimuth of the level line from the opposing tip to the mean of the others, rad."""
         x, y, _ = self.tips[1:].mean(axis=0) - self.tips[0]
         return float(np.arctan2(y, x))
 
 
 def demonstrated_grasp(episode: Episode, noise: float, cell: Cell) -> DemonstratedGrasp | None:
-    """Return the grasp of a demonstration in which the arm waited once for the hand to close; None for others."""
+    """Return the grasp of a demonstration in which the arm stands still once while the hand closes; else None."""
     tree, meant = robot_tree(cell), intended(episode, noise, cell.robot)
     waits = _waits(meant[: episode.about["solved"], : tree.arm])
     if len(waits) != 1:
@@ -61,13 +61,13 @@ def demonstrated_grasp(episode: Episode, noise: float, cell: Cell) -> Demonstrat
 
 
 def _waits(arm: Array) -> list[tuple[int, int]]:
-    """Return first and last steps of the times in which the arm (T, a) stands still, and then goes on."""
+    """Return the first and last steps of the intervals in which the arm (T, a) rad stands still before it goes on."""
     moves = np.flatnonzero(np.abs(np.diff(arm, axis=0)).max(axis=1) > 1e-6)  # rad
     return [(int(a) + 1, int(b)) for a, b in pairwise(moves) if b - a > 15]
 
 
 def _forces(q: Array, torques: Array, tree: RobotTree) -> Array:
-    """Return the forces (g, 3) N on the object that torques (h,) Nm of the hand come nearest to."""
+    """Return the forces (g, 3) N on the object that explain torques (h,) Nm of the hand, by least squares."""
     tips = points = fingertips(q, tree)
     normals, forces = np.tile([0.0, 0.0, 1.0], (len(tips), 1)), np.zeros_like(tips)
     for _ in range(3):  # the points depend on the forces by a millimetre
@@ -79,12 +79,12 @@ def _forces(q: Array, torques: Array, tree: RobotTree) -> Array:
 
 
 def outward_normals(forces: Array) -> Array:
-    """Return the directions (g, 3) out of an object that forces (g, 3) press on."""
+    """Return unit directions (g, 3) out of the object, opposite to forces (g, 3) on it."""
     return -forces / np.maximum(np.linalg.norm(forces, axis=1, keepdims=True), 1e-6)
 
 
 def grasp_to_row(grasp: DemonstratedGrasp, middle: Array) -> Array:
-    """Return a grasp of an object whose cloud has this middle (3,) m as numbers (F,) in the frame of its grip."""
+    """Encode a grasp as a row (R,) in the frame of its grip about the middle (3,) m of the cloud."""
     turn = about_z(-grasp.azimuth)
     parts = [
         METRES * (grasp.tips - middle) @ turn.T, METRES * turn @ (grasp.palm - middle), (turn @ grasp.turn)[:, :2],
@@ -94,13 +94,13 @@ def grasp_to_row(grasp: DemonstratedGrasp, middle: Array) -> Array:
 
 
 def sizes(tree: RobotTree) -> tuple[int, ...]:
-    """Return how many numbers each part of a row has: tips, palm, its turn, hand closed and opened, forces."""
+    """Return the lengths of the parts of a row: tips, palm, its rotation, hand closed and opened, forces."""
     contacts, joints = 3 * len(tree.fingers), len(tree.stiffness)
     return contacts, 3, 6, joints, joints, contacts
 
 
 def grasp_from_row(row: Array, middle: Array, azimuth: float, tree: RobotTree) -> DemonstratedGrasp:
-    """Return the grasp that a row stands for, along a grip of an azimuth, rad."""
+    """Decode a row (R,) to the grasp along a grip of an azimuth, rad."""
     tips, palm, axes, closed, opened, forces = np.split(row, np.cumsum(sizes(tree))[:-1])
     back = about_z(-azimuth).T
     x, y = axes.reshape(3, 2).T

@@ -1,4 +1,4 @@
-"""Demonstrations as a network is trained on them."""
+"""Training data of behaviour cloning, read from demonstrations."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,14 +22,14 @@ from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.features import entry, features, initial_scene
 
 GripBatch = tuple[Single, Single, Single]
-"""Objects seen along m grips each, the first of them the one that was taken.
+"""Points (E, m, N, 6) and features (E, m, F) of E objects along m grips, and rows (E, R) of the grasps taken.
 
-Points (E, m, N, 6), numbers (E, m, F), and rows (E, R) of the grasps that were taken.
+The first grip of each object is the one that was taken.
 """
 
 
 class StepBatch(NamedTuple):
-    """Rows of some episodes: features (E, R, F), set-points to come (E, R, chunk, n) rad."""
+    """Control steps of some episodes: features (E, R, F), and the next set-points (E, R, chunk, n) rad."""
 
     looks: Single
     chunks: Single
@@ -37,16 +37,16 @@ class StepBatch(NamedTuple):
 
 @dataclass(frozen=True)
 class ControlSteps:
-    """Control steps of many demonstrations, one after the other.
+    """Control steps of demonstrations, concatenated.
 
     Attributes:
         looks: (S, F) features.
         targets: (S, n) rad, set-points before each step.
-        meant: (S, n) rad, what the demonstrator meant them to be after it, without its noise.
-        first: (E,) rows that the episodes begin at.
-        steps: (E,) lengths.
+        meant: (S, n) rad, set-points that the demonstrator intended after it, without noise.
+        first: (E,) index of the first step of each episode.
+        steps: (E,) lengths of the episodes.
         control_mode: of the demonstrations.
-        key: hash of all that.
+        key: hash of the arrays.
     """
 
     looks: Single
@@ -61,7 +61,7 @@ class ControlSteps:
         return len(self.steps)
 
     def batch(self, episodes: Index, rows: Index, length: int) -> StepBatch:
-        """Return rows (E, R) of episodes (E,), each with the set-points of the next steps, relative to those now."""
+        """Return steps (E, R) of episodes (E,), each with the next `length` set-points relative to the present ones."""
         # Beyond the end they stand still.
         ahead = np.minimum(rows[..., None] + np.arange(length), self.steps[episodes][:, None, None] - 1)
         first = self.first[episodes][:, None]
@@ -77,7 +77,7 @@ class ControlSteps:
         return self.batch(chosen, at, settings.network.chunk)
 
     def tested(self, among: Index, settings: BcSettings) -> StepBatch:
-        """Return some rows of each of some episodes."""
+        """Return 16 evenly spaced steps of each of some episodes."""
         at = (np.linspace(0.0, 1.0, 16, endpoint=False) * self.steps[among][:, None]).astype(int)
         return self.batch(among, at, settings.network.chunk)
 
@@ -114,13 +114,13 @@ def _parts(episode: Episode, noise: float, robot: Robot) -> tuple[Single, ...]:
 
 @dataclass(frozen=True)
 class Grips:
-    """Looks at objects, and the grasps that demonstrations took.
+    """Observed objects, and the grasps that demonstrations took.
 
     Attributes:
-        looks: E of them.
+        looks: E observed clouds.
         azimuths: (E,) rad, of the grips.
-        rows: (E, R) numbers of the grasps, see `grasp_to_row`.
-        key: hash of all that.
+        rows: (E, R) of the grasps, see `grasp_to_row`.
+        key: hash of the arrays.
     """
 
     looks: tuple[ObjectCloud, ...]
@@ -132,12 +132,12 @@ class Grips:
         return len(self.looks)
 
     def draw(self, rng: np.random.Generator, among: Index, settings: BcSettings) -> GripBatch:
-        """Draw a batch; of each cloud other points come every time."""
+        """Draw a batch, with new points of each cloud."""
         size = settings.episodes
         return self._batch(rng, rng.choice(among, size, replace=len(among) < size), settings.grips)
 
     def tested(self, among: Index, settings: BcSettings) -> GripBatch:
-        """Return a batch of some episodes, each time the same."""
+        """Return a fixed batch of some episodes."""
         return self._batch(np.random.default_rng(0), among, settings.grips)
 
     def _batch(self, rng: np.random.Generator, episodes: Index, grips: int) -> GripBatch:
@@ -149,7 +149,7 @@ class Grips:
 
 
 def read_grips(folders: Sequence[Path]) -> Grips:
-    """Read the looks and grasps of demonstrations in which the hand closed once, while the arm waited.
+    """Read clouds and grasps of demonstrations in which the hand closed once, while the arm stood still.
 
     Args:
         folders: of `dexgrasp demos generate`.
@@ -171,7 +171,7 @@ def read_grips(folders: Sequence[Path]) -> Grips:
 
 
 def demonstrated_cell(folders: Sequence[Path]) -> Cell:
-    """Return the cell whose robot folders of demonstrations are of.
+    """Return the cell of some folders of demonstrations.
 
     Raises:
         InputError: for folders of different robots or modes.
@@ -191,10 +191,10 @@ def demonstrated_cell(folders: Sequence[Path]) -> Cell:
 
 
 def _shown(folders: Sequence[Path], part: str, key: str) -> Iterator[tuple[Episode, float]]:
-    """Yield demonstrations, and the noise they were recorded with.
+    """Yield demonstrations, and the noise that they were recorded with.
 
     Raises:
-        InputError: for those that lack a key in a part, `observations` or `once`.
+        InputError: if one lacks `key` in `part`, which is `observations` or `once`.
     """
     for folder in folders:
         noise = float(read_about(folder)["settings"]["noise"])

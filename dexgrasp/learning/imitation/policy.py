@@ -1,4 +1,4 @@
-"""A learned policy at work, in numpy: what its folder says of it, and the perceptrons it is made of."""
+"""Base of learned policies in numpy, and the perceptrons that they are made of."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -17,25 +17,25 @@ FARTHEST = 6.0
 
 
 class PolicyRun(Protocol):
-    """A policy in one episode."""
+    """Policy in one episode."""
 
     def action(self, observation: Observation) -> Single:
         """Return the next action."""
 
 
 class Policy(ABC):
-    """A policy; who inherits reads it and begins episodes of it.
+    """Base of policies: read from a folder, and started anew for each episode.
 
     Attributes:
-        kind: as its folder says it.
+        kind: name of the class in `policy.json`.
         env: keywords of `gym.make` that it needs.
-        robot: that it moves, as `Robot.stamp` says it; ours where its folder says nothing.
+        robot: `Robot.stamp` of the robot that it moves; ours where the file does not state one.
     """
 
     kind: str
 
     def __init__(self, about: Fields, arrays: Weights) -> None:
-        """Take what `read_policy` returns.
+        """Take the result of `read_policy`.
 
         Raises:
             InputError: if arrays are missing or do not fit.
@@ -52,7 +52,7 @@ class Policy(ABC):
             raise InputError("the policy's arrays do not fit what it says of itself")
 
     def check_robot(self, cell: Cell) -> None:
-        """Refuse another robot than it has learned to move.
+        """Refuse another robot than that of the training.
 
         Raises:
             InputError: naming both.
@@ -64,14 +64,14 @@ class Policy(ABC):
 
     @abstractmethod
     def _read(self, about: Fields, arrays: Weights) -> bool:
-        """Take what there is; return whether it fits together."""
+        """Read the policy's own keys and arrays; return True if they fit together."""
 
     @abstractmethod
     def begin(self, first: Observation, cell: Cell) -> PolicyRun:
         """Start an episode in a cell at its first observation.
 
         Raises:
-            InputError: where there is nothing to look at, or the robot is another.
+            InputError: for an observation without what it needs, or another robot.
         """
 
 
@@ -82,7 +82,7 @@ class Scaling(NamedTuple):
     scale: Any
 
     def __call__(self, looks: Array) -> Single:
-        """Return features (..., F) as networks are given them."""
+        """Return normalised features (..., F), clipped at `FARTHEST`."""
         return np.clip((looks - self.mean) / self.scale, -FARTHEST, FARTHEST).astype(np.float32)
 
 
@@ -103,5 +103,5 @@ class Mlp:
         self.outputs = self(np.zeros(self.inputs, np.float32)).size
 
     def __call__(self, x: Single) -> Single:
-        """Return what comes out (..., outputs) for inputs (..., inputs)."""
+        """Return outputs (..., outputs) for inputs (..., inputs)."""
         return through(self._layers, x, self._activation)

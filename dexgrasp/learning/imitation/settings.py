@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import Count, Natural, Positive, Share, one_of
+from dexgrasp_env.valid import Count, Natural, Positive, Share, check_fields, one_of
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,13 @@ class BcSettings:
     grasps: GraspNetSizes = field(default_factory=GraspNetSizes)
 
     def __post_init__(self) -> None:
-        """Check what no field alone can be wrong in.
+        """Validate the fields and their combinations.
 
         Raises:
-            InputError: if more of a chunk is carried out than is predicted, or what is of the other view is set.
+            InputError: for a value that is not valid, if more of a chunk is executed than is predicted, or settings of
+                the other view are given.
         """
+        check_fields(self)
         if self.view != "state" and (self.execute, self.network) != (4, BcNetSizes()):
             raise InputError(
                 "hidden, chunk and execute change nothing here: valid is view state, or leave them out"
@@ -88,10 +90,10 @@ class BcSettings:
 
 
 def view_of(obs_mode: str) -> str:
-    """Return which of `bc_training.VIEWS` an observation mode gives.
+    """Return the key of `bc_training.VIEWS` for an observation mode.
 
     Raises:
-        InputError: for one that gives none.
+        InputError: for a mode that nothing is cloned from.
     """
     views = {"state": "state", "pointcloud": "cloud"}
     if obs_mode not in views:

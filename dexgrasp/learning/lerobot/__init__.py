@@ -1,1 +1,1 @@
-"""LeRobot: the suite as environments of its scripts, found by its plug-in mechanism."""
+"""LeRobot: the environments for its scripts, found by its plug-in mechanism."""

@@ -26,7 +26,7 @@ _RATE = round(1 / CONTROL_PERIOD)  # Hz
 @EnvConfig.register_subclass("dexgrasp")
 @dataclass
 class DexGraspEnv(EnvConfig):
-    """The suite.
+    """Configuration of the environments for LeRobot's scripts.
 
         lerobot-eval --env.type=dexgrasp --env.task=lift --env.objects=seen --policy.path=DIR --seed=0
 
@@ -58,7 +58,7 @@ class DexGraspEnv(EnvConfig):
     mount: str | None = None
 
     def __post_init__(self) -> None:
-        """State the features.
+        """Declare the features.
 
         Raises:
             InputError: for an unknown protocol, object, kind of observation or cell.
@@ -87,7 +87,7 @@ class DexGraspEnv(EnvConfig):
 
     @property
     def gym_kwargs(self) -> Fields:
-        """Keywords of `gym.make` that are the policy's."""
+        """Keywords of `gym.make` that belong to the policy."""
         mode = {} if self.render_mode == "none" else {"render_mode": self.render_mode}
         limit = {"max_episode_steps": self.episode_length} if self.episode_length else {}
         return {"obs_mode": obs_mode_of(self.obs_type), "control_mode": self.control_mode, **mode, **limit}
@@ -98,7 +98,7 @@ class DexGraspEnv(EnvConfig):
         return LeRobotEnv(env, target, self.evaluation_seed)
 
     def create_envs(self, n_envs: int, use_async_envs: bool = False) -> dict[str, dict[int, Any]]:
-        """Return the vector environment of every object, by protocol; each is made when it is first used."""
+        """Return a vector environment for every protocol and object, made on first use."""
         settings = self._settings
         return {
             protocol: {
@@ -117,7 +117,7 @@ class DexGraspEnv(EnvConfig):
 
 
 class _Deferred:
-    """Vector environment that is made when something is first asked of it: of many tasks one is open at a time."""
+    """Vector environment that is made on first use: of many tasks one is open at a time."""
 
     def __init__(self, make: Callable[[], Any], num_envs: int) -> None:
         self._make, self.num_envs = make, num_envs
@@ -131,7 +131,7 @@ class _Deferred:
         return getattr(self._made, name)
 
     def close(self) -> None:
-        """Free what was made."""
+        """Close the environment, if it was made."""
         if self._made is not None:
             self._made.close()
             self._made = None

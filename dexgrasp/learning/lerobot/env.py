@@ -1,4 +1,4 @@
-"""An environment in LeRobot's layout: `agent_pos`, `environment_state`, `pixels`, and a task in words."""
+"""Environment in LeRobot's layout: `agent_pos`, `environment_state`, `pixels`, and a task description."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ OBS_TYPES = {
 
 
 def obs_mode_of(obs_type: str) -> str:
-    """Return the `obs_mode` that has what a kind of observations shows.
+    """Return the `obs_mode` for LeRobot's `obs_type`.
 
     Raises:
         InputError: naming the valid ones.
@@ -48,11 +48,11 @@ def lerobot_observation(observation: Observation) -> Fields:
 
 
 class LeRobotEnv(gym.Wrapper[Any, Any, Any, Any]):
-    """One object under one protocol; a seed is the number of a trial of `dexgrasp evaluate`, whose scenes these are.
+    """Environment of one object under one protocol; a seed is the number of a trial of `dexgrasp evaluate`.
 
     Attributes:
         task: name of the object.
-        task_description: in words, as demonstrations have it.
+        task_description: in words, as in demonstrations.
     """
 
     def __init__(self, env: gym.Env[Any, Any], target: str, seed: int = 0) -> None:
@@ -61,7 +61,7 @@ class LeRobotEnv(gym.Wrapper[Any, Any, Any, Any]):
         Args:
             env: of one object.
             target: the object, as `gym.make` takes it.
-            seed: of the evaluation whose trials are met.
+            seed: of the evaluation whose scenes are used.
         """
         super().__init__(env)
         self._target, self._evaluation_seed = target, seed
@@ -71,7 +71,7 @@ class LeRobotEnv(gym.Wrapper[Any, Any, Any, Any]):
         self.observation_space = _space(env.observation_space)
 
     def reset(self, *, seed: int | None = None, options: Fields | None = None) -> tuple[Fields, Fields]:
-        """Start trial `seed`, or any."""
+        """Start the scene of trial `seed`; None for any scene."""
         scene = None if seed is None else trial_seeds(self._evaluation_seed, self._target, int(seed)).scene
         observation, info = self.env.reset(seed=scene, options=options)
         return lerobot_observation(observation), _passed_on(info)

@@ -1,4 +1,4 @@
-"""Demonstrations in the replay buffer of an off-policy learner of Stable-Baselines3."""
+"""Demonstrations in the replay buffer of an off-policy algorithm of Stable-Baselines3."""
 
 from itertools import islice
 from pathlib import Path
@@ -12,20 +12,20 @@ from dexgrasp_env.errors import InputError
 
 
 def add_demonstrations(model: Any, folder: str | Path) -> int:
-    """Follow demonstrations in a learner's environment and add what comes of them to its replay buffer.
+    """Replay demonstrations in the environment of an algorithm and add the transitions to its replay buffer.
 
         model = SAC("MlpPolicy", gym.make("DexGrasp/LiftFromGrasp-v0"))
         add_demonstrations(model, "runs/demos")
 
     Args:
-        model: a learner with a `replay_buffer`, on environments of ours.
+        model: algorithm with a `replay_buffer`, on environments of ours.
         folder: of `dexgrasp demos generate`.
 
     Returns:
-        How many steps were added.
+        Number of transitions added.
 
     Raises:
-        InputError: for another learner or environment, or where no demonstration succeeds in it.
+        InputError: for another algorithm or environment, or where no demonstration succeeds in it.
     """
     buffer = getattr(model, "replay_buffer", None)
     if buffer is None:

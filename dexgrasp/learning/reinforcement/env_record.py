@@ -1,7 +1,8 @@
-"""Record of the environment that a policy learned in, as JSON beside its checkpoint: `ppo.json` of `ppo.zip`.
+"""Record of the environment that a policy was trained in, as JSON beside its checkpoint: `ppo.json` of `ppo.zip`.
 
-A checkpoint of Stable-Baselines3 says little of it, and what `VecNormalize` counted it saves as a pickle. A record has
-the id and keywords of `gym.make`, the wrappers by name with their arguments, and statistics as numbers.
+A checkpoint of Stable-Baselines3 does not describe the environment, and saves the statistics of `VecNormalize` as a
+pickle. A record has the id and keywords of `gym.make`, wrappers by name with their arguments, and statistics as
+numbers.
 """
 
 import importlib
@@ -39,7 +40,7 @@ _IDLE = {
     "VecCheckNan",
     "VecVideoRecorder",
 }
-"""Wrappers that change neither what a policy sees nor what it does."""
+"""Wrappers that change neither observations nor actions."""
 _VEC_ARGUMENTS = {
     "VecNormalize": ("clip_obs", "epsilon", "norm_obs_keys"),
     "VecFrameStack": ("n_stack",),
@@ -54,8 +55,8 @@ class WrapperRecord:
 
     Attributes:
         name: `module:Class`.
-        kwargs: of its constructor; None where it does not tell them.
-        state: mean and variance of what it has counted, by the observation's key, "" for one without keys.
+        kwargs: of its constructor; None where they are unknown.
+        state: running mean and variance by key of the observation, "" for one without keys.
     """
 
     name: Word
@@ -76,15 +77,15 @@ class EnvRecord:
     """Record of an environment.
 
     Attributes:
-        env: what of the keywords is a policy's own to choose (`AGENT_KEYS`), all of it.
+        env: the keywords that a policy may choose (`AGENT_KEYS`), complete.
         id: of `gym.make`.
         kwargs: of `gym.make`, as JSON holds them.
         robot: its stamp; None for any.
         mount: of the hand, by name; None for any.
         max_episode_steps: of an episode.
-        wrappers: of each environment, the innermost first, without those that change nothing for a policy.
+        wrappers: of each environment, innermost first, without those that change nothing for a policy.
         vec_wrappers: of Stable-Baselines3, around all environments, likewise.
-        schema: of this.
+        schema: version of this format.
     """
 
     env: Fields
@@ -99,10 +100,10 @@ class EnvRecord:
 
 
 def read_record(path: Path) -> EnvRecord:
-    """Return a record.
+    """Read a record.
 
     Raises:
-        InputError: damaged, or of another schema.
+        InputError: if it is damaged, or of another schema.
     """
     content = read_json_object(path, "save_checkpoint() of dexgrasp writes it")
     if "schema" not in content:
@@ -113,19 +114,19 @@ def read_record(path: Path) -> EnvRecord:
 
 
 def save_checkpoint(model: Any, path: str | Path) -> Path:
-    """Save a learner of Stable-Baselines3, and beside it the environment that it learns in.
+    """Save an algorithm of Stable-Baselines3, and beside it the record of its environment.
 
         save_checkpoint(PPO("MultiInputPolicy", env).learn(100_000), "ppo.zip")
 
     Args:
-        model: the learner.
+        model: the algorithm.
         path: of the zip; `.zip` is added where it is missing.
 
     Returns:
-        The record's path; `dexgrasp evaluate --agents ppo:ppo.zip` plays the policy as it was trained.
+        Path of the record; `dexgrasp evaluate --agents ppo:ppo.zip` runs the policy as it was trained.
 
     Raises:
-        InputError: if the environment is none of DexGrasp's; the zip is there.
+        InputError: if the environment is none of DexGrasp's; the zip is written all the same.
     """
     zipped = Path(path) if Path(path).suffix == ".zip" else Path(f"{path}.zip")
     model.save(zipped)
@@ -133,7 +134,7 @@ def save_checkpoint(model: Any, path: str | Path) -> Path:
 
 
 def record_environment(env: Any, path: str | Path) -> Path:
-    """Write the record of a vector environment of Stable-Baselines3 beside a zip that is there, or will be.
+    """Write the record of a vector environment of Stable-Baselines3 beside the zip of a checkpoint.
 
     Raises:
         InputError: if the environment is none of DexGrasp's.
@@ -175,7 +176,7 @@ def _packed(array: Any) -> Fields:
 
 
 def array_of(value: Any) -> Any:
-    """Return an argument from what JSON holds of it."""
+    """Return an argument from its JSON: an array, or the value as it is."""
     packed = isinstance(value, Mapping) and value.keys() == {"array", "dtype"}
     return np.array(value["array"], dtype=str(value["dtype"]))[()] if packed else value
 
@@ -185,7 +186,7 @@ def _acting(records: Sequence[WrapperRecord | None]) -> tuple[WrapperRecord, ...
 
 
 def attribute_of(env: Any, name: str) -> Any:
-    """Return an attribute of the first of a learner's environments, whatever wraps it; None where it has none."""
+    """Return an attribute of the first environment of an algorithm, through its wrappers; None without one."""
     try:
         return env.get_attr(name)[0]
     except (AttributeError, EOFError):  # the latter of another process
@@ -207,7 +208,7 @@ def _wrapper(spec: Any, env: Any) -> WrapperRecord:
 
 
 def vec_wrapper(env: Any) -> WrapperRecord | None:
-    """Return the record of a wrapper of Stable-Baselines3; None for none, and for one of rewards alone."""
+    """Return the record of a wrapper of Stable-Baselines3; None without one, or for one of rewards only."""
     if env is None:
         return None
     kind, state = type(env), Fields()

@@ -1,4 +1,4 @@
-"""A cloned policy whose grip a network corrects once an episode, in numpy."""
+"""Cloned policy whose grip a network corrects once an episode, in numpy."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from dexgrasp_env.tasks.features import entry, features, initial_scene
 from dexgrasp_env.tasks.grasp_space import joint_changes
 
 _PALM = {"deeper": (0, 0.03), "over": (2, 0.03), "tilted": (3, 0.2)}
-"""Axis of the palm, and m along it or (from 3 on) rad about it at 1."""
+"""Correction -> axis of the palm (0 to 2 translation, 3 to 5 rotation), and its m or rad at 1."""
 _FINGERS = {
     "curled": {
         ("index", 1): 0.2, ("index", 2): 0.4, ("index", 3): 0.3,
@@ -27,19 +27,19 @@ _FINGERS = {
     },
     "thumb": {("thumb", 1): 0.4},
 }  # fmt: skip
-"""Synergies: rad of each joint at 1."""
+"""Synergy -> rad of each joint at 1."""
 GRIP_SIZE = len(_PALM) + len(_FINGERS)
-"""Numbers of a correction, each from -1 to 1."""
-_RAMP = 30  # control steps until it is there in full, well before the hand closes
-_DAMPING = 1e-4  # of the step from palm to arm
+"""Length of a correction, whose numbers are from -1 to 1."""
+_RAMP = 30  # control steps until it is complete, well before the hand closes
+_DAMPING = 1e-4  # of the least-squares step from palm to arm
 
 
 class GripPolicy(Policy):
-    """A cloned policy with a correction of its grip: from the first look, palm and fingers are shifted once.
+    """Cloned policy with a correction of its grip: palm and fingers are shifted once, from the first observation.
 
-    A servo that saturates squeezes no harder, so corrections of single actions win little. What bears pushes is where
-    the hand takes hold, and in which posture: a few numbers an episode, which a thousand episodes teach. They are added
-    to the set-points of the clone, which goes on as if they were not there.
+    A saturated servo squeezes no harder, so corrections of single actions gain little. Resistance to pushes depends on
+    where and in which posture the hand grips: a few numbers an episode, which a thousand episodes suffice to learn.
+    They are added to the set-points of the cloned policy, which does not see them.
     """
 
     kind = "grip"
@@ -51,7 +51,7 @@ class GripPolicy(Policy):
         return sized and self.env == self.clone.env
 
     def begin(self, first: Observation, cell: Cell) -> "GripRun":
-        """Decide on the correction and start an episode in a cell."""
+        """Compute the correction and start an episode in a cell."""
         return GripRun(self.clone, first, self.correction(first_features(self.clone, first)), cell)
 
     def correction(self, encoded: Single) -> Array:
@@ -60,13 +60,13 @@ class GripPolicy(Policy):
 
 
 class GripRun:
-    """A corrected clone in one episode."""
+    """Corrected policy in one episode."""
 
     def __init__(self, clone: BcPolicy, first: Observation, correction: Array, cell: Cell) -> None:
         """Start an episode.
 
         Args:
-            clone: that acts.
+            clone: policy that is corrected.
             first: observation.
             correction: (GRIP_SIZE,) in [-1, 1].
             cell: of the robot.
@@ -92,17 +92,17 @@ class GripRun:
 
 
 def first_features(clone: BcPolicy, first: Observation) -> Single:
-    """Return the network's input: the first observation's features (F,), scaled as the clone's."""
+    """Return the network's input: features (F,) of the first observation, normalised as for the cloned policy."""
     return clone.scaling(features(initial_scene(first), first, 0))
 
 
 @njit
 def arm_step(q: Array, move: Array, tree: RobotTree) -> Array:
-    """Return the change (a,) rad of the arm at `q` (n,) that shifts and turns the palm by `move` in its own axes.
+    """Return the change (a,) rad of the arm that moves the palm by `move`: one step of damped least squares.
 
     Args:
         q: (n,) rad.
-        move: (6,) m and rad, small: one step of damped least squares.
+        move: (6,) m and rad, small, in the axes of the palm.
         tree: the robot.
     """
     frames, J, e = empty_frames(tree), np.empty((6, tree.arm)), np.empty(6)

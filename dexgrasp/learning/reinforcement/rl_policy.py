@@ -1,4 +1,4 @@
-"""Policies of reinforcement learning in numpy: from the environment's features to an action."""
+"""Policies of reinforcement learning in numpy: from the features of the environment to an action."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from dexgrasp_env.robot.cell import Cell
 
 
 class RlPolicy(Policy):
-    """The mean action of a learner of Stable-Baselines3; it remembers nothing within an episode."""
+    """Mean action of an algorithm of Stable-Baselines3; has no state within an episode."""
 
     kind = "features"
 
@@ -25,7 +25,7 @@ class RlPolicy(Policy):
         """Start an episode.
 
         Raises:
-            InputError: for other features than it was trained on.
+            InputError: for another number of features than in training.
         """
         seen = np.asarray(first).shape
         if seen != (self._actor.inputs,):

@@ -1,4 +1,4 @@
-"""Training by PPO or SAC of Stable-Baselines3 in the suite's own environments, on their features."""
+"""Training by PPO or SAC of Stable-Baselines3 on the features of our environments."""
 
 from dataclasses import asdict
 from operator import attrgetter
@@ -15,6 +15,7 @@ from dexgrasp.learning.training.loop import RunOptions, Training
 from dexgrasp.runs.weights import write_policy
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
+from dexgrasp_env.valid import checked
 
 with from_extra():
     import torch
@@ -26,13 +27,14 @@ with from_extra():
 
 
 class RlTraining(Training):
-    """The loop of rollouts: rounds of a learner, whose environments begin anew from a seed of each round's own.
+    """Training in rounds, each of which resets the environments from a seed of its own.
 
-    A round depends on what is learned and on its number alone: of the environments nothing has to be kept.
+    A round depends on the learned parameters and its number only, so checkpoints hold no state of environments.
     """
 
     model: Any
 
+    @checked
     def __init__(self, settings: RlSettings, out: Path, options: RunOptions = RunOptions()) -> None:
         """Read demonstrations, where there are any.
 
@@ -49,7 +51,7 @@ class RlTraining(Training):
         self._envs: Any = None
 
     def build(self) -> None:
-        """Make environments and learner."""
+        """Make environments and algorithm."""
         s, arguments = self.settings, self.settings.env_arguments
         if s.backend == "warp" and self.device.type == "cpu":
             arguments["device"] = "cpu"
@@ -81,7 +83,7 @@ class RlTraining(Training):
             self._envs.close()
 
     def parts(self) -> Parts:
-        """Return networks, optimisers and single tensors of the learner, and its replay buffer."""
+        """Return networks, optimisers and single tensors of the algorithm, and its replay buffer."""
         modules, tensors = self.model._get_torch_save_params()
         learned = {name: attrgetter(name)(self.model) for name in (*modules, *tensors)}
         rows = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
@@ -120,12 +122,12 @@ class RlTraining(Training):
         write_policy(self.out, about, layer_arrays("actor", _mean_action(self.model)))
 
     def note(self) -> Fields:
-        """Return the learner's counters, and the progress of resets."""
+        """Return the algorithm's counters, and the progress of the reverse curriculum."""
         counts = [getattr(owner, name) for owner, name in self._counters()]
         return {"counters": counts, "resets": self._resets and self._resets.progress}
 
     def restore(self, note: Fields) -> None:
-        """Take up what `note` returned."""
+        """Restore the state of `note`."""
         for (owner, name), count in zip(self._counters(), note["counters"], strict=True):
             setattr(owner, name, count)
         if self._resets:

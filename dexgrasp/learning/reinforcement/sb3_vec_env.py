@@ -1,4 +1,4 @@
-"""The native vector environment as stable-baselines3 wants it."""
+"""Adapter of the native vector environment to Stable-Baselines3."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +14,7 @@ from dexgrasp_env.tasks.infos import of_one
 
 
 class SB3VecEnv(VecEnv):
-    """`gym.make_vec` with terminal observations and time-limit flags in the infos, as SB3's learners read them.
+    """Vector environment of `gym.make_vec` for SB3's algorithms: terminal observations and time limits are in infos.
 
     env = SB3VecEnv("DexGrasp/Lift-v2", num_envs=16, objects="sugar_box")
     PPO("MultiInputPolicy", env).learn(1_000_000)
@@ -26,9 +26,9 @@ class SB3VecEnv(VecEnv):
         """Make the environment.
 
         Args:
-            env_id: of one that has a native vector environment.
-            num_envs: how many.
-            info_columns: keys of the infos that steps pass on; None for all, which takes long for thousands.
+            env_id: of an environment that has a native vector environment.
+            num_envs: number of environments.
+            info_columns: keys of the infos that steps pass on; None for all, which is slow for thousands.
             **kwargs: more arguments of `gym.make_vec`.
         """
         self.envs: Any = gym.make_vec(env_id, num_envs=num_envs, **{"autoreset_mode": "SameStep", **kwargs})
@@ -37,7 +37,7 @@ class SB3VecEnv(VecEnv):
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
 
     def reset(self) -> Any:
-        """Start all episodes, with what `seed` and `set_options` left for them; infos are in `reset_infos`."""
+        """Start all episodes, with the seeds and options set before; infos are in `reset_infos`."""
         # Of options that are given for all, `set_options` makes one copy.
         if not any(self._options) or len({id(options) for options in self._options}) == 1:
             observation, infos = self.envs.reset(seed=self._seeds, options=self._options[0])
@@ -49,7 +49,7 @@ class SB3VecEnv(VecEnv):
         return observation
 
     def _reset_singly(self) -> Any:
-        """Start episodes one after the other, each with its options; a mask asks for episodes to go on with."""
+        """Start episodes one after the other, each with its own options."""
         observation, _ = self.envs.reset(seed=self._seeds)
         for i, options in enumerate(self._options):
             only = {"reset_mask": np.arange(self.num_envs) == i}
@@ -58,11 +58,11 @@ class SB3VecEnv(VecEnv):
         return observation
 
     def step_async(self, actions: AnyArray) -> None:
-        """Note the actions."""
+        """Store the actions."""
         self._actions = actions
 
     def step_wait(self) -> Any:
-        """Advance all by 50 ms."""
+        """Advance all environments by a control step."""
         observation, rewards, terminated, truncated, infos = self.envs.step(self._actions)
         done = terminated | truncated
         for name in set(self._info_columns or ()) - infos.keys():
@@ -82,20 +82,20 @@ class SB3VecEnv(VecEnv):
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return an attribute of each environment asked for; see `LiftVectorEnv.get_attr`."""
+        """Return an attribute of each environment of `indices`; see `LiftVectorEnv.get_attr`."""
         return [getattr(member, attr_name) for member in self._members(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute of one's own of each environment asked for."""
+        """Set a user attribute of each environment of `indices`."""
         for member in self._members(indices):
             member.set(attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Call a method of each environment asked for; see `LiftVectorEnv.call`."""
+        """Call a method of each environment of `indices`; see `LiftVectorEnv.call`."""
         return [getattr(member, method_name)(*args, **kwargs) for member in self._members(indices)]
 
     def _members(self, indices: Any) -> list[Any]:
-        """Return the environments asked for."""
+        """Return the environments of `indices`."""
         return [self.envs.members[i] for i in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
@@ -103,5 +103,5 @@ class SB3VecEnv(VecEnv):
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """Return a picture of each environment; None where there are none without a `render_mode`."""
+        """Return a picture of each environment, None for each without a `render_mode`."""
         return list(self.envs.render()) if self.envs.render_mode else [None] * self.num_envs

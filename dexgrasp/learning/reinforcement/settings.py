@@ -13,14 +13,14 @@ from dexgrasp_env.tasks.control import CONTROL_MODES, ONCE_MODES
 from dexgrasp_env.tasks.observations import FLAT
 from dexgrasp_env.tasks.randomisation import Draws, ranges
 from dexgrasp_env.tasks.settings import BACKENDS
-from dexgrasp_env.valid import Count, Natural, Positive, number, one_of
+from dexgrasp_env.valid import Count, Natural, Positive, check_fields, number, one_of
 
 _LIFTS = one_of(sorted(name for name in registry if name.startswith("DexGrasp/Lift")))
 
 
 @dataclass(frozen=True)
 class RlSettings:
-    """Everything that a training depends on.
+    """Settings that a training depends on.
 
     Attributes:
         objects: objects, sets or mesh files to learn on.
@@ -75,9 +75,13 @@ class RlSettings:
     gradient_steps: Count = 1
     threads: Count = 1
 
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_fields(self)
+
     @property
     def env_arguments(self) -> Fields:
-        """Keywords of `gym.make_vec`: features, and what is not as the environment is registered."""
+        """Keywords of `gym.make_vec`: features, and settings that differ from the registered ones."""
         given = {
             "control_mode": self.control_mode,
             "hold": self.hold,
@@ -89,7 +93,7 @@ class RlSettings:
 
     @property
     def length(self) -> int:
-        """Actions of an episode, at most."""
+        """Largest number of actions of an episode."""
         registered = spec(self.env_id)
         if (self.control_mode or registered.kwargs.get("control_mode")) in ONCE_MODES:
             return 1
@@ -97,16 +101,16 @@ class RlSettings:
 
     @property
     def rollouts(self) -> tuple[int, int]:
-        """Number of rollouts in a round, and actions of every environment in each: an episode, or many short ones."""
+        """Number of rollouts in a round, and of actions of every environment in each; a round is an episode or more."""
         number = -(-self.length // self.n_steps)
         return number, self.n_steps if number == 1 else -(-self.length // number)
 
     @property
     def round_steps(self) -> int:
-        """Actions in a round, of all environments together."""
+        """Number of actions in a round, of all environments together."""
         return self.num_envs * math.prod(self.rollouts)
 
     @property
     def rounds(self) -> int:
-        """Rounds that the steps come to, rounded up."""
+        """Number of rounds for `steps` actions, rounded up."""
         return -(-self.steps // self.round_steps)

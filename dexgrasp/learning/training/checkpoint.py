@@ -1,4 +1,4 @@
-"""Checkpoints of trainings as safetensors: arrays and text, nothing that runs when it is read."""
+"""Checkpoints of trainings as safetensors: arrays and JSON, no code."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,26 +14,26 @@ with from_extra():
 
 Part = torch.nn.Module | Optimizer | torch.Tensor
 Parts = Mapping[str, Part]
-"""What learns: networks, optimisers, single tensors."""
+"""Name -> trainable state: a network, an optimiser or a tensor."""
 
 
 def write_state(path: Path, parts: Parts, note: Fields) -> None:
-    """Write parts, and a note as JSON holds it."""
+    """Write trainable state, and a note, which is JSON."""
     write_tensors(
         path, {f"{name}/{key}": t for name, part in parts.items() for key, t in _tensors(part).items()}, note
     )
 
 
 def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], note: Fields) -> None:
-    """Write tensors, and a note as JSON holds it."""
+    """Write tensors, and a note, which is JSON."""
     write_arrays(path, {name: tensor.detach().cpu().numpy() for name, tensor in tensors.items()}, note)
 
 
 def read_state(path: Path, parts: Parts) -> Fields | None:
-    """Fill parts from what `write_state` wrote; return its note, None where there is no file.
+    """Restore trainable state from a file of `write_state`; return its note, None without a file.
 
     Raises:
-        InputError: damaged, or of other parts.
+        InputError: if it is damaged, or of other parts.
     """
     if not path.is_file():
         return None
@@ -47,7 +47,7 @@ def read_state(path: Path, parts: Parts) -> Fields | None:
 
 
 def damaged(path: Path) -> InputError:
-    """Return the error for a checkpoint that a training cannot go on from."""
+    """Return the error for a checkpoint that a training cannot resume from."""
     return InputError(f"{path} is damaged, or of another training: remove it to train from the start")
 
 

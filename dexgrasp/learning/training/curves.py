@@ -1,4 +1,4 @@
-"""Curves of a training: the figures of its epochs, as a picture and for TensorBoard."""
+"""Learning curves: figures of epochs as a picture and for TensorBoard."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,11 +12,11 @@ _PANELS = {
     "return": ("return",),
     "success": ("success", "training_success"),
 }
-"""Title -> figures that are drawn beside each other."""
+"""Title of a panel -> figures that are drawn in it."""
 
 
 def numbers(row: Fields) -> Iterator[tuple[str, str, float]]:
-    """Yield the numbers of a row as name, split and value; those that are of no split have the split ""."""
+    """Yield name, split and value of the numbers of a row; the split is "" for figures without splits."""
     for key, value in row.items():
         for name, number in value.items() if isinstance(value, Mapping) else [("", value)]:
             if isinstance(number, int | float):
@@ -24,12 +24,12 @@ def numbers(row: Fields) -> Iterator[tuple[str, str, float]]:
 
 
 def draw_curves(curve: Sequence[Fields], path: Path, best: int) -> None:
-    """Draw what there is of losses, errors, returns and successes.
+    """Draw losses, errors, returns and success rates, as far as the curve has them.
 
     Args:
-        curve: a row an epoch, in which a figure may stand for each split of the data.
+        curve: a row for each epoch; a figure may be a mapping by split of the data.
         path: of the picture.
-        best: epoch that is marked; 0 for none.
+        best: epoch to mark; 0 for none.
     """
     from matplotlib.figure import Figure
 
@@ -53,14 +53,14 @@ def draw_curves(curve: Sequence[Fields], path: Path, best: int) -> None:
 
 
 class TensorBoardWriter:
-    """Writes numbers for TensorBoard, from the first row on."""
+    """Writer of rows for TensorBoard; makes its folder at the first row."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._writer: Any = None
 
     def add(self, row: Fields, step: int) -> None:
-        """Write the numbers of a row, those of splits as name/split."""
+        """Write the numbers of a row, those by split as name/split."""
         from torch.utils.tensorboard import SummaryWriter
 
         self._writer = self._writer or SummaryWriter(str(self._folder))
@@ -68,6 +68,6 @@ class TensorBoardWriter:
             self._writer.add_scalar(f"{name}/{split}".rstrip("/"), number, step)
 
     def close(self) -> None:
-        """Write what is left."""
+        """Flush and close the file."""
         if self._writer is not None:
             self._writer.close()

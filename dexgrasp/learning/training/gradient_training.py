@@ -1,4 +1,4 @@
-"""Training of one network by gradient steps of Adam."""
+"""Training of a network by gradient steps of Adam."""
 
 import time
 from abc import abstractmethod
@@ -19,11 +19,11 @@ with from_extra():
 
 
 class GradientTraining(Training):
-    """The loop of gradient steps: epochs of steps of Adam on a network, batch by batch.
+    """Base of trainings whose epochs are gradient steps of Adam on batches.
 
     Attributes:
-        steps: of an epoch.
-        clip: norm that gradients are cut off at.
+        steps: number of steps in an epoch.
+        clip: norm that gradients are clipped at.
         net: the network.
     """
 
@@ -41,15 +41,15 @@ class GradientTraining(Training):
 
     @abstractmethod
     def rate_factor(self, done: float) -> float:
-        """Return the factor on the learning rate when a share of all steps is done; it is held above 0.02."""
+        """Return the factor on the learning rate after a share of all steps; it is clipped from below at 0.02."""
 
     @abstractmethod
     def losses(self, step: int, done: float) -> Sequence[torch.Tensor]:
-        """Return the loss of a step, and parts of it that are reported; its batch follows from seed and step alone."""
+        """Return the loss of a step, and parts of it to report; its batch depends on seed and step only."""
 
     @abstractmethod
     def figures(self, losses: Sequence[float]) -> Fields:
-        """Return the row of an epoch whose mean losses are given."""
+        """Return the row of an epoch from its mean losses."""
 
     def build(self) -> None:
         """Make network and optimiser."""
@@ -62,7 +62,7 @@ class GradientTraining(Training):
         return {"net": self.net, "adam": self._adam}
 
     def begin(self) -> None:
-        """Build or restore; a new training that is given minutes takes as many epochs as fit, by the speed of steps."""
+        """Build or restore; set the epochs of a new training with a limit of minutes by the measured speed of steps."""
         new = not (self.out / CHECKPOINT).is_file()
         super().begin()
         if new and self.options.minutes is not None:
@@ -73,7 +73,7 @@ class GradientTraining(Training):
                 self._step(number)
             each = (time.perf_counter() - began) / timed
             self.state.epochs = max(1, int(60.0 * self.options.minutes / (1.05 * each * self.steps)))
-            self.build()  # what these steps learned is dropped
+            self.build()  # discards what the timed steps learned
 
     def learn(self) -> Fields:
         """Do the steps of an epoch."""
@@ -94,7 +94,7 @@ class GradientTraining(Training):
         return [float(loss.detach()) for loss in losses]
 
     def tensors(self, arrays: Iterable[AnyArray]) -> list[torch.Tensor]:
-        """Return arrays as tensors where the network is."""
+        """Return arrays as tensors on the network's device."""
         return [torch.from_numpy(array).to(self.device) for array in arrays]
 
 

@@ -1,4 +1,4 @@
-"""Training in a folder, epoch by epoch; an interrupted one goes on to the same bits on a CPU."""
+"""Training in a folder, epoch by epoch; an interrupted one resumes to the same bits on a CPU."""
 
 import json
 import time
@@ -28,7 +28,7 @@ CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.jsonl"
 
 @dataclass
 class TrainingState:
-    """State of a training; `curve` has a row an epoch."""
+    """Progress of a training; `curve` has a row for each epoch."""
 
     epoch: int = 0
     epochs: int = 0
@@ -36,7 +36,7 @@ class TrainingState:
     curve: list[Fields] = field(default_factory=list)
 
     def origin(self, *packages: str, **own: Any) -> Fields:
-        """Return a policy's record of its training: `own`, the last row of the curve, and versions."""
+        """Return the record of the training for a policy: `own`, the last row of the curve, and versions."""
         versions = package_versions(("dexgrasp", "numpy", "torch", *packages))
         return own | self.curve[-1] | {"versions": versions}
 
@@ -47,8 +47,8 @@ class RunOptions:
 
     Attributes:
         device: cpu, cuda or auto.
-        minutes: as many epochs as fit into these, by the first steps' speed; None for those of the settings.
-        trials: of the policy during training; None for none.
+        minutes: limit that sets the number of epochs, by measured speed; None for that of the settings.
+        trials: of the policy during training, or None.
     """
 
     device: str = "cpu"
@@ -57,9 +57,9 @@ class RunOptions:
 
 
 class Training(ABC):
-    """A loop of epochs: restore, learn, write, checkpoint, log.
+    """Base of trainings: a loop of epochs that restores, learns, writes, checkpoints and logs.
 
-    An epoch depends on what is learned so far and on the epoch's number alone.
+    An epoch depends on the trainable state and its number only.
 
     Attributes:
         about: name of the file that identifies the training.
@@ -72,7 +72,7 @@ class Training(ABC):
 
         Args:
             settings: a dataclass; a folder of others is refused. Has `seed`, and `threads`, of torch on the CPU.
-            epochs: in all.
+            epochs: number of epochs.
             out: folder of the training.
             options: where it runs.
 
@@ -88,55 +88,55 @@ class Training(ABC):
 
     @abstractmethod
     def build(self) -> None:
-        """Make what learns, with nothing learned."""
+        """Make the trainable parts, initialised."""
 
     @abstractmethod
     def parts(self) -> Parts:
-        """Return what learns."""
+        """Return the trainable parts by name."""
 
     @abstractmethod
     def learn(self) -> Fields:
-        """Do an epoch; return its row of the curve."""
+        """Run an epoch; return its row of the curve."""
 
     @abstractmethod
     def write(self) -> None:
-        """Write the result of the epoch that ended, the last of `state.curve`."""
+        """Write the result after an epoch, the last of `state.curve`."""
 
     @property
     def best(self) -> int:
-        """Epoch that is kept where it is not the last, else 0."""
+        """Epoch whose weights are kept, if that is not the last one, else 0."""
         return 0
 
     def identity(self) -> Fields:
-        """Return what it is trained on; the settings are added."""
+        """Return the identity of the training data; the settings are added."""
         return {}
 
     def note(self) -> Fields:
-        """Return what a checkpoint holds beside the parts."""
+        """Return further content of a checkpoint, as JSON."""
         return {}
 
     def restore(self, note: Fields) -> None:  # noqa: B027  (most keep the parts alone)
-        """Take up what `note` returned.
+        """Restore the state of `note`.
 
         Raises:
             LookupError, TypeError: if it is damaged.
-            InputError: if there is no going on from it.
+            InputError: if the training cannot resume from it.
         """
 
     def close(self) -> None:  # noqa: B027  (most have nothing open)
-        """Close what is open when the training ends."""
+        """Release resources when the training ends."""
 
     def run(
         self, progress: Callable[[TrainingState], object] | None = None, stop_after: int | None = None
     ) -> TrainingState:
-        """Train to the end, or go on with what the folder holds.
+        """Train to the end, resuming from the folder's checkpoint if there is one.
 
         Args:
             progress: called after every epoch.
-            stop_after: epochs of this call, for tests of resuming.
+            stop_after: largest number of epochs in this call, for tests of resuming.
 
         Raises:
-            InputError: other settings or another process in the folder, a damaged checkpoint.
+            InputError: for other settings or another process in the folder, or a damaged checkpoint.
         """
         torch.set_num_threads(self.settings.threads)
         options = self.options
@@ -156,7 +156,7 @@ class Training(ABC):
         return self.state
 
     def begin(self) -> None:
-        """Make what learns, and go on from the checkpoint, where there is one.
+        """Make the trainable parts, and restore them from the checkpoint if there is one.
 
         Raises:
             InputError: if it is damaged.

@@ -1,4 +1,4 @@
-"""Trials of a policy while it learns."""
+"""Periodic trials of a policy during its training."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +10,13 @@ from dexgrasp_env.arrays import Fields
 
 @dataclass(frozen=True)
 class PeriodicTrials:
-    """Evaluation of a policy under protocol `lift` while it learns.
+    """Evaluation of a policy under protocol `lift` every few epochs.
 
     Attributes:
         objects: names, expanded.
         number: of trials on each object.
         seed: of the scenes.
-        every: epochs between; the last epoch is tried as well.
+        every: epochs from trial to trial; there is one after the last epoch as well.
     """
 
     objects: tuple[str, ...]
@@ -25,7 +25,7 @@ class PeriodicTrials:
     every: int = 5
 
     def after(self, folder: Path, epoch: int, epochs: int) -> Fields:
-        """Return the share of trials that succeeded, after an epoch of all that is due; nothing after others."""
+        """Return the success rate after an epoch in which trials are due; {} after others."""
         if epoch % self.every and epoch != epochs:
             return {}
         settings = EvaluationSettings.of([str(folder)], self.objects, trials=self.number, seed=self.seed)

@@ -16,10 +16,10 @@ _BY_SUFFIX = {".npy": read_dexgraspbench, ".pkl": read_dexgraspbench, ".npz": re
 
 
 def read_candidates(path: Path, options: ReadOptions) -> list[Candidate]:
-    """Return the grasps of a file, of whatever kind it is; nothing in it is executed.
+    """Return the grasps of a file of any known format; nothing in it is executed.
 
     Raises:
-        InputError: one line, if the file is missing, of no known kind or malformed, or its object is not found.
+        InputError: if the file is missing, of no known format or malformed, or its object is not found.
     """
     if path.suffix in _BY_SUFFIX:
         return _BY_SUFFIX[path.suffix](path, options)

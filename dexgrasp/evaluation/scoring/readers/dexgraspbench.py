@@ -23,7 +23,7 @@ from dexgrasp_env.files import read_file, readable
 from dexgrasp_env.poses import pose_matrix
 
 _ROOT_TO_PALM = pose_matrix(np.zeros(3), np.array([0.0, 0.5**0.5, 0.0, 0.5**0.5]))
-"""The palm in the root frame of its Allegro file; the poses in BODex's own layout are the palm's."""
+"""Pose of the palm in the root frame of its Allegro file; in BODex's own layout poses are of the palm already."""
 
 
 def read_dexgraspbench(path: Path, options: ReadOptions) -> list[Candidate]:
@@ -41,7 +41,7 @@ def read_dexgraspbench(path: Path, options: ReadOptions) -> list[Candidate]:
     T_world_object = pose_of_centre(T_file, target)
 
     def stage(row: Array) -> HandStage:
-        """Return the stage that a row states: a pose of 7 numbers, then the joints."""
+        """Return the stage of a row: a pose of 7 numbers, then the joints."""
         return HandStage(as_pose(row[:7], f"{path}: a hand pose") @ to_hand, row[7:])
 
     sources = [f"{path}[{number}]" for number in range(len(rows))] if len(rows) > 1 else [str(path)]
@@ -52,7 +52,7 @@ def read_dexgraspbench(path: Path, options: ReadOptions) -> list[Candidate]:
 
 
 def _configurations(data: FileFields, hand: HandModel) -> tuple[Array, Array]:
-    """Return (N, 3, 7 + n) of the three stages, and the hand's frame in that of their poses."""
+    """Return rows (N, 3, 7 + n) of the three stages, and the hand's frame (4, 4) in that of their poses."""
     width = 7 + len(hand.joint_names)
     if "robot_pose" in data:
         rows = data.numbers("robot_pose")
@@ -102,7 +102,7 @@ def read_dictionary(path: Path) -> Fields:
 
 
 def _pickled(data: bytes) -> bytes:
-    """The pickle that an .npy file of an object holds; None's where it holds plain numbers."""
+    """Return the pickle in an .npy file of an object; that of None for an array of plain numbers."""
     if not data.startswith(b"\x93NUMPY"):
         return data
     file, npy = io.BytesIO(data), np.lib.format

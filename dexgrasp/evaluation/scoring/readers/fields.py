@@ -1,4 +1,4 @@
-"""Fields of somebody else's file by their names; what is missing or malformed is one line."""
+"""Named fields of files of other programs, checked when they are read."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,13 +11,13 @@ from dexgrasp_env.poses import pose_matrix
 
 
 class FileFields:
-    """The fields of a file, or of a grasp in it.
+    """Fields of a file, or of a grasp in it.
 
-    Every method raises InputError, naming the source, for a field that is missing or not of its kind.
+    Every method raises InputError, naming the source, for a field that is missing or of another type.
     """
 
     def __init__(self, content: Any, source: str) -> None:
-        """Take a dictionary; `source` is what messages call it."""
+        """Wrap a dictionary; `source` names it in messages."""
         if not isinstance(content, Mapping):
             raise InputError(
                 f"{source} is malformed: fields by name are needed, not {type(content).__name__}"

@@ -26,11 +26,11 @@ JOINTS = {
        for i, j in enumerate(("axl", "mcp", "pip", "dip"))},
     **{f"algr_rh_th_{j}_q": f"thumb_{i}" for i, j in enumerate(("cmc", "axl", "mcp", "ipl"))},
 }  # fmt: skip
-"""Its joint names -> ours; angles, axes and zeros are the same."""
+"""FRoGGeR's joint names -> ours; angles, axes and zeros are the same."""
 
 
 def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
-    """Return the grasp of a file, read as that of a plain JSON.
+    """Return the grasp of a file, converted to the plain JSON layout.
 
     Raises:
         InputError: if the file is unusable, misses a key, or its object is not found.

@@ -1,4 +1,4 @@
-"""JSON files of grasps: the plain one for any hand, documented in docs/scoring.md, and ours of arm and hand."""
+"""JSON files of grasps: the plain format for any hand (docs/scoring.md), and our own of arm and hand."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ FORMAT = "dexgrasp-floating-grasps-1"
 
 
 def read_plain(content: Fields, path: Path, options: ReadOptions) -> list[Candidate]:
-    """Return the grasps of what a file holds.
+    """Return the grasps of a file in the plain format.
 
     Raises:
         InputError: if a field is missing or malformed, or an object is not found.
@@ -40,7 +40,7 @@ def read_plain(content: Fields, path: Path, options: ReadOptions) -> list[Candid
 
 
 def _hand(content: FileFields, path: Path) -> str:
-    """The hand's name, or its path, which may be relative to the file."""
+    """Return the hand's name, or its path, which may be relative to the file."""
     hand = str(content.get("hand")) if "hand" in content else ALLEGRO
     beside = path.parent / hand
     return str(beside) if beside.is_file() else hand
@@ -49,7 +49,7 @@ def _hand(content: FileFields, path: Path) -> str:
 def _stages(
     grasp: FileFields, hand: HandModel, names: list[str], centre: Array
 ) -> tuple[HandStage, HandStage, HandStage, float | None]:
-    """Pregrasp, grasp and squeeze, and the gain that the squeeze is meant for."""
+    """Return pregrasp, grasp and squeeze, and the gain, Nm/rad, that the squeeze is made for."""
 
     def stage(name: str) -> HandStage:
         """Return the stage of that name."""
@@ -70,7 +70,7 @@ def _stages(
 
 
 def joints_in_order(hand: HandModel, names: Sequence[str], values: Array, source: str) -> Array:
-    """Return joint values (..., n) in the hand's order from values named otherwise ordered.
+    """Reorder joint values (..., n) from the order of `names` to that of the hand.
 
     Raises:
         InputError: if names are missing, unknown or doubled.
@@ -87,7 +87,7 @@ def joints_in_order(hand: HandModel, names: Sequence[str], values: Array, source
 
 
 def read_ours(content: Fields, path: Path, options: ReadOptions) -> list[Candidate]:
-    """Return the grasp that a file holds; the object's true pose must be in it.
+    """Return the grasp of a file of ours, which must have the object's true pose.
 
     Raises:
         InputError: if the file is unusable, of another cell, read with another hand, knows no true pose, or its object
@@ -110,6 +110,6 @@ def read_ours(content: Fields, path: Path, options: ReadOptions) -> list[Candida
 
 
 def _stage(cell: Cell, q: Array) -> HandStage:
-    """Return palm and hand of a configuration (n,)."""
+    """Return palm pose and hand joints of a configuration (n,) of the robot."""
     tree = robot_tree(cell)
     return HandStage(rigid(*palm_frame(q, tree)), q[tree.arm :].copy())

@@ -1,4 +1,4 @@
-"""The object that a grasp file names: a mesh, found by path or among those given, or an object of the catalogue."""
+"""Objects that grasp files name: meshes, found by path or among those given, or objects of the catalogue."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from dexgrasp_env.objects.sets import MESH_SUFFIXES
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """Options for files that leave something open.
+    """Options of reading: what files may leave open.
 
     Attributes:
         hand: "allegro", or the path of an MJCF file.
@@ -58,7 +58,7 @@ def find_object(name: str, scale: float, options: ReadOptions, source: Path) -> 
 
 
 def pose_of_centre(T_world_file: Array, model: ObjectModel) -> Array:
-    """Return T_world_object (4, 4) of the centre of mass from that of the mesh file's frame."""
+    """Return the pose (4, 4) of the centre of mass, from that of the mesh file's frame."""
     T = np.array(T_world_file, dtype=float)
     T[:3, 3] += T[:3, :3] @ model.file_centre
     return T
