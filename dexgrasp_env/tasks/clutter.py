@@ -65,6 +65,7 @@ class ClutterSettings(LiftSettings):
             "mask": (self.obs_mode.endswith("pointcloud"), "an obs_mode of clouds"),
             **dict.fromkeys(("neighbour_objects", "bin"), (self.neighbours[1] > 0, "neighbours")),
             "presentation": (self.gaps is not None, "gaps: a heap is dropped"),
+            "starts": (False, "a task of one object"),
         }
 
     @property
