@@ -98,7 +98,8 @@ def read_steps(folders: Sequence[Path]) -> ControlSteps:
     if not parts:
         raise InputError("no demonstrations: name folders of `dexgrasp demos generate`")
     steps = np.array([len(inputs) for inputs, _, _ in parts])
-    arrays = (*map(np.concatenate, zip(*parts, strict=True)), np.cumsum(steps) - steps, steps)
+    inputs, targets, aims = map(np.concatenate, zip(*parts, strict=True))
+    arrays = (inputs, targets, aims, np.cumsum(steps) - steps, steps)
     mode = str(read_about(folders[0])["settings"]["control_mode"])
     return ControlSteps(*arrays, control_mode=mode, key=content_hash(*arrays))
 
