@@ -1,4 +1,4 @@
-"""Compares engines: set-points played again in MuJoCo, Bullet and Drake, whose solvers and contacts share no code.
+"""Compare engines: set-points replayed in MuJoCo, Bullet and Drake, whose solvers and contacts share no code.
 
     pip install -c constraints.txt pybullet drake
     dexgrasp export grasps/pear/grasp.json --format mjcf --out robot/pear

@@ -1,4 +1,4 @@
-"""Damaged arguments, meshes, clouds, grasp files and runs through the commands: codes 0 to 3, no unphysical object.
+"""Fuzz the commands with damaged arguments, meshes, clouds, grasp files and runs: exit codes 0 to 3, physical objects.
 
     python scripts/fuzz.py [--count 10000] [--seed 0] [--kinds cloud mesh] [--out out/fuzz]
 
