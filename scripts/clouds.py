@@ -214,7 +214,7 @@ def clearance(rows: Path, things: list[Body]) -> float:
 
 
 class Crowded(Script):
-    """Tries all scenes; says how many are clear."""
+    """Try all crowded scenes; exit code 1 if a trajectory hits anything."""
 
     out: Argument[Folder]
     seed: Natural = 0
@@ -321,7 +321,7 @@ def judged(cloud: Cloud, truth: Index, seed: int) -> list[Fields]:
 
 
 class Parted(Script):
-    """Tries scenes of each kind, and says how many objects are told apart, or said doubtful.
+    """Try scenes of each kind; count objects that are separated or reported as doubtful.
 
     Attributes:
         out: folder of the rows.

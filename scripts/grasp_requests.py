@@ -122,7 +122,7 @@ def summary(rows: list[Fields]) -> Iterator[str]:
 
 
 class Requests(Script):
-    """Draw, plan, carry out, judge.
+    """Draw requests, plan and execute grasps, and judge them.
 
     Attributes:
         out: folder for rows.jsonl.
