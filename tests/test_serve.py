@@ -23,7 +23,6 @@ from test_scene_cloud import scene_points
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.runs.messages import pack, unpack
 
 TOKEN = "a token"

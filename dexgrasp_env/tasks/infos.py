@@ -73,7 +73,8 @@ class EpisodeInfos:
 def with_masks(infos: Fields, number: int) -> Fields:
     """Add Gymnasium's masks: every environment of so many has every key."""
     values = {k: with_masks(v, number) if isinstance(v, dict) else v for k, v in infos.items()}
-    return values | {f"_{key}": np.ones(number, bool) for key in infos}
+    masks = np.ones((len(infos), number), bool)
+    return values | {f"_{key}": mask for key, mask in zip(infos, masks, strict=True)}
 
 
 def of_one(infos: Fields, i: int) -> Fields:
