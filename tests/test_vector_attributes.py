@@ -1,6 +1,7 @@
 """Attributes and calls of a native vector environment, as Gymnasium's own ones have them."""
 
 import inspect
+from functools import partial
 
 import numpy as np
 import pytest
@@ -110,8 +111,12 @@ def test_no_limit_in_gymnasiums_word_and_closed_environments_say_so():
     envs = native(2, objects="sugar_box", max_episode_steps=-1)
     envs.reset(seed=0)
     assert not envs.step(np.zeros((2, 23)))[3].any()
+    state = envs.get_state()
+    with refused("environment is 2"):
+        envs.set_state(state, [2])
     envs.close()
-    for what in (envs.reset, lambda: envs.step(np.zeros((2, 23))), envs.render, envs.get_state):
+    step, put = partial(envs.step, np.zeros((2, 23))), partial(envs.set_state, state)
+    for what in (envs.reset, step, envs.render, envs.get_state, put):
         with refused("closed"):
             what()
         with pytest.raises(ClosedEnvironmentError):

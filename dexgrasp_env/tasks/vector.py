@@ -29,7 +29,7 @@ from dexgrasp_env.tasks.place import GoalRewards, PlaceEnv
 from dexgrasp_env.tasks.settings import PICTURES
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
-from dexgrasp_env.valid import COUNT, NATURAL, Rule, check, instance
+from dexgrasp_env.valid import COUNT, NATURAL, Rule, check, instance, number
 
 
 class ClosedError(InputError, ClosedEnvironmentError):
@@ -212,6 +212,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
     def render_one(self, i: int) -> Any:
         """Return a picture of environment `i`."""
         self._check_open("render")
+        self._check_index(i)
         simulation = self.simulation(i)
         mujoco.mj_forward(simulation.model, simulation.data)
         return self._views.render(self.render_mode, simulation)
@@ -219,6 +220,9 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
     def _check_open(self, what: str) -> None:
         if self.closed:
             raise ClosedError(f"{what}() called on environments that are closed: make others")
+
+    def _check_index(self, i: int) -> int:
+        return check("environment", i, number(ge=0, le=self.num_envs - 1, whole=True))
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[Generator, ...]:  # type: ignore[override]
@@ -241,9 +245,10 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         """Return the state of environment `i`, as `LiftEnv.get_state`; either takes the other's.
 
         Raises:
-            InputError: before its first reset.
+            InputError: before its first reset, or for an index of none.
         """
         self._check_open("get_state")
+        self._check_index(i)
         if not self._started[i]:
             raise InputError(f"get_state({i}) called without an episode: call reset() first")
         return self._episodes.get_state(
@@ -256,8 +261,13 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         Args:
             state: of `get_state`.
             which: the environments that go on from it; None for all.
+
+        Raises:
+            InputError: as `LiftEnv.set_state`, or for an index of none.
         """
-        for i in range(self.num_envs) if which is None else which:
+        self._check_open("set_state")
+        chosen = range(self.num_envs) if which is None else [*map(self._check_index, which)]
+        for i in chosen:
             simulation = self._episodes.set_state(i, state, self._rngs[i])
             self._physics.load(i, simulation)
             seen = self._episodes.observe(i, simulation, copy.deepcopy(self._rngs[i]))
