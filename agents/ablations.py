@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.geometry.request import ANYHOW, GraspRequest
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.mechanics.closure import TOLERANCE
@@ -24,8 +25,6 @@ from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import Solution
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
-
-from .bilevel import BilevelAgent
 
 NO_IK, COLLISION, NO_CLOSURE, TOO_WEAK = "ik_not_converged", "collision", "eq4_infeasible", "dynamics"
 

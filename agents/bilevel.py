@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from dexgrasp.agent import BY_CLOUD, Agent, Info, Observation, cell_of
+from dexgrasp.agents.stages import Episode, Stage, first_stage
 from dexgrasp.geometry.request import ANYHOW, GraspRequest
 from dexgrasp.planning.plan_scene import default_planner, plan_scene, start_of
 from dexgrasp.planning.planner import Planner
@@ -12,8 +13,6 @@ from dexgrasp_env.arrays import Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.cell import Cell, default_cell
-
-from .stages import Episode, Stage, first_stage
 
 
 class BilevelAgent(Agent):

@@ -23,10 +23,8 @@ from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.constants import AROUND_POINTS
 from dexgrasp_env.tasks.control import normalise
 
-_ROOM, _BESIDE = (
-    0.05,
-    0.02,
-)  # m between things and walls of the tray, for fingers; beside it where things are in it
+_ROOM = 0.05  # m between things and walls of the tray, for fingers
+_BESIDE = 0.02  # m beside the tray, where things count as in it
 
 
 class PlacingAgent(Agent):

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dexgrasp.agent import BY_CLOUD, Info, Observation
+from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.agents.stages import GoHome, LiftAndHold, SlideToEdge, Stage, TakeHold, take_hold, way_home
 from dexgrasp.geometry.tracking import PlanarTracker
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, solve_palm
 from dexgrasp.mechanics.kinematics.tree import RobotTree
@@ -15,9 +17,6 @@ from dexgrasp.planning.plan_scene import plan_scene
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
-
-from .bilevel import BilevelAgent
-from .stages import GoHome, LiftAndHold, SlideToEdge, Stage, TakeHold, take_hold, way_home
 
 _STILL = np.array([0.004, 0.004, 0.06])  # m and rad, less than which is no motion
 

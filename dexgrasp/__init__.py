@@ -1,4 +1,4 @@
-"""Dexterous grasping on a table: shape, planning, certificates, motion, learning, evaluation, the commands."""
+"""Dexterous grasping on a table: geometry, mechanics, planning, grasp files, motion, learning, evaluation, commands."""
 
 __all__ = ["Agent", "Report", "make_agent", "plan_cloud"]
 _HOMES = {

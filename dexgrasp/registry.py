@@ -33,9 +33,9 @@ AGENTS: dict[str, str] = {
 """Name -> module and class; imported when asked for, some need torch."""
 
 _READ: dict[str, dict[Path, None]] = {}
-"""Agent of the user's -> files that its module and making it have read in this process."""
+"""User's agent -> files that importing and making it has read in this process."""
 _CONNECTED: dict[str, Agent] = {}
-"""Address of a policy server that was asked what it is -> the agent that is connected to it."""
+"""Address of a policy server -> the agent that holds the connection, until `make_agent` takes it."""
 
 
 def make_agent(name: str | os.PathLike[str], **kwargs: Any) -> Agent:
@@ -49,7 +49,7 @@ def make_agent(name: str | os.PathLike[str], **kwargs: Any) -> Agent:
         kwargs: of the class.
 
     Raises:
-        InputError: for an unknown name, or a class that cannot be had or is no agent.
+        InputError: for an unknown name, or a class that cannot be imported or made, or is no agent.
     """
     name = str(check("agent", name, NAMED))
     if name in AGENTS:
@@ -77,11 +77,11 @@ def make_agent(name: str | os.PathLike[str], **kwargs: Any) -> Agent:
 
 
 def placing_agent(name: str, env_id: str = "DexGrasp/Place-v2", **kwargs: Any) -> Agent:
-    """Make an agent for goals: one that commands set-points of joints has its grasps carried on to them.
+    """Make an agent for tasks with goals; one of joint set-points is wrapped so that it carries its object there.
 
     Args:
         name: see `make_agent`.
-        env_id: of the task: Place, or Clear, where one thing is grasped after the other.
+        env_id: of the task: Place, or Clear, in which objects are grasped one after the other.
         **kwargs: of the class.
 
     Raises:
@@ -95,7 +95,7 @@ def placing_agent(name: str, env_id: str = "DexGrasp/Place-v2", **kwargs: Any) -
 
 
 def check_name(name: str) -> str:
-    """Return an agent's name, checked as far as that can be without importing anything.
+    """Check the form of an agent's name, without importing anything, and return it.
 
     Raises:
         InputError: for a name that is neither known, nor a checkpoint, nor `module:Class`.
@@ -118,7 +118,7 @@ def is_server(name: str) -> bool:
 
 
 def server_identity(name: str) -> Fields:
-    """Return what the policy server of an address says of itself, as JSON holds it; `make_agent` takes the connection.
+    """Return the metadata of a policy server as JSON; the connection is kept for `make_agent`.
 
     Raises:
         InputError: where no server answers.
@@ -128,9 +128,9 @@ def server_identity(name: str) -> Fields:
 
 
 def agent_files(name: str) -> list[Path]:
-    """Return the files that what an agent does rests on: of a policy, of a checkpoint, or what making one has read.
+    """Return the files that an agent depends on: those of a policy or checkpoint, or those read to make it.
 
-    A wrapper of one's own, `module:Class`, is as an agent: what its module imports counts.
+    For a user's wrapper, `module:Class`, as for an agent, these include what its module imports.
     """
     if is_policy(name):
         return policy_files(name)
@@ -145,7 +145,7 @@ def agent_files(name: str) -> list[Path]:
 
 
 def agent_source(name: str) -> Path | None:
-    """Return the file of the module of an agent `package.module:Class`; nothing is run for it."""
+    """Return the file of the module of an agent `package.module:Class`, without importing it."""
     module, colon, _ = name.partition(":")
     if not colon or name.endswith(".zip") or name.startswith("lerobot:") or is_server(name):
         return None
@@ -172,6 +172,6 @@ def _load(spec: str) -> Any:
 
 
 def _look_here() -> None:
-    """Add the current directory, wherever that is, to the path of modules, as `python -c` does."""
+    """Add the current directory to the module search path, as `python -c` does."""
     if "" not in sys.path:
         sys.path.append("")

@@ -1,6 +1,7 @@
-"""Dexterous grasping on a table: Gymnasium environments for a Panda arm with an Allegro hand.
+"""Dexterous grasping on a table: Gymnasium environments for a Panda arm with an Allegro hand, or a robot of one's own.
 
-Importing the package registers the environments; it brings no torch, no numba and no GL.
+A `robot` and `objects` become a `scene`; `sensing` and `perception` look at it; `tasks` are the environments. Importing
+the package registers them; it brings no torch, no numba and no GL.
 """
 
 import ctypes

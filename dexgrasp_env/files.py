@@ -137,9 +137,8 @@ def user_cache_dir() -> Path:
 
     Where there is none of these either, it is a folder that cannot be made.
     """
-    with suppress(
-        RuntimeError, OSError
-    ):  # by the release of platformdirs: no home is an error, or stays a tilde
+    # By the release of platformdirs no home is an error, or stays a tilde.
+    with suppress(RuntimeError, OSError):
         path = Path(platformdirs.user_cache_dir("dexgrasp"))
         if path.is_absolute():
             return path
@@ -369,10 +368,10 @@ def jsonable(value: Any) -> Any:
         return plain if of_numbers else jsonable(plain)
     if isinstance(value, (int, float)):
         return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, set)):  # of an array that was made plain before: thousands of numbers
         return [item if type(item) is float and math.isfinite(item) else jsonable(item) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(item) for key, item in value.items()}
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: jsonable(getattr(value, field.name)) for field in fields(value)}
     return str(value)

@@ -5,13 +5,14 @@
 `read` makes such a dataclass from a mapping of somebody else's; the command line makes options of the same fields.
 """
 
+import inspect
 import math
 import numbers
 import os
 import types
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
-from functools import cache, reduce
+from functools import cache, reduce, wraps
 from operator import or_
 from pathlib import Path
 from typing import (
@@ -30,6 +31,7 @@ from typing import (
 from dexgrasp_env.errors import InputError, shortened, unknown_name
 
 Settings = TypeVar("Settings")
+Called = TypeVar("Called", bound=Callable[..., Any])
 
 
 class Rule(NamedTuple):
@@ -121,6 +123,11 @@ def _distinct(value: Any) -> tuple[str, ...]:
 def instance(kind: type, words: str) -> Rule:
     """Return the rule of the instances of a type."""
     return Rule(words, lambda value: value if isinstance(value, kind) else _refuse())
+
+
+def _of_class(kind: Any) -> Rule | None:
+    known = inspect.isclass(kind) and kind is not Any
+    return instance(kind, f"{kind.__name__} of {kind.__module__}") if known else None
 
 
 def _refuse() -> Any:
@@ -221,6 +228,30 @@ def check(what: str, value: Any, rule: Rule) -> Any:
         raise
     except (AttributeError, TypeError, ValueError, OverflowError):
         raise InputError(f"{what} is {shortened(repr(value), 100)}: valid is {rule.words}") from None
+
+
+def checked(function: Called) -> Called:
+    """Hold the arguments of what users' programs call to its annotations: plain types, those with rules, and classes.
+
+    Returns:
+        The function, which raises `InputError` for an argument that is not as it says.
+    """
+    signature = inspect.signature(function)
+    known = cache(
+        lambda: {name: hint_of(each) for name, each in get_type_hints(function, None, None, True).items()}
+    )
+
+    @wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        given = signature.bind(*args, **kwargs)
+        for name, value in given.arguments.items():
+            hint = known().get(name)
+            if hint and not (value is None and hint.optional):
+                rule = hint.rule or _of_class(hint.kind)
+                given.arguments[name] = check(name, value, rule) if rule else value
+        return function(*given.args, **given.kwargs)
+
+    return cast(Called, call)
 
 
 def read(kind: type[Settings], given: Any, what: str = "", *, more: bool = False) -> Settings:

@@ -36,7 +36,7 @@ SURE, LEAST = 0.95, 0.92
 
 
 class CalibrateViews(Script):
-    """Fits and writes, or judges; 1 where what was said is not shown to hold, 2 for bad input.
+    """Fit the model and write it, or judge it; exit code 1 where a stated probability is not shown to hold.
 
     Attributes:
         runs: evaluations of `bilevel`, own or published; to calibrate, with one camera.

@@ -1,4 +1,4 @@
-"""Looks through built pages for anything that a browser would load from outside, and for links that lead nowhere.
+"""Check built pages for content that a browser would load from outside, and for links that lead nowhere.
 
 python scripts/check_site.py out/site
 """

@@ -1,4 +1,4 @@
-"""Judge what is made of clouds of tables on which several things stand.
+"""Judge plans and segmentation on clouds of tables with several objects.
 
     python scripts/clouds.py crowded OUT [--seed 0] [--count 40]
     python scripts/clouds.py parted OUT [--seed 0] [--count 200] [--kinds touching stacked] [--sensor captured]
@@ -9,12 +9,12 @@ goes through `dexgrasp plan --cloud`, told by a point, a box or a mask in turn, 
 are then played, every 20 ms, against the true shapes: the robot's and the carried object's distance to all that was not
 pointed at. Exits with 1 where an unrefused trajectory hits anything by more than a millimetre.
 
-`parted`: are objects that touch or are stacked told apart, or said doubtful, and is one that is alone one? Scenes of
-one or two objects of the catalogue are drawn and seen by one camera, as captures are, whose noise has holes, flying
-pixels and steps of depth (`SensorModel.captured`): `single`, `touching` (gaps of 0 to 3 mm), `near` (3 to 20 mm) and
-`stacked`; every other pair stands flush, side to side. An object is good where one of the things found holds 0.9 of its
-points, and 0.9 of the points of that are its own. Printed is for each kind how many objects are good, how many that are
-not are said doubtful, and how many that are good are said doubtful nevertheless.
+`parted`: are objects that touch or are stacked separated, or reported as doubtful, and is a single one found whole?
+Scenes of one or two objects of the catalogue are drawn and seen by one camera, whose noise is that of captures: holes,
+flying pixels and steps of depth (`SensorModel.captured`). Kinds are `single`, `touching` (gaps of 0 to 3 mm), `near` (3
+to 20 mm) and `stacked`; every other pair stands flush, side to side. An object is good where one of the things found
+holds 0.9 of its points, and 0.9 of the points of that are its own. The table has for each kind the number of good
+objects, of others that are reported as doubtful, and of good ones that are reported as doubtful nevertheless.
 
 Rows go to OUT/rows.jsonl.
 """
@@ -214,7 +214,7 @@ def clearance(rows: Path, things: list[Body]) -> float:
 
 
 class Crowded(Script):
-    """Tries all scenes; says how many are clear."""
+    """Try all crowded scenes; exit code 1 if a trajectory hits anything."""
 
     out: Argument[Folder]
     seed: Natural = 0
@@ -321,7 +321,7 @@ def judged(cloud: Cloud, truth: Index, seed: int) -> list[Fields]:
 
 
 class Parted(Script):
-    """Tries scenes of each kind, and says how many objects are told apart, or said doubtful.
+    """Try scenes of each kind; count objects that are separated or reported as doubtful.
 
     Attributes:
         out: folder of the rows.

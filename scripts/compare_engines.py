@@ -1,4 +1,4 @@
-"""Compares engines: set-points played again in MuJoCo, Bullet and Drake, whose solvers and contacts share no code.
+"""Compare engines: set-points replayed in MuJoCo, Bullet and Drake, whose solvers and contacts share no code.
 
     pip install -c constraints.txt pybullet drake
     dexgrasp export grasps/pear/grasp.json --format mjcf --out robot/pear
@@ -71,7 +71,7 @@ def replay(recording: Recording, scene: Path, engine: str, rng: np.random.Genera
 
 
 class ReplayTrajectory(Script, CellOptions):
-    """Replays, prints how often it held; 1 unless always, 2 for bad input.
+    """Replay a trajectory; exit code 1 unless every replay holds.
 
     Attributes:
         trajectory: a folder of `dexgrasp export --format mjcf`.
@@ -147,7 +147,7 @@ class EngineRunner(TrialRunner):
 
 
 class CompareEngines(Script):
-    """Plays, prints the tables; 2 for bad input.
+    """Run trials of agents, replay their set-points in engines, and print the tables.
 
     Attributes:
         out: folder of the trials.

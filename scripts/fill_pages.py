@@ -1,4 +1,4 @@
-"""Writes into the pages of docs/ what they show of the code, so that they can be read in the repository.
+"""Write the parts of docs/ that come from the code, so that pages can be read in the repository.
 
     python scripts/fill_pages.py
 

@@ -1,4 +1,4 @@
-"""Requests drawn at random: how many of those that can be met are, and are contacts where they were asked for?
+"""Random grasp requests: the share of feasible ones that are answered, and whether contacts are where they were asked.
 
     python scripts/grasp_requests.py OUT [--seed 0] [--count 200]
 
@@ -122,7 +122,7 @@ def summary(rows: list[Fields]) -> Iterator[str]:
 
 
 class Requests(Script):
-    """Draw, plan, carry out, judge.
+    """Draw requests, plan and execute grasps, and judge them.
 
     Attributes:
         out: folder for rows.jsonl.

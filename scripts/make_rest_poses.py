@@ -1,4 +1,4 @@
-"""Drops every object of the catalogue and writes assets/rest_poses/<name>.json.
+"""Drop every object of the catalogue and write assets/rest_poses/<name>.json.
 
 Run it when a shape or a mass of the catalogue changes: python scripts/make_rest_poses.py [NAME ...]
 """

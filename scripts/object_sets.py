@@ -84,7 +84,7 @@ def split() -> tuple[list[int], list[int]]:
 
 
 class Outside(Script):
-    """Writes a thousand shapes by no builder of the catalogue.
+    """Write a thousand shapes that no builder of the catalogue makes.
 
     Attributes:
         folder: where meshes and set files go.
@@ -137,7 +137,7 @@ def solid(part: dict[str, Any]) -> Any:
 
 
 class Kitchen(Script):
-    """Writes what lies low, what has a handle, bowls, pots and trays.
+    """Write flat things, things with handles, bowls, pots and trays.
 
     Attributes:
         folder: where meshes and set files go.
@@ -185,7 +185,7 @@ def fetch(name: str, publisher: str) -> Path:
 
 
 class Ycb(Script):
-    """Fetches meshes of the YCB Object and Model Set, with their published masses.
+    """Fetch meshes of the YCB Object and Model Set, with their published masses.
 
     Attributes:
         out: set file to write.

@@ -1,4 +1,4 @@
-"""Pre-grasps that `DexGrasp/LiftFromGrasp` begins at: certified by the planner, each with the way to it.
+"""Make the file of pre-grasps that `DexGrasp/LiftFromGrasp` begins at: certified, each with its approach.
 
     python scripts/pregrasps.py assets/pregrasps.npz --objects all20 --each 4 --seed 71
 

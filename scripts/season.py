@@ -207,7 +207,7 @@ def publish(folder: Path, out: Path) -> None:
 
 
 class Commit(Script):
-    """Says what is scored, before there are seeds.
+    """Commit to what is scored, before there are seeds.
 
     Attributes:
         season: a file of seasons/.
@@ -225,7 +225,7 @@ class Commit(Script):
 
 
 class Play(Script):
-    """Scores a season.
+    """Score a season and publish its trials.
 
     Attributes:
         season: a file of seasons/.
@@ -246,7 +246,7 @@ class Play(Script):
 
 
 class Verify(Script):
-    """Checks a season that was published; exits with 1 where something is not as it says.
+    """Check a published season; exit code 1 where something differs.
 
     Attributes:
         season: a file of seasons/.
@@ -278,7 +278,7 @@ class Verify(Script):
 
 
 class Show(Script):
-    """Prints the table of an entry, from its trials.
+    """Print the table of an entry, from its trials.
 
     Attributes:
         name: SEASON/ENTRY.
@@ -292,7 +292,7 @@ class Show(Script):
 
 
 class Write(Script):
-    """Puts the tables into the pages."""
+    """Write the tables into the pages."""
 
     def run(self) -> int:
         for path in pages():

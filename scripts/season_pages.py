@@ -1,4 +1,4 @@
-"""Results of seasons on pages, from their published trials.
+"""Tables of seasons on pages, from their published trials.
 
 A page shows an entry between `<!-- results:SEASON/ENTRY -->` and `<!-- /results:SEASON/ENTRY -->`, or some of its rows
 alone (`results:SEASON/ENTRY ROW ...`); a figure in a sentence stands between `<!-- rate:SEASON/ENTRY AGENT ROW -->` and

@@ -6,10 +6,9 @@ python tests/cheats.py --seed 5 --trials 5 [--objects all20] [--presets Lift Lif
 import sys
 
 import gymnasium as gym
-import mujoco
 import numpy as np
+from tables import table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
 from dexgrasp.cli.command import Script
 from dexgrasp.cli.commands import run_script
@@ -26,7 +25,9 @@ PRESETS = ("Lift", "LiftUpright", "LiftSlippery", "LiftPushed", "LiftOneView")
 _HOVER = 0.07  # m, from where on nothing more is commanded: the arm goes on to 9 cm
 _OBJECT = "gelatin_box"
 ROBOT = default_cell().robot
-HOME, LOWER, UPPER = ROBOT.home, ROBOT.lower, ROBOT.upper
+HOME = ROBOT.home
+UPTURNED = table("upturned")
+"""Posture with the open palm up, high above the table, the thumb aside, and the pose of an object on the palm."""
 
 
 def make(preset, objects=_OBJECT, **kwargs):
@@ -79,28 +80,6 @@ def put(inner: LiftEnv, q: np.ndarray, pose: np.ndarray, velocity: float = 0.0) 
     inner.set_state(state)
 
 
-def upturned_hand(inner: LiftEnv) -> tuple[np.ndarray, np.ndarray]:
-    """A posture with the open palm up, high above the table, the thumb aside, and the pose of an object on it."""
-    model, data, rng = inner.model, mujoco.MjData(inner.model), np.random.default_rng(0)
-    best, score = HOME.copy(), -np.inf
-    for _ in range(6000):
-        q = HOME.copy()
-        q[:7] = rng.uniform(LOWER[:7], UPPER[:7])
-        data.qpos[:23], data.qpos[23:26] = q, [0.5, 0.5, 0.02]
-        mujoco.mj_kinematics(model, data)
-        site = data.site("palm")
-        up, height = site.xmat.reshape(3, 3)[2, 0], site.xpos[2]
-        if up > max(score, 0.99) and 0.3 < height < 0.7:
-            mujoco.mj_forward(model, data)
-            if not any(min(c.geom) >= 0 and c.dist < 0 and data.qpos[24] < 0.5 for c in data.contact):
-                best, score = q, up
-    best[7:], best[19:] = 0.0, [0.263, -0.105, -0.189, -0.162]
-    data.qpos[:23] = best
-    mujoco.mj_kinematics(model, data)
-    palm = data.site("palm")
-    return best, np.array([*(palm.xpos + palm.xmat.reshape(3, 3) @ [0.045, 0.0, 0.02]), 1, 0, 0, 0])
-
-
 def hover(env, seed):
     """Grasp and lift, but not as far as counts: pushes never begin."""
     return grasp(env, seed, "hardcoded", lambda inner: inner.observe()[1]["object_height"] > _HOVER)
@@ -143,8 +122,8 @@ def tray(env, seed, curled=0.0):
     """Lay the object on the upturned open hand."""
     env.reset(seed=seed)
     inner = env.unwrapped
-    q, pose = upturned_hand(inner)
-    put(inner, q, pose)
+    q = np.array(UPTURNED["joints"])
+    put(inner, q, UPTURNED["object"])
     end = q.copy()
     for first in (7, 11, 15):
         end[first + 1 : first + 4] += curled

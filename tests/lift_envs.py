@@ -4,7 +4,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.rendering import choose_gl
 
 ID = "DexGrasp/Lift-v2"
@@ -43,17 +42,6 @@ def rollout(env, seed, steps=25, scale=0.5, options=None):
         if terminated:
             break
     return seen, rewards, env.unwrapped.simulation.data.qpos.copy()
-
-
-def assert_same(first, second):
-    for a, b in zip(first[0], second[0], strict=True):
-        assert (
-            np.array_equal(a, b)
-            if isinstance(a, np.ndarray)
-            else all(np.array_equal(a[key], b[key]) for key in a)
-        )
-    assert first[1] == second[1]
-    assert np.array_equal(first[2], second[2])
 
 
 def finished(env, agent, observation, steps=400):

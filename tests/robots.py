@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import yaml
 
 from dexgrasp_env.arrays import Array
@@ -24,6 +25,24 @@ MOUNTS = CELL.mounts
 def denormalise(action: Array, robot: Any) -> Array:
     """`joint_position` actions (..., n) as joint positions (..., n) rad."""
     return robot.lower + 0.5 * (action + 1.0) * (robot.upper - robot.lower)
+
+
+def room(floor: bool = True) -> mujoco.MjSpec:
+    """Return a table, and a floor under it."""
+    spec, kinds = mujoco.MjSpec(), mujoco.mjtGeom
+    table = spec.worldbody.add_body(name="table")
+    table.add_geom(type=kinds.mjGEOM_BOX, size=[0.35, 0.6, 0.02], pos=[0.52, 0, -0.02])
+    if floor:
+        spec.worldbody.add_geom(type=kinds.mjGEOM_PLANE, size=[0, 0, 0.1], pos=[0, 0, -0.75])
+    return spec
+
+
+def simulated(spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Return a model, and its data with positions computed."""
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
 
 
 def variant(folder: Path, of: str | Path = "panda_allegro", **changes: Any) -> Path:

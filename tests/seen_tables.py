@@ -5,6 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from robots import ARM_BODIES, CELL
+from scipy.spatial.transform import Rotation
 
 from dexgrasp_env.perception.pipeline import find_object
 from dexgrasp_env.perception.scan import cloud_of
@@ -27,8 +28,7 @@ def find(points, seed=0, cell=CELL, **pointing):
 def leaning(height, degrees=0.0, towards=0.0, about=AMID):
     """Pose of a table that is `height` m higher and leans by a turn about a level axis through a point of it."""
     axis, angle = np.array([-np.sin(towards), np.cos(towards), 0.0]), np.radians(degrees)
-    K = np.cross(np.eye(3), -axis)
-    R = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
+    R = Rotation.from_rotvec(-angle * axis).as_matrix()
     return rigid(R, about + np.array([0.0, 0.0, height]) - R @ about)
 
 

@@ -107,19 +107,20 @@ def trained(net, folder):
 
 def test_numpy_predicts_what_torch_does(demos, tmp_path):
     StateBcTraining([demos], settings_of("state"), tmp_path / "out").run()
-    clone, rows = BcPolicy(*read_policy(tmp_path / "out")), read_steps([demos])
+    (about, arrays), rows = read_policy(tmp_path / "out"), read_steps([demos])
     batch = rows.batch(np.array([0]), np.array([[5, 50]]), 8)
-    net = trained(BcNet(SMALL, *rows.looks[:2], np.ones(8 * 23, np.float32)), tmp_path / "out")
-    theirs = net(torch.from_numpy(batch.looks)).detach().numpy()[0]
-    assert_allclose(clone.predict(batch.looks[0]).reshape(2, -1) / clone._unit, theirs, atol=1e-4)
+    net = trained(BcNet(SMALL, *rows.features[:2], np.ones(8 * 23, np.float32)), tmp_path / "out")
+    theirs = net(torch.from_numpy(batch.features)).detach().numpy()[0]
+    ours = BcPolicy(about, arrays).predict(batch.features[0]).reshape(2, -1)
+    assert_allclose(ours / arrays["unit"], theirs, atol=1e-4)
 
 
 def test_numpy_weighs_grips_as_torch_does(demos, tmp_path):
     VIEWS["cloud"]([demos], settings_of("cloud"), tmp_path / "out").run()
     grips, azimuths = read_grips([demos]), np.array([0.0, 1.0, 4.0])
-    points, numbers = grip_features(grips.looks[0], azimuths)
+    points, numbers = grip_features(grips.clouds[0], azimuths)
     net = trained(GraspNet(NARROW, numbers, grips.rows), tmp_path / "out")
-    ours = CloudGraspPolicy(*read_policy(tmp_path / "out")).predict(grips.looks[0], azimuths)
+    ours = CloudGraspPolicy(*read_policy(tmp_path / "out")).predict(grips.clouds[0], azimuths)
     for one, other in zip(ours, net(*map(torch.from_numpy, (points, numbers))), strict=True):
         assert_allclose(one, other.detach().numpy(), atol=1e-4)
 

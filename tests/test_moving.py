@@ -7,7 +7,6 @@ from lift_envs import finished
 from refusals import refused
 from tables import table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
 from dexgrasp.geometry.tracking import PlanarTracker
 from dexgrasp.registry import make_agent

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from cloud_accuracy import measure_accuracy
 from refusals import refused
-from robots import CELL
+from robots import CELL, room, simulated
 from tables import table
 
 from dexgrasp_env.arrays import unit
@@ -23,10 +23,8 @@ SHAPES = table("half_sizes")
 
 
 def scene(kind="box"):
-    spec = mujoco.MjSpec()
+    spec = room()
     world = spec.worldbody
-    world.add_body(name="table").add_geom(type=GEOM.mjGEOM_BOX, size=[0.35, 0.6, 0.02], pos=[0.52, 0, -0.02])
-    world.add_geom(type=GEOM.mjGEOM_PLANE, size=[0, 0, 0.1], pos=[0, 0, -0.75])
     half = {"box": 0.08, "cylinder": 0.05, "sphere": 0.038}[kind]
     body = world.add_body(name="object", pos=[0.5, 0.1, half], quat=[0.95, 0, 0, 0.312])
     body.add_freejoint()
@@ -37,10 +35,7 @@ def scene(kind="box"):
     finger.add_geom(type=GEOM.mjGEOM_CAPSULE, size=[0.014, 0.05, 0])
     for link in (hand, finger):  # what joints move is the robot
         link.add_joint(axis=[0, 0, 1])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    return model, data
+    return simulated(spec)
 
 
 def true_mesh(kind):

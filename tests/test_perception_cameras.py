@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from robots import CELL
+from robots import CELL, room, simulated
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.rendering import ColourCameras
@@ -15,22 +15,14 @@ GEOM = mujoco.mjtGeom
 
 
 def small_scene(floor: bool = True) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    spec = mujoco.MjSpec()
-    world = spec.worldbody
-    table = world.add_body(name="table")
-    table.add_geom(type=GEOM.mjGEOM_BOX, size=[0.35, 0.6, 0.02], pos=[0.52, 0, -0.02])
-    if floor:
-        world.add_geom(type=GEOM.mjGEOM_PLANE, size=[0, 0, 0.1], pos=[0, 0, -0.75])
-    body = world.add_body(name="object", pos=[0.5, 0.05, 0.06], quat=[0.9, 0.1, 0.2, 0.3])
+    spec = room(floor)
+    body = spec.worldbody.add_body(name="object", pos=[0.5, 0.05, 0.06], quat=[0.9, 0.1, 0.2, 0.3])
     body.add_freejoint()
     body.add_geom(type=GEOM.mjGEOM_BOX, size=[0.03, 0.04, 0.05])
     # An inertial frame off the geoms' centre and turned: what mj_multiRay culls wrongly.
     body.mass, body.inertia, body.explicitinertial = 1.0, [0.01, 0.011, 0.012], True
     body.ipos, body.iquat = [0.1, -0.1, 0.05], [0.5, 0.5, -0.5, 0.5]
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    return model, data
+    return simulated(spec)
 
 
 def test_rays_miss_nothing_that_single_rays_hit():

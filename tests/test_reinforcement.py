@@ -23,7 +23,6 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym
 from stable_baselines3 import SAC
 
-import dexgrasp_env  # noqa: F401
 from dexgrasp.learning.reinforcement.demo_replay import add_demonstrations
 from dexgrasp.learning.reinforcement.rl_training import RlTraining
 from dexgrasp.learning.reinforcement.settings import RlSettings

@@ -22,11 +22,15 @@ from dexgrasp.geometry.request import (
     Region,
     relaxations,
 )
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.learning.imitation.bc_training import VIEWS
+from dexgrasp.learning.imitation.settings import BcSettings
 from dexgrasp.mechanics.kinematics.clearance import OBJECT, clearances
 from dexgrasp.planning.asked_rows import AIMED, with_request
 from dexgrasp.planning.constraints import evaluate
+from dexgrasp.planning.diverse import plan_many
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import bounds_of
@@ -225,6 +229,23 @@ def test_what_is_known_of_the_object_is_of_the_request_and_judged():
     sure = plan_cloud(block(), seed=2, request=GraspRequest(min_probability=0.9999))
     assert sure.reason == "no_grasp:not_sure_enough"
     assert sure.relaxation.startswith("none held with probability 0.9999; one with 0.")
+
+
+def test_what_programs_call_refuses_what_is_of_another_kind():
+    planner, target = Planner(), GraspTarget.of(trimesh.creation.box([0.05] * 3))
+    for name, wrong in (
+        ("cell", lambda: Planner(cell="panda_allegro")),
+        ("patience", lambda: Planner(PlannerSettings(patience="x"))),
+        ("target", lambda: planner.plan(block())),
+        ("start", lambda: planner.plan(target, start=[0.0] * 22)),
+        ("seed", lambda: plan_many(planner, target, seed=-1)),
+        ("request", lambda: planner.asking(3)),
+        ("record", lambda: verify("grasp.json")),
+        ("epochs", lambda: BcSettings(epochs="5")),
+        ("data", lambda: VIEWS["state"]("demos", BcSettings(), "out")),
+    ):
+        with refused(f"{name} is .*: valid is"):
+            wrong()
 
 
 @pytest.mark.parametrize("wrong", mistakes("request_settings"))

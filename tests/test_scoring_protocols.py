@@ -140,8 +140,6 @@ def test_metrics_of_a_known_case(tmp_path):
     assert (far["contact_distance_m"], far["contact_number"]) == (0.010, 0)
 
 
-def test_unknown_protocol_and_hand():
-    with refused("valid are dgb_fc, dgb_tabletop, frogger_pick, get_a_grip"):
-        get_grasp_protocol("lift")
+def test_an_unknown_hand_is_named():
     with refused("valid are allegro"):
         find_hand("shadow")

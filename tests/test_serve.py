@@ -11,18 +11,19 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
 from processes import typed
 from refusals import refused
+from robots import CELL
 from tables import mistakes
 from test_scene_cloud import scene_points
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from dexgrasp.runs.messages import pack, unpack
-from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 
 TOKEN = "a token"
 SERVE = "-m dexgrasp.cli.main serve --port 0 --workers 1"
@@ -119,16 +120,12 @@ def test_a_target_a_mesh_and_a_depth_image_are_planned_for(served, points):
         beside = points[:, 1] > -0.02
         held = ask(socket, request="plan_cloud", points=points, seed=1, hold=[beside], max_force=9.0)
         assert all(contact["point"][1] > -0.03 for contact in held["grasp"]["contacts"])
-        lens = CameraIntrinsics(160, 120, 172.0, 172.0, 79.5, 59.5)
-        camera = Camera.look_at("camera", (0.9, 0.0, 0.5), (0.5, 0.0, 0.02), lens)
-        flat = (points - camera.position) @ camera.rotation
-        u, v = (np.rint(172 * flat[:, k] / flat[:, 2] + c).astype(int) for k, c in ((0, 79.5), (1, 59.5)))
-        depth = np.full((120, 160), np.inf)
-        shown = (u >= 0) & (u < 160) & (v >= 0) & (v < 120)
-        np.minimum.at(depth, (v[shown], u[shown]), flat[shown, 2])
-        K = [[172.0, 0, 79.5], [0, 172.0, 59.5], [0, 0, 1]]
+        env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", obs_mode="depth", observe="reset")
+        depth, camera = env.reset(seed=0)[0]["depth"][0], CELL.make_cameras()[0]
+        lens, place = camera.intrinsics, env.unwrapped.data.body("object").xpos
+        K = [[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1]]
         seen = ask(socket, request="objects", depth=depth, K=K, T_base_camera=camera.T_world_camera)
-        assert np.allclose(seen["objects"][0]["place"], [0.505, -0.005, 0.03], atol=0.02)
+        assert np.allclose(seen["objects"][0]["place"], place, atol=0.03)
 
 
 def test_a_mistake_is_a_line(served, points):

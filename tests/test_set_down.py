@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 from tables import mistakes, table
 from test_request import block
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import plan_cloud
 from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent

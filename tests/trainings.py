@@ -1,6 +1,7 @@
 """Trainings that are stopped, and what they leave."""
 
 import gymnasium as gym
+import pytest
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.registry import make_agent
@@ -9,12 +10,18 @@ from dexgrasp.registry import make_agent
 def goes_on_to_the_same_bits(make, folder):
     """Train in one go in `whole`, and stopped after an epoch in `parts`; return the first's state."""
     state = make(folder / "whole").run()
-    make(folder / "parts").run(stop_after=1)
+    with pytest.raises(KeyboardInterrupt):
+        make(folder / "parts").run(interrupt)
     again = make(folder / "parts").run()
     assert again.epoch == again.epochs == state.epoch
     first, second = ((folder / name / "policy.safetensors").read_bytes() for name in ("whole", "parts"))
     assert first == second
     return state
+
+
+def interrupt(state):
+    """Interrupt a training after an epoch."""
+    raise KeyboardInterrupt
 
 
 def begun(folder, seed):

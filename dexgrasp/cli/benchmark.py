@@ -5,8 +5,6 @@ from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command
 from dexgrasp.cli.output import note, tables
-from dexgrasp_env.arrays import Fields
-from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.valid import one_of
 
@@ -16,17 +14,6 @@ BENCHMARKS = {
     "planning": "seconds to a certified grasp",
 }
 """Benchmark, by the name of its module -> what it measures."""
-
-
-def run_benchmark(name: str, *, quick: bool = False) -> Fields:
-    """Run a benchmark and return its figures, as JSON holds them.
-
-    Raises:
-        InputError: for an unknown name.
-    """
-    if name not in BENCHMARKS:
-        raise unknown_name("benchmark", name, BENCHMARKS)
-    return jsonable(importlib.import_module(f"dexgrasp.cli.benchmarks.{name}").run(quick=quick))
 
 
 class Benchmark(Command):
@@ -49,7 +36,8 @@ class Benchmark(Command):
     def run(self) -> Answer:
         """Measure."""
         note(f"benchmark {self.name}: this takes a while; close what else is busy")
-        figures = run_benchmark(self.name, quick=self.quick)
+        benchmark = importlib.import_module(f"dexgrasp.cli.benchmarks.{self.name}")
+        figures = jsonable(benchmark.run(quick=self.quick))
         return Answer({"benchmark": self.name, "quick": self.quick, "figures": figures}, tables(figures))
 
 

@@ -102,12 +102,8 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
         checks.append(_leaving(facts.placed, recording, cell, rows[start:]))
     if around:
         end = facts.segments["set_down"].end if facts.placed is not None else times[-1]
-        lift = rows[
-            min(np.searchsorted(times, facts.segments["lift"].start), len(rows) - 1) : np.searchsorted(
-                times, end
-            )
-            + 1
-        ]
+        start = min(np.searchsorted(times, facts.segments["lift"].start), len(rows) - 1)
+        lift = rows[start : np.searchsorted(times, end) + 1]
         lying, nearest = scene.carried(lift[_looks(lift)])
         checks.append(
             # m that the object may get deeper into a neighbour than it seems to lie in it

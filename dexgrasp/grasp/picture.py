@@ -128,10 +128,8 @@ def _draw_grasp(grasp: Grasp, target: GraspTarget, hand: Array, box: Array, axes
 
 def _draw_found(cell: Cell, hand: Array, axes: Any) -> None:
     robot, arrow, hinge = cell.robot, 0.06, 0.008  # m, arrows of frames and pads, and half of a joint's axis
-    data, leaders = (
-        posed(compiled_robot(cell), robot.home),
-        {c.joint: c.follows for c in robot.hand.couplings},
-    )
+    data = posed(compiled_robot(cell), robot.home)
+    leaders = {own.joint: own.follows for own in robot.hand.couplings}
     palm = data.site(robot.hand.palm)
     words = ("palm x: the way of approach", "palm y", "palm z")
     _add_solid(axes, hand, (*_HAND, 0.12), (*_EDGES, 0.06))

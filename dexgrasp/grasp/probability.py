@@ -109,13 +109,7 @@ def shipped_model() -> Model:
     stated = json.loads(content)
     outcomes = {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES}
     features = tuple(stated["features"])
-    return Model(
-        content_hash(content),
-        stated["robot"],
-        features,
-        outcomes,
-        tuple(stated["guessed"]),
-    )
+    return Model(content_hash(content), stated["robot"], features, outcomes, tuple(stated["guessed"]))
 
 
 def _outcome(stated: Fields) -> tuple[Trees, tuple[float, float]]:

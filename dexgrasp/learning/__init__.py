@@ -1,4 +1,4 @@
 """Training of policies and of the grasp network: conditional VAE, imitation, reinforcement, one training loop.
 
-Takes data sets and environments; gives checkpoints, and weights that run in numpy. Scores are of `evaluation`.
+Takes data sets and environments; gives checkpoints, and weights that run in numpy. It never scores an agent.
 """

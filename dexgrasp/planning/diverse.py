@@ -25,13 +25,15 @@ from dexgrasp.planning.proposals import ProposalSource, SurfaceProposals
 from dexgrasp.planning.result import Planned, PlanResult, Progress
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import Natural, checked
 
 _POOL = 4.0  # times as many configurations are chosen among as are asked for
 UNSURE = "not_sure_enough"
 
 
+@checked
 def plan_many(
-    planner: Planner, target: GraspTarget, seed: int = 0, start: Array | None = None,
+    planner: Planner, target: GraspTarget, seed: Natural = 0, start: Array | None = None,
     progress: Progress | None = None,
 ) -> PlanResult:  # fmt: skip
     """Return as many grasps that differ as a planner is asked for, each certified, bearing the weight and in reach.

@@ -5,7 +5,6 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 
-import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.geometry.completion import target_of
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.planner import Planner, small_box

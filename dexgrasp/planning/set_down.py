@@ -50,8 +50,9 @@ def set_down(
         exact: within limits of acceleration too, and nearer to its way.
     """
     tree, target = problem.tree, problem.target
-    # Share of the joints' limits, and m that the palm may be off its way; a radian is 0.15 m.
-    speed, stray = (0.9, 0.004) if exact else (inf, 0.01)
+    # Share of the joints' limits, m that the palm may be off its way, a radian is 0.15 m, and m above the table where
+    # it is let go of: what has turned in the hand is turned back by the table, and does not roll when it is let go of.
+    speed, stray, above = (0.9, 0.004, 0.001) if exact else (inf, 0.01, 0.004)
     lifted, opened = script.phases["lift"][-1], script.phases["approach"][-1]
     up = palm_frame(lifted, tree)[1][2] - palm_frame(opened, tree)[1][2]
     at, now, error, phases = about + np.array([0.0, 0.0, up]), lifted, 0.0, dict(script.phases)
@@ -59,7 +60,7 @@ def set_down(
     for name, way, turned in (
         ("rise", [0.0, 0.0, rise], None),
         ("carry", [*leg, 0.0], turn),
-        ("set_down", [0.0, 0.0, 0.004 - up - rise], None),  # m above the table where it is let go of
+        ("set_down", [0.0, 0.0, above - up - rise], None),
     ):
         phases[name], strayed = carried(now, at, np.array(way), tree, turned, speed)
         error, at, now = max(error, strayed), at + way, phases[name][-1]

@@ -65,6 +65,7 @@ class ClutterSettings(LiftSettings):
             "mask": (self.obs_mode.endswith("pointcloud"), "an obs_mode of clouds"),
             **dict.fromkeys(("neighbour_objects", "bin"), (self.neighbours[1] > 0, "neighbours")),
             "presentation": (self.gaps is not None, "gaps: a heap is dropped"),
+            "starts": (False, "a task of one object"),
         }
 
     @property
@@ -148,7 +149,7 @@ class ClutterEpisodes(Episodes):
                     record["size"][k] = model.extents
                 return simulation
             if not given:
-                pose = self._draw_pose(simulation.object, slot.variation, rng)
+                pose = settings.draw_pose(simulation.object, slot.variation.size, rng)
         raise InputError(
             f"no scene with {self.neighbours} neighbours came to rest in {draws} draws: valid are fewer "
             "neighbours, wider gaps or smaller objects"

@@ -34,12 +34,8 @@ class ActionSpace(spaces.Box):
         hold: int = 1,
     ) -> None:
         super().__init__(-1.0, 1.0, (action_size(control_mode, robot),), np.float32)
-        self.control_mode, self.frame_skip, self.action_scale, self.hold = (
-            control_mode,
-            frame_skip,
-            scale,
-            hold,
-        )
+        self.control_mode, self.frame_skip = control_mode, frame_skip
+        self.action_scale, self.hold = scale, hold
 
 
 def action_size(mode: str, robot: Robot) -> int:

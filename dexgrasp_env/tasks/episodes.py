@@ -4,7 +4,8 @@ The single environment has one, the vector environment many; only who advances t
 """
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays, Fields, Index, Mask
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.tasks import kernel
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, ActionSpace, check_finite
@@ -25,8 +25,8 @@ from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
 from dexgrasp_env.tasks.infos import EpisodeInfos
 from dexgrasp_env.tasks.observations import FLAT, key_columns, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
-from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, Records, new_record, rules_of
+from dexgrasp_env.tasks.randomisation import Rngs, Variation
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, new_record, rules_of
 from dexgrasp_env.tasks.reset_options import check_joints, check_options
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -39,8 +39,8 @@ from dexgrasp_env.tasks.views import CameraObserver
 class Episodes(EpisodeInfos):
     """Records of N episodes and the scenes that they share; the base of every task.
 
-    A task overrides `task_dtype`, what it notes; `_begin` or `_set_out`, how an episode starts; `_finish`, the rewards
-    and observation of a step; `endings`; `more_infos`.
+    A task overrides `task_dtype`, what it notes; `_begin` or `_set_out`, how an episode starts; `_finish`, rewards and
+    observation of a step; `endings`; `more_infos`.
     """
 
     task = "lift"
@@ -68,11 +68,9 @@ class Episodes(EpisodeInfos):
         self.rewards, self._goes_on = np.zeros(number), np.zeros(number, bool)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
         self._rows, self._push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
-        hulls, self._hull_spans, first_row = [], {}, 0
-        for target, simulation in self.simulations.items():
-            hulls.append(simulation.hull)
-            self._hull_spans[target] = first_row, len(simulation.hull)
-            first_row += len(simulation.hull)
+        hulls = [simulation.hull for simulation in self.simulations.values()]
+        spans = zip(accumulate(map(len, hulls), initial=0), map(len, hulls), strict=False)
+        self._hull_spans = dict(zip(self.simulations, spans, strict=True))
         first = next(iter(self.simulations.values()))
         self.action_space = ActionSpace(
             settings.control_mode, robot, settings.frame_skip, settings.action_scale, settings.hold
@@ -115,9 +113,7 @@ class Episodes(EpisodeInfos):
             InputError: for what cannot be asked for them.
         """
         if starts is not None and (isinstance(starts, type) or not callable(starts)):
-            raise InputError(
-                f"starts is {starts!r}: valid is what is called for a reset's options, as PreGrasps()"
-            )
+            raise InputError(f"starts is {starts!r}: valid is what returns a reset's options, as PreGrasps()")
         self.starts = starts
 
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> tuple[Simulation, Arrays]:
@@ -178,7 +174,7 @@ class Episodes(EpisodeInfos):
         target = str(options.get("object", names[int(rng.integers(len(names)))]))
         simulation = self.simulations[target]
         variation = settings.randomisation.sample(rng, settings.mass, settings.friction_of(simulation.object))
-        pose = self._draw_pose(simulation.object, variation, rng)
+        pose = settings.draw_pose(simulation.object, variation.size, rng)
         given = options.get("object_pose")
         if given is not None:
             pose = check_pose(given, simulation.object, variation.size, settings.cell)
@@ -197,11 +193,6 @@ class Episodes(EpisodeInfos):
             motion = draw_motion(settings.disturbance, pose, settings.frame_skip, rng)
             self.task_records[list(MOTION.names or ())][i] = motion
         return self._set_out(i, pose, rng, given is not None)
-
-    def _draw_pose(self, model: ObjectModel, variation: Variation, rng: Generator) -> Array:
-        pose = self.settings.object_pose.sample(model, rng, self.settings.presentation)
-        pose[2] *= variation.size
-        return pose
 
     def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:
         """Put the object of episode `i` down at `pose` (7,), drawn or given, and let it settle; return its scene."""
@@ -264,12 +255,7 @@ class Episodes(EpisodeInfos):
         return self._rows, moves_now(self.task_records, self.records) if moves else self._push
 
     def conclude(
-        self,
-        part: slice,
-        where: Physics,
-        warnings: Index,
-        rngs: Sequence[Generator | None],
-        judge: bool = True,
+        self, part: slice, where: Physics, warnings: Index, rngs: Rngs, judge: bool = True
     ) -> Arrays:
         """Advance progress, terms and rewards of a part of the episodes to the present, and observe it.
 
@@ -285,10 +271,18 @@ class Episodes(EpisodeInfos):
         """
         records = self.records[part]
         rows = np.empty((len(records), self._width), np.float32)
+        noise = self.settings.randomisation.draw_joint_noise(records["variation"], self.rules.joints, rngs)
         kernel.conclude(
-            records, where.current, warnings, self.commands[part], self._joint_noise(records, rngs), self.rules,
-            self.rewards[part], rows, judge,
-        )  # fmt: skip
+            records,
+            where.current,
+            warnings,
+            self.commands[part],
+            noise,
+            self.rules,
+            self.rewards[part],
+            rows,
+            judge,
+        )
         seen = {key: rows[:, columns] for key, columns in self._columns.items()}
         return self._finish(part, where, judge, seen)
 
@@ -305,13 +299,6 @@ class Episodes(EpisodeInfos):
             return state
         return {FLAT: self._features.of(part, state, self.records["elapsed"][part])}
 
-    def _joint_noise(self, records: Records, rngs: Sequence[Generator | None]) -> Array:
-        if self.settings.randomisation.joint_noise is None:
-            return np.empty((len(records), 0))
-        n = self.settings.cell.robot.dof
-        size = records["variation"][:, 5:]
-        return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
-
     def endings(self) -> tuple[Mask, Mask]:
         """Return which episodes a failure has terminated, and which it has truncated, (N,) each."""
         failures = self.records["failure"]
@@ -321,9 +308,7 @@ class Episodes(EpisodeInfos):
             over |= self.records["elapsed"] > 0
         return over & ~truncated, truncated
 
-    def advance(
-        self, actions: Array, where: Physics, rngs: Sequence[Generator | None], running: NDArray[np.intp]
-    ) -> Arrays:
+    def advance(self, actions: Array, where: Physics, rngs: Rngs, running: NDArray[np.intp]) -> Arrays:
         """Step the running episodes by an action each; `rewards` are then what each gained, and all are observed.
 
         The kernel passes over all rows: those whose action has ended are put back to what they had come to.
@@ -336,8 +321,7 @@ class Episodes(EpisodeInfos):
         """
         everything, pushed = slice(None), self.settings.disturbance.kind not in ("none", "shaken")
         going, rngs, gained = running, list(rngs), np.zeros(len(self.slots))
-        rows = self.records, self.task_records, self.commands
-        kept = {}
+        rows, kept = (self.records, self.task_records, self.commands), {}
         late = lifted_by(self.settings) if self.whole else self.span
         for step in range(self.span):
             set_points, push = self.set_points(actions, where, step)
@@ -369,8 +353,17 @@ class Episodes(EpisodeInfos):
 
     def _of(self) -> Fields:
         """Return the settings, by name, that a state and this environment have to share."""
-        names = "obs_mode control_mode mount disturbance frame_skip action_scale reward_weights"
-        own = {key: getattr(self.settings, key) for key in (*names.split(), *["views"] * self.settings.sees)}
+        keys = [
+            "obs_mode",
+            "control_mode",
+            "mount",
+            "disturbance",
+            "frame_skip",
+            "action_scale",
+            "reward_weights",
+        ]
+        keys += ["views"] * self.settings.sees
+        own = {key: getattr(self.settings, key) for key in keys}
         return {"task": self.task, "robot": self.settings.cell.robot.name, **own}
 
     def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:

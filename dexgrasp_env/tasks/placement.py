@@ -19,10 +19,9 @@ from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, WORKSPACE_HIGH
 from dexgrasp_env.valid import NATURAL, Rule, check, number, pair
 
 PRESENTATIONS = ("rest", "upright")
-_FRONT, _BACK = (
-    TABLE_CENTRE_X + side * 0.5 * TABLE_SIZE[0] for side in (-1, 1)
-)  # m, where an object may be put
-_SIDE = 0.5 * TABLE_SIZE[1] + 0.05  # m
+# m, where an object may be put: ends along x, and to either side
+_FRONT, _BACK = (TABLE_CENTRE_X + side * 0.5 * TABLE_SIZE[0] for side in (-1, 1))
+_SIDE = 0.5 * TABLE_SIZE[1] + 0.05
 
 
 def _rest_pose(value: Any) -> str | int:

@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
-from dexgrasp_env.arrays import Fields
+from numpy.random import Generator
+
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError, unknown_argument, unknown_name
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import Objects, has_own_size, load_target
@@ -206,6 +208,12 @@ class LiftSettings:
     def friction_of(self, model: ObjectModel) -> float:
         """Return the sliding coefficient given, else the object's own, else the default."""
         return float(self.friction or model.friction or FRICTION)
+
+    def draw_pose(self, model: ObjectModel, size: float, rng: Generator) -> Array:
+        """Draw a pose (7,) of an object `size` times as large, m and quaternion wxyz, world frame."""
+        pose = self.object_pose.sample(model, rng, self.presentation)
+        pose[2] *= size
+        return pose
 
     def load_objects(self, names: Objects) -> dict[str, ObjectModel]:
         """Load objects by name; `mesh_scale` and `mesh_mass` apply to meshes of the user's alone."""

@@ -1,4 +1,4 @@
-"""Cost of perception by step against the raw ray rate."""
+"""Benchmark of perception: cost by step, and ray rate against that of MuJoCo alone."""
 
 import gc
 import timeit
@@ -21,10 +21,10 @@ OBJECT = "sugar_box"
 
 
 def run(quick: bool = False) -> Fields:
-    """Return what an observation, its parts and the hull cost [ms, medians], the ray rates, and the budget.
+    """Return median times [ms] of an observation, its parts and the hull, the ray rates, and the budget.
 
-    `ray_rate_ratio` is the rate of the depth images over that of `mj_multiRay` alone on the same rays,
-    unmended and writing to one buffer; `render_share` the share of the images in the total.
+    `ray_rate_ratio` is the rate of the depth images over that of `mj_multiRay` alone on the same rays, without
+    corrections and into one buffer; `render_share` is the share of the images in the total.
 
     Args:
         quick: fewer repetitions.
@@ -53,7 +53,7 @@ def run(quick: bool = False) -> Fields:
 
 
 def _scene(name: str, rng: np.random.Generator) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """Return a scene, the robot at home and the object at rest, likely poses more often."""
+    """Return a scene with the robot at home and the object at rest, in a likely pose."""
     shape, cell = load_object(name), default_cell()
     model = build_scene(shape, cell)
     data = mujoco.MjData(model)
@@ -69,7 +69,7 @@ def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Ca
     geom, distance = np.empty(n, np.int32), np.empty(n)
 
     def cast() -> None:
-        """Cast the rays of all cameras, and do nothing else."""
+        """Cast the rays of all cameras."""
         for position, rays in casts:
             mujoco.mj_multiRay(model, data, position, rays, SEEN, True, -1, geom, distance, None, n, 10.0)
 

@@ -1,7 +1,7 @@
-"""Seconds from a perceived cloud to a grasp that `verify` confirms, split by stage.
+"""Benchmark of planning: seconds from a perceived cloud to a grasp that `verify` confirms, by stage.
 
-The paper took 14.4 s in the median (Table 6). Its ratio to ours compares two machines; the ratio of our proposals'
-stage to the rest, and the share of verified grasps, do not.
+The paper took 14.4 s in the median (Table 6). Its ratio to ours compares two machines; the ratio of stages, and the
+share of verified grasps, do not.
 """
 
 import time
@@ -13,7 +13,6 @@ import gymnasium as gym
 import numpy as np
 from tqdm import tqdm
 
-import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.grasp.file import record_of
@@ -83,7 +82,7 @@ def _figures(rows: list[Fields]) -> Fields:
 
 
 def _distribution(values: Sequence[float]) -> Fields:
-    """Return the median with its 95 % bootstrap interval, the 90th percentile and the most; {} without values."""
+    """Return the median with its 95 % bootstrap interval, the 90th percentile and the maximum; {} without values."""
     if not len(values):
         return {}
     drawn = np.random.default_rng(0).choice(np.asarray(values, dtype=float), (2000, len(values)))

@@ -1,8 +1,8 @@
 """Benchmark of environment steps over raw physics: process CPU time, side by side in one run.
 
-The raw loops start from the same states and replay the very controls of the environment, so they make the same
-contacts; that both end in the same states is checked. They take turns every few steps, so that a busy machine slows
-both, and medians over many rounds count.
+The raw loops start from the same states and replay the controls of the environment, so they make the same contacts;
+both must end in the same states. They take turns every few steps, so that a busy machine slows both, and medians over
+many rounds are reported.
 """
 
 import itertools
@@ -15,7 +15,6 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.motion.timing import ramp
 from dexgrasp_env.arrays import AnyArray, Array, Fields
 from dexgrasp_env.poses import rotate
@@ -26,16 +25,16 @@ _ID = "DexGrasp/Lift-v2"
 
 @dataclass(frozen=True)
 class Recording:
-    """One run of an environment, single or of many.
+    """Recorded run of an environment, single or vector.
 
     Attributes:
-        env: what ran.
-        seed: it was reset with.
+        env: the environment.
+        seed: of its reset.
         actions: (T, n) or (T, N, n).
-        models: of each simulation.
+        models: of each of N simulations.
         states: of each at the start.
-        controls: (T, N, 25, 23) set-points of the physics steps.
-        contacts: mean number of contacts.
+        controls: (T, N, 25, 23) rad, set-points of the physics steps.
+        contacts: mean number of contacts; NaN for a vector environment.
     """
 
     env: Any
@@ -48,12 +47,12 @@ class Recording:
 
 
 def run(quick: bool = False) -> Fields:
-    """Return raw / environment time by object and motion, of the vector environment.
+    """Return the ratio of raw over environment time by object and motion, and that of a vector environment.
 
     `random` moves all joints at random; `grasp` reaches for the object, closes the hand on it and lifts.
 
     Args:
-        quick: fewer objects, steps and alternations.
+        quick: fewer objects, steps and rounds.
     """
     objects = (
         ("sugar_box",)
@@ -89,7 +88,7 @@ def _random(*shape: int) -> Array:
 
 
 def _record_grasp(name: str, steps: int) -> Recording | None:
-    """The hard-coded agent's motion, planned from the true surface; None where it finds none."""
+    """Record the motion of the hard-coded agent, planned from the true surface; None where it finds no grasp."""
     from dexgrasp.agents.hardcoded import HardcodedAgent
 
     env = gym.make(_ID, objects=name, control_mode="joint_position", disable_env_checker=True)
@@ -112,7 +111,7 @@ def _surface(env: Any) -> Array:
 
 
 def _record(env: Any, actions: Array, seed: int = 0) -> Recording:
-    """Run an environment, single or of many, until one ends; note where each began and what moved it."""
+    """Run an environment, single or vector, until an episode ends; record initial states and set-points."""
     env.reset(seed=seed)
     inner, many = env.unwrapped, actions.ndim == 3
     states = _states(env, env.num_envs if many else 1)
@@ -142,7 +141,7 @@ def _ramp(start: Array, end: Array) -> Array:
 
 
 class _Loop:
-    """Physics alone, as a loop over simulations, from the states that a recording begins with."""
+    """Loop of physics alone over simulations, from the initial states of a recording."""
 
     def __init__(self, recording: Recording) -> None:
         self.models = recording.models
@@ -151,7 +150,7 @@ class _Loop:
             mujoco.mj_setState(model, data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
 
     def run(self, controls: Array) -> None:
-        """Go on with set-points (T, N, 25, 23)."""
+        """Advance with set-points (T, N, 25, 23) rad."""
         step = mujoco.mj_step
         for rows in controls:
             for model, data, own in zip(self.models, self.datas, rows, strict=True):
@@ -161,7 +160,11 @@ class _Loop:
                     step(model, data)
 
     def check(self, env: Any) -> None:
-        """Hold the end to that of the environment."""
+        """Check that positions equal those of the environment.
+
+        Raises:
+            RuntimeError: if they do not.
+        """
         for state, data in zip(_states(env, len(self.datas)), self.datas, strict=True):
             if not np.array_equal(data.qpos, state[1:31]):  # after the time
                 raise RuntimeError("the raw loop and the environment do not end in the same state")
@@ -180,7 +183,7 @@ def _compare(recording: Recording, rounds: int) -> dict[str, float]:
 
 
 def _round(recording: Recording) -> list[float]:
-    """Seconds of the environment and of physics alone over one run, taking turns every few control steps."""
+    """Return seconds of the environment and of physics alone over one run, in turns of a few control steps."""
     env, actions, raw = recording.env, recording.actions, _Loop(recording)
     env.reset(seed=recording.seed)
     sides = (partial(_run_env, env), actions), (raw.run, recording.controls)

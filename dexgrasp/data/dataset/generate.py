@@ -77,7 +77,7 @@ def generate(
         )
         manifest = about | {
             "complete": True,
-            "frames": "rest: origin on the table under the centre of mass, z up; robot base for q and placement",
+            "frames": "rest: origin on the table under the centre of mass, z up; placement: its place in the world",
             "units": "m, rad, N, kg; quaternions wxyz", "fingers": list(robot.hand.grasp),
             "hand": robot.hand.stamp, "fields": fields_of(robot),
             "files": {job.file: file_hash(folder / job.file) for job in jobs},

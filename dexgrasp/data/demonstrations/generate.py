@@ -29,6 +29,7 @@ from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, expand, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
+from dexgrasp_env.valid import checked
 
 FORMATS = {
     "minari": (DATA, write_minari), "lerobot": ("lerobot", write_lerobot), "robomimic": ("robomimic", write_robomimic),
@@ -51,6 +52,7 @@ class Job:
         return f"{_PARTS}/{object_name(self.target)}-{self.first:05d}.npz"
 
 
+@checked
 def generate(
     settings: DemoSettings, folder: str | Path, formats: tuple[str, ...] = ("minari",), backend: Backend = Backend(),
     progress: Show = silent,

@@ -7,7 +7,6 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import Env, public_info, renew_report, report_of
 from dexgrasp.data.demonstrations.convert import to_action, with_noise
 from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, MODES, DemoSettings

@@ -27,9 +27,9 @@ class PolicyNet(nn.Module):
         for name, array in kept.items():
             self.register_buffer(name, torch.from_numpy(array))
 
-    def scaled(self, looks: Tensor) -> Tensor:
+    def scaled(self, features: Tensor) -> Tensor:
         """Return normalised features (..., F)."""
-        return ((looks - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST)
+        return ((features - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST)
 
     def arrays(self) -> dict[str, Single]:
         """Return buffers and weights by the names that policies read."""
@@ -56,9 +56,9 @@ class BcNet(PolicyNet):
         super().__init__(mean=mean, scale=scale, unit=unit)
         self.trunk = perceptron([len(mean), *[sizes.hidden] * sizes.layers, len(unit)])
 
-    def forward(self, looks: Tensor) -> Tensor:
+    def forward(self, features: Tensor) -> Tensor:
         """Return (E, R, chunk * joints) for features (E, R, F) of E episodes."""
-        return self.trunk(self.scaled(looks))
+        return self.trunk(self.scaled(features))
 
 
 class GraspNet(PolicyNet):

@@ -36,10 +36,10 @@ class BcPolicy(Policy):
         """Start an episode in a cell."""
         return BcRun(self, first, cell)
 
-    def predict(self, looks: Array) -> Array:
+    def predict(self, inputs: Array) -> Array:
         """Return the set-points of the next steps relative to now, (n, chunk, joints) rad, for features (n, F)."""
-        out = self._trunk(self.scaling(looks)) * self._unit
-        return out.reshape(len(looks), self.chunk, self.joints).astype(float)
+        out = self._trunk(self.scaling(inputs)) * self._unit
+        return out.reshape(len(inputs), self.chunk, self.joints).astype(float)
 
 
 class BcRun:
@@ -62,8 +62,8 @@ class BcRun:
         """Return the set-points (n,) rad for the end of the next control step."""
         at = self._step % self._clone.execute
         if at == 0:
-            looks = features(self._scene, observation, self._step)
-            wanted = entry(observation, "joint_targets") + self._clone.predict(looks[None])[0]
+            inputs = features(self._scene, observation, self._step)
+            wanted = entry(observation, "joint_targets") + self._clone.predict(inputs[None])[0]
             self._wanted = np.clip(wanted, self._tree.lower, self._tree.upper)
         self._step += 1
         return self._wanted[at]

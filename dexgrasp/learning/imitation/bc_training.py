@@ -4,7 +4,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.runs.weights import write_policy
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
+from dexgrasp_env.files import expand
+from dexgrasp_env.valid import Rule, checked, several
 
 with from_extra():
     import torch
@@ -39,8 +41,13 @@ class BcTraining(GradientTraining):
 
     steps, clip = 200, 1.0
 
+    @checked
     def __init__(
-        self, data: Sequence[Path], settings: BcSettings, out: Path, options: RunOptions = RunOptions()
+        self,
+        data: Annotated[Sequence[Path], several(Rule("a folder", expand))],
+        settings: BcSettings,
+        out: Path,
+        options: RunOptions = RunOptions(),
     ) -> None:
         """Read demonstrations, and hold some out for the test loss.
 
@@ -114,18 +121,18 @@ class StateBcTraining(BcTraining):
 
     def network(self) -> BcNet:
         """Make the network, with the spread (chunk * joints,) rad of its predictions in the data."""
-        rng, looks = np.random.default_rng([self.settings.seed, 1]), self._rows.looks
+        rng, inputs = np.random.default_rng([self.settings.seed, 1]), self._rows.features
         drawn = self._rows.draw(rng, self._trained, replace(self.settings, episodes=256, rows=32)).chunks
         # rad: joints that hardly move need not be predicted better
         unit = np.maximum(np.sqrt((drawn**2).mean(axis=(0, 1))).ravel(), 0.005).astype(np.float32)
-        spread = np.maximum(looks.std(axis=0), 1e-3)
-        return BcNet(self.settings.network, mean=looks.mean(axis=0), scale=spread, unit=unit)
+        spread = np.maximum(inputs.std(axis=0), 1e-3)
+        return BcNet(self.settings.network, mean=inputs.mean(axis=0), scale=spread, unit=unit)
 
     def loss(self, *batch: Tensor) -> Tensor:
         """Return the smooth L1 distance of predicted set-points from the intended ones."""
-        looks, chunks = batch
+        inputs, chunks = batch
         # Linear beyond `beta`, so that of two ways to do it one is learned and not their mean.
-        return smooth_l1_loss(self.net(looks), chunks.flatten(start_dim=2) / self.net.unit, beta=0.1)
+        return smooth_l1_loss(self.net(inputs), chunks.flatten(start_dim=2) / self.net.unit, beta=0.1)
 
     def policy(self) -> Fields:
         """Return the keys that `BcPolicy` reads."""
@@ -145,7 +152,7 @@ class CloudBcTraining(BcTraining):
     def read(self, data: Sequence[Path]) -> Grips:
         """Return observed clouds, and the grasps that demonstrations took."""
         parts = sizes(robot_tree(self.cell))
-        # Network units that tips, palm, its turn, hand closed and opened, and forces are off by before distance counts.
+        # Scales of errors, network units, and weights: tips, palm, its rotation, hand closed and opened, forces.
         off = np.repeat([0.15, 0.15, 0.15, 0.15, 0.15, 0.3], parts).astype(np.float32)
         weights = np.repeat([1.0, 1.0, 0.5, 0.3, 0.2, 0.3], parts).astype(np.float32)
         self._off, self._weights = self.tensors((off, weights))
@@ -153,8 +160,8 @@ class CloudBcTraining(BcTraining):
 
     def network(self) -> GraspNet:
         """Make the network."""
-        seen = zip(self._rows.looks, self._rows.azimuths[:, None], strict=True)
-        numbers = np.concatenate([grip_features(look, azimuth)[1] for look, azimuth in seen])
+        seen = zip(self._rows.clouds, self._rows.azimuths[:, None], strict=True)
+        numbers = np.concatenate([grip_features(cloud, azimuth)[1] for cloud, azimuth in seen])
         return GraspNet(self.settings.grasps, numbers, self._rows.rows)
 
     def loss(self, *batch: Tensor) -> Tensor:

@@ -59,7 +59,7 @@ def observed_cloud(first: Observation) -> ObjectCloud:
 
 
 def grip_features(
-    look: ObjectCloud, azimuths: Array, rng: np.random.Generator | None = None
+    cloud: ObjectCloud, azimuths: Array, rng: np.random.Generator | None = None
 ) -> tuple[Any, Any]:
     """Return points (m, POINTS, 6) and features (m, NUMBERS) in the frames of grips of azimuths (m,) rad.
 
@@ -70,11 +70,11 @@ def grip_features(
     else:
         chosen = rng.integers(_KEPT, size=POINTS)
     turns = about_z(-azimuths)
-    halves = look.seen[chosen].reshape(POINTS * 2, 3) @ turns.swapaxes(-1, -2)
+    halves = cloud.seen[chosen].reshape(POINTS * 2, 3) @ turns.swapaxes(-1, -2)
     points = halves.reshape(len(turns), POINTS, 6)
-    base = np.arctan2(look.middle[1], look.middle[0]) - azimuths
+    base = np.arctan2(cloud.middle[1], cloud.middle[0]) - azimuths
     reach = (points[..., :2] @ _DIRECTIONS).max(axis=1)
-    heights = np.array([np.hypot(*look.middle[:2]), look.middle[2], look.points[:, 2].max()]) * METRES
+    heights = np.array([np.hypot(*cloud.middle[:2]), cloud.middle[2], cloud.points[:, 2].max()]) * METRES
     numbers = [np.cos(base), np.sin(base), np.cos(2 * base), np.sin(2 * base)]
     scene = np.concatenate([np.stack(numbers, axis=1), np.tile(heights, (len(turns), 1)), reach], axis=1)
     return points.astype(np.float32), scene.astype(np.float32)

@@ -63,19 +63,19 @@ class CloudGraspPolicy(Policy):
         """
         return CloudGraspRun(self, first, cell)
 
-    def predict(self, look: ObjectCloud, azimuths: Array) -> tuple[Array, Array]:
+    def predict(self, cloud: ObjectCloud, azimuths: Array) -> tuple[Array, Array]:
         """Return logits (m, modes) and rows (m, modes, R) of grasps along grips of azimuths (m,) rad."""
-        points, numbers = grip_features(look, azimuths)
+        points, numbers = grip_features(cloud, azimuths)
         seen = np.concatenate([relu(self._encoder(points)).max(axis=1), self._scaling(numbers)], axis=1)
         out = self._trunk(seen).reshape(len(azimuths), self._modes, 1 + self.row).astype(float)
         return out[..., 0], self._rows.mean + self._rows.scale * out[..., 1:]
 
-    def grasps(self, look: ObjectCloud, tree: RobotTree) -> Iterator[DemonstratedGrasp]:
+    def grasps(self, cloud: ObjectCloud, tree: RobotTree) -> Iterator[DemonstratedGrasp]:
         """Yield grasps of an object, the likeliest first."""
-        logits, rows = self.predict(look, _AZIMUTHS)
+        logits, rows = self.predict(cloud, _AZIMUTHS)
         for flat in np.argsort(-logits, axis=None):
             k, mode = divmod(int(flat), self._modes)
-            yield grasp_from_row(rows[k, mode], look.middle, float(_AZIMUTHS[k]), tree)
+            yield grasp_from_row(rows[k, mode], cloud.middle, float(_AZIMUTHS[k]), tree)
 
 
 class CloudGraspRun:
@@ -90,8 +90,8 @@ class CloudGraspRun:
         tree = robot_tree(cell)
         if sum(sizes(tree)) != grasper.row:
             raise InputError(f"the policy was not cloned with a hand like that of {cell.robot.name}")
-        look, start = observed_cloud(first), np.array(first["joint_targets"], dtype=float)
-        self._motion = PickUp(*_first(grasper.grasps(look, tree), look, start, cell))
+        cloud, start = observed_cloud(first), np.array(first["joint_targets"], dtype=float)
+        self._motion = PickUp(*_first(grasper.grasps(cloud, tree), cloud, start, cell))
 
     def action(self, observation: Observation) -> Single:
         """Return the next action, of `joint_position`."""
@@ -99,14 +99,14 @@ class CloudGraspRun:
 
 
 def _first(
-    grasps: Iterator[DemonstratedGrasp], look: ObjectCloud, start: Array, cell: Cell
+    grasps: Iterator[DemonstratedGrasp], cloud: ObjectCloud, start: Array, cell: Cell
 ) -> tuple[ActionScript, Grasp]:
     """Return the script of the first grasp that the arm can execute, and that grasp.
 
     Raises:
         InputError: with the reason why none can be executed.
     """
-    obstacle, reason = standing_hull(look.points), "out_of_reach"
+    obstacle, reason = standing_hull(cloud.points), "out_of_reach"
     for wanted in islice(grasps, 24):
         grasp = _posed(wanted, start, cell)
         if grasp is None:
@@ -124,7 +124,7 @@ def _posed(wanted: DemonstratedGrasp, start: Array, cell: Cell) -> Grasp | None:
     lower, upper, hand = tree.lower, tree.upper, slice(tree.arm, None)
     q = start.copy()
     q[hand] = np.clip(wanted.closed, lower[hand], upper[hand])
-    if next(palm_postures(q, wanted.turn, wanted.palm, tree), None) is None:
+    if next(palm_postures(q, wanted.rotation, wanted.palm, tree), None) is None:
         return None
     if solve_tips(q, wanted.tips, tree, 60, 5e-4) > 0.006:  # m that tips may be off
         return None

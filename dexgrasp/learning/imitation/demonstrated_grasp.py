@@ -24,7 +24,7 @@ class DemonstratedGrasp(NamedTuple):
     Attributes:
         tips: (g, 3) m, centres of the fingertips in contact, the opposing one first.
         palm: (3,) m, position.
-        turn: (3, 3) rotation of the palm.
+        rotation: (3, 3) of the palm.
         closed: (h,) rad, hand joints in the grasp.
         opened: (h,) rad, hand joints before closing.
         forces: (g, 3) N on the object.
@@ -32,7 +32,7 @@ class DemonstratedGrasp(NamedTuple):
 
     tips: Array
     palm: Array
-    turn: Array
+    rotation: Array
     closed: Array
     opened: Array
     forces: Array
@@ -52,11 +52,11 @@ def demonstrated_grasp(episode: Episode, noise: float, cell: Cell) -> Demonstrat
         return None
     opened, closed = waits[0]
     q = entry(episode.observations, "joint_positions")[closed]
-    palm_turn, palm = palm_frame(q, tree)
+    rotation, palm = palm_frame(q, tree)
     hand = slice(tree.arm, None)
     torques = (meant[closed] - q)[hand] * tree.stiffness
     return DemonstratedGrasp(
-        fingertips(q, tree), palm, palm_turn, q[hand], meant[opened, hand], _forces(q, torques, tree)
+        fingertips(q, tree), palm, rotation, q[hand], meant[opened, hand], _forces(q, torques, tree)
     )
 
 
@@ -87,7 +87,7 @@ def grasp_to_row(grasp: DemonstratedGrasp, middle: Array) -> Array:
     """Encode a grasp as a row (R,) in the frame of its grip about the middle (3,) m of the cloud."""
     turn = about_z(-grasp.azimuth)
     parts = [
-        METRES * (grasp.tips - middle) @ turn.T, METRES * turn @ (grasp.palm - middle), (turn @ grasp.turn)[:, :2],
+        METRES * (grasp.tips - middle) @ turn.T, METRES * turn @ (grasp.palm - middle), (turn @ grasp.rotation)[:, :2],
         grasp.closed, grasp.opened, grasp.forces @ turn.T / _NEWTONS,
     ]  # fmt: skip
     return np.concatenate([part.ravel() for part in parts])

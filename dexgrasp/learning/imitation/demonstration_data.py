@@ -31,7 +31,7 @@ The first grip of each object is the one that was taken.
 class StepBatch(NamedTuple):
     """Control steps of some episodes: features (E, R, F), and the next set-points (E, R, chunk, n) rad."""
 
-    looks: Single
+    features: Single
     chunks: Single
 
 
@@ -40,18 +40,18 @@ class ControlSteps:
     """Control steps of demonstrations, concatenated.
 
     Attributes:
-        looks: (S, F) features.
+        features: (S, F) inputs of the network.
         targets: (S, n) rad, set-points before each step.
-        meant: (S, n) rad, set-points that the demonstrator intended after it, without noise.
+        intended: (S, n) rad, set-points that the demonstrator intended after it, without noise.
         first: (E,) index of the first step of each episode.
         steps: (E,) lengths of the episodes.
         control_mode: of the demonstrations.
         key: hash of the arrays.
     """
 
-    looks: Single
+    features: Single
     targets: Single
-    meant: Single
+    intended: Single
     first: Index
     steps: Index
     control_mode: str
@@ -67,7 +67,7 @@ class ControlSteps:
         first = self.first[episodes][:, None]
         now = first + rows
         return StepBatch(
-            self.looks[now], self.meant[first[..., None] + ahead] - self.targets[now][:, :, None]
+            self.features[now], self.intended[first[..., None] + ahead] - self.targets[now][:, :, None]
         )
 
     def draw(self, rng: np.random.Generator, among: Index, settings: BcSettings) -> StepBatch:
@@ -97,9 +97,9 @@ def read_steps(folders: Sequence[Path]) -> ControlSteps:
     ]
     if not parts:
         raise InputError("no demonstrations: name folders of `dexgrasp demos generate`")
-    steps = np.array([len(looks) for looks, _, _ in parts])
-    looks, targets, meant = map(np.concatenate, zip(*parts, strict=True))
-    arrays = (looks, targets, meant, np.cumsum(steps) - steps, steps)
+    steps = np.array([len(inputs) for inputs, _, _ in parts])
+    inputs, targets, aims = map(np.concatenate, zip(*parts, strict=True))
+    arrays = (inputs, targets, aims, np.cumsum(steps) - steps, steps)
     mode = str(read_about(folders[0])["settings"]["control_mode"])
     return ControlSteps(*arrays, control_mode=mode, key=content_hash(*arrays))
 
@@ -107,9 +107,9 @@ def read_steps(folders: Sequence[Path]) -> ControlSteps:
 def _parts(episode: Episode, noise: float, robot: Robot) -> tuple[Single, ...]:
     seen = episode.observations
     scene = initial_scene({key: array[0] for key, array in seen.items()})
-    looks = features(scene, {key: array[:-1] for key, array in seen.items()}, np.arange(len(episode)))
+    inputs = features(scene, {key: array[:-1] for key, array in seen.items()}, np.arange(len(episode)))
     ways = entry(seen, "joint_targets")[:-1], intended(episode, noise, robot)[1:]
-    return tuple(part.astype(np.float32) for part in (looks, *ways))
+    return tuple(part.astype(np.float32) for part in (inputs, *ways))
 
 
 @dataclass(frozen=True)
@@ -117,19 +117,19 @@ class Grips:
     """Observed objects, and the grasps that demonstrations took.
 
     Attributes:
-        looks: E observed clouds.
+        clouds: E observed clouds.
         azimuths: (E,) rad, of the grips.
         rows: (E, R) of the grasps, see `grasp_to_row`.
         key: hash of the arrays.
     """
 
-    looks: tuple[ObjectCloud, ...]
+    clouds: tuple[ObjectCloud, ...]
     azimuths: Array
     rows: Single
     key: str
 
     def __len__(self) -> int:
-        return len(self.looks)
+        return len(self.clouds)
 
     def draw(self, rng: np.random.Generator, among: Index, settings: BcSettings) -> GripBatch:
         """Draw a batch, with new points of each cloud."""
@@ -143,7 +143,9 @@ class Grips:
     def _batch(self, rng: np.random.Generator, episodes: Index, grips: int) -> GripBatch:
         others = (np.arange(1, grips) + rng.uniform(-0.4, 0.4, (len(episodes), 1))) * (2 * np.pi / grips)
         azimuths = self.azimuths[episodes][:, None] + np.pad(others, ((0, 0), (1, 0)))
-        seen = [grip_features(self.looks[i], turns, rng) for i, turns in zip(episodes, azimuths, strict=True)]
+        seen = [
+            grip_features(self.clouds[i], turns, rng) for i, turns in zip(episodes, azimuths, strict=True)
+        ]
         points, numbers = zip(*seen, strict=True)
         return np.stack(points), np.stack(numbers), self.rows[episodes]
 
@@ -157,17 +159,19 @@ def read_grips(folders: Sequence[Path]) -> Grips:
     Raises:
         InputError: for folders without such demonstrations, of different modes, or without clouds.
     """
-    looks, grasps, cell = [], [], demonstrated_cell(folders)
+    clouds, grasps, cell = [], [], demonstrated_cell(folders)
     for episode, noise in _shown(folders, "once", "cloud"):
         if grasp := demonstrated_grasp(episode, noise, cell):
-            looks.append(observed_cloud(episode.once))
+            clouds.append(observed_cloud(episode.once))
             grasps.append(grasp)
     if not grasps:
         raise InputError("in no demonstration the arm waits once for the hand to close: clone from the state")
-    pairs = zip(grasps, looks, strict=True)
-    rows = np.stack([grasp_to_row(grasp, look.middle) for grasp, look in pairs]).astype(np.float32)
+    pairs = zip(grasps, clouds, strict=True)
+    rows = np.stack([grasp_to_row(grasp, cloud.middle) for grasp, cloud in pairs]).astype(np.float32)
     azimuths = np.array([grasp.azimuth for grasp in grasps])
-    return Grips(tuple(looks), azimuths, rows, content_hash(np.stack([look.seen for look in looks]), rows))
+    return Grips(
+        tuple(clouds), azimuths, rows, content_hash(np.stack([cloud.seen for cloud in clouds]), rows)
+    )
 
 
 def demonstrated_cell(folders: Sequence[Path]) -> Cell:

@@ -81,9 +81,9 @@ class Scaling(NamedTuple):
     mean: Any
     scale: Any
 
-    def __call__(self, looks: Array) -> Single:
+    def __call__(self, features: Array) -> Single:
         """Return normalised features (..., F), clipped at `FARTHEST`."""
-        return np.clip((looks - self.mean) / self.scale, -FARTHEST, FARTHEST).astype(np.float32)
+        return np.clip((features - self.mean) / self.scale, -FARTHEST, FARTHEST).astype(np.float32)
 
 
 class Mlp:

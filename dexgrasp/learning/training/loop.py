@@ -4,6 +4,7 @@ import json
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -126,14 +127,11 @@ class Training(ABC):
     def close(self) -> None:  # noqa: B027  (most have nothing open)
         """Release resources when the training ends."""
 
-    def run(
-        self, progress: Callable[[TrainingState], object] | None = None, stop_after: int | None = None
-    ) -> TrainingState:
+    def run(self, progress: Callable[[TrainingState], object] | None = None) -> TrainingState:
         """Train to the end, resuming from the folder's checkpoint if there is one.
 
         Args:
-            progress: called after every epoch.
-            stop_after: largest number of epochs in this call, for tests of resuming.
+            progress: called after every epoch, once that is kept.
 
         Raises:
             InputError: for other settings or another process in the folder, or a damaged checkpoint.
@@ -150,7 +148,8 @@ class Training(ABC):
         with RunFolder(self.out, self.about, "training").claim(run):
             try:
                 self.begin()
-                self._go_on(progress, stop_after)
+                with closing(TensorBoardWriter(self.out / "tensorboard")) as writer:
+                    self._go_on(writer, progress)
             finally:
                 self.close()
         return self.state
@@ -177,13 +176,13 @@ class Training(ABC):
         except (LookupError, TypeError, ValueError):
             raise damaged(path) from None
 
-    def _go_on(self, progress: Callable[[TrainingState], object] | None, stop_after: int | None) -> None:
-        writer, calls, state = TensorBoardWriter(self.out / "tensorboard"), 0, self.state
-        while state.epoch < state.epochs and calls != stop_after:
+    def _go_on(self, writer: TensorBoardWriter, progress: Callable[[TrainingState], object] | None) -> None:
+        state = self.state
+        while state.epoch < state.epochs:
             began = time.perf_counter()
             row = {"epoch": state.epoch + 1} | self.learn()
             state.seconds += time.perf_counter() - began
-            state.epoch, calls = state.epoch + 1, calls + 1
+            state.epoch += 1
             state.curve.append(row)
             # The result is there before the checkpoint: a kill in between repeats an epoch, to the same bits.
             with held():
@@ -197,4 +196,3 @@ class Training(ABC):
             writer.add(row, row.get("steps", state.epoch))
             if progress:
                 progress(state)
-        writer.close()
