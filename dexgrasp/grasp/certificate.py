@@ -26,7 +26,7 @@ class Certificate:
         hold_residual: what the holding forces leave of gravity, as a part of the weight.
         mass: kg, of the object as assumed (or known).
         load: 1 + the largest push in any direction, in assumed weights, that the holding forces bear (see
-            `physics.strength`); below 1 the share of the weight that they balance.
+            `mechanics.strength`); below 1 the share of the weight that they balance.
         capacity: 1 + the largest push that any forces at these contacts could bear, the least of 26 directions.
         friction: coefficient that was planned with.
     """

@@ -42,7 +42,7 @@ class Grasp:
         q: (n,) rad, the configuration that the optimisation made feasible.
         contacts: (N, 3) m on the object's surface.
         normals: (N, 3) out of the object.
-        forces: (N, c) N on the object, that hold it; see `physics.contacts.Contacts`.
+        forces: (N, c) N on the object, that hold it; see `mechanics.contacts.Contacts`.
         certificate: residuals and margins of every constraint.
         motion: set-points of pregrasp, grasp and squeeze.
         cell: of the robot.

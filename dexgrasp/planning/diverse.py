@@ -2,7 +2,7 @@
 
 The way from proposal to grasp is the planner's own; it goes on where the planner would take the firmest and stop.
 Feasible configurations that hold are collected, four times as many as are asked for. Greedy selection then takes the
-one whose hand is farthest from every hand chosen so far (`variety.hand_points`), and only what is chosen gets its
+one whose hand is farthest from every hand chosen so far (`diversity.hand_points`), and only what is chosen gets its
 opening, certificate and approach; where that fails, the next farthest takes its place.
 
 Where it is asked how likely a grasp is to hold (`plan --at-least P`), those remain that are likely enough, or none.

@@ -44,7 +44,9 @@ class EpisodeInfos:
         columns["mujoco_warnings"] = warning_names(columns["mujoco_warnings"])
         columns["variation"] = dict(vars(slot.variation))
         columns["reward_terms"] = dict(zip(WEIGHTS, self.records["terms"][i].tolist(), strict=True))
-        return columns | {key: values[i : i + 1].tolist()[0] for key, values in self.more_infos().items()}
+        for key, values in self.more_infos().items():
+            columns[key] = values[i : i + 1].tolist()[0]
+        return columns
 
     def infos(self) -> Fields:
         """Return the infos without cameras, arrays (N,) by key: the same at reset and at every step."""
