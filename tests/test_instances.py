@@ -30,8 +30,8 @@ def test_boxes_that_stand_close_are_two(rng, gap):
     labels = segment_instances(cloud, TABLE).labels
     left = cloud.points[:, 0] < 0.53 + 0.5 * gap
     assert len(np.unique(labels)) == 2
-    assert (labels[left] == labels[left][0]).mean() > 0.95
-    assert (labels[~left] == labels[~left][0]).mean() > 0.95
+    for side in (left, ~left):
+        assert (labels[side] == labels[side][0]).mean() > 0.95
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -182,6 +182,12 @@ def cells_of(points: Array, side: float) -> Index:
     return np.ravel_multi_index(tuple(cells), tuple(cells.max(1) + 1))
 
 
+def means_of(which: Index, rows: Array) -> Array:
+    """Return the mean (K, n) of the rows (M, n) of each number (M,)."""
+    sums = np.stack([np.bincount(which, column) for column in rows.T], axis=1)
+    return sums / np.maximum(np.bincount(which), 1)[:, None]
+
+
 def thinned(points: Array, side: float) -> Index:
     """Return the indices, in order, of the first of points (M, n) in each cell, `side` m wide."""
     from dexgrasp_env.perception.kernels import first_of_each

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dexgrasp_env.arrays import Array, middle
+from dexgrasp_env.perception.neighbourhoods import gaps_between
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.poses import placed
 
@@ -43,14 +44,12 @@ def in_words(place: Array, sides: Array) -> str:
 
 def detected_objects(scene: Scene, T_base_world: Array) -> list[DetectedObject]:
     """Return the objects that a scene shows, in the frame of the robot's base, in which the world has a pose (4, 4)."""
-    from scipy.spatial import cKDTree
-
     shown = [one for one in (scene.target, *scene.neighbours) if len(one)]
     clouds = [one.points for one in shown]
     gaps = np.array(
         [
-            [tree.query(other)[0].min() if other is not own else np.inf for other in clouds]
-            for own, tree in zip(clouds, map(cKDTree, clouds), strict=True)
+            [gaps_between(other, own).min() if other is not own else np.inf for other in clouds]
+            for own in clouds
         ]
     )
     return [

@@ -10,6 +10,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import thinned
+from dexgrasp_env.perception.neighbourhoods import gaps_between
 
 THIN = 0.004
 """m, to which points are thinned before they are compared."""
@@ -51,11 +52,6 @@ def low_and_high(points: Array) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def spacing(tree: Any) -> float:
-    """Return the median distance, m, of a point of a k-d tree from the next one."""
-    return float(np.median(tree.query(tree.data, k=[2])[0]))
-
-
 def deep_share(points: Array) -> float:
     """Return the share of points (N, 3) m that lie deep, 1 cm, inside their convex hull: of convex things none does."""
     points = points[thinned(points, THIN)]
@@ -76,8 +72,6 @@ def is_slim(points: Array) -> bool:
 
 def is_hollow(points: Array) -> bool:
     """Return true for points (N, 3) m that end in a rim around what is lower."""
-    from scipy.spatial import cKDTree
-
     top = low_and_high(points)[1]
     rim = points[points[:, 2] > top - max(0.012, 0.15 * top), :2]
     rim = rim[thinned(rim, THIN)]
@@ -91,5 +85,5 @@ def is_hollow(points: Array) -> bool:
     places = np.linspace(0.0, 1.0, 16)  # of each side
     outline = (corners + places[:, None, None] * sides).reshape(-1, 2)
     length = np.tile(np.linalg.norm(sides, axis=1), len(places))
-    seen = cKDTree(rim[on_it]).query(outline)[0] < wall
+    seen = gaps_between(outline, rim[on_it]) < wall
     return bool(on_it.mean() > 0.85 and length[seen].sum() > 0.65 * length.sum())

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index, Mask, unit
-from dexgrasp_env.perception.cloud import Cloud, cells_of, smooth
+from dexgrasp_env.perception.cloud import Cloud, cells_of, means_of, smooth
 from dexgrasp_env.perception.hulls import corners_and_volume, longest_side, width_of
-from dexgrasp_env.perception.neighbourhoods import linked
+from dexgrasp_env.perception.neighbourhoods import linked, spacing
 from dexgrasp_env.perception.plane import Plane
 
 LEAST_POINTS, LEAST_EXTENT = 50, 0.02
@@ -73,7 +73,7 @@ def segment_instances(cloud: Cloud, plane: Plane) -> Instances:
     cell = _cell_of(cloud.points)
     points, normals = smooth(cloud, cloud, plane.rms, 0.008)
     _, which = np.unique(cells_of(points, cell), return_inverse=True)
-    points, normals = _means(which, points), unit(_means(which, normals))
+    points, normals = means_of(which, points), unit(means_of(which, normals))
     if not np.ptp(cloud.views, axis=0).any():  # nobody knows who saw the points
         normals = _to_the_air(points, normals, cell)
     patches = _patches(points, normals, cell)
@@ -88,17 +88,7 @@ def segment_instances(cloud: Cloud, plane: Plane) -> Instances:
 
 def _cell_of(points: Array) -> float:
     """Return the side, m, of the cells to which points are thinned: as small as they lie close."""
-    from scipy.spatial import cKDTree
-
-    few = points[:: max(1, len(points) // 2000)]
-    spacing = np.median(cKDTree(points).query(few, k=2)[0][:, 1])
-    return float(np.clip(1.2 * spacing, 0.0045, 0.006))
-
-
-def _means(which: Index, rows: Array) -> Array:
-    """Return the mean row of each number."""
-    sums = np.stack([np.bincount(which, column) for column in rows.T], axis=1)
-    return sums / np.maximum(np.bincount(which), 1)[:, None]
+    return float(np.clip(1.2 * spacing(points), 0.0045, 0.006))
 
 
 def _to_the_air(points: Array, normals: Array, cell: float) -> Array:
@@ -131,7 +121,7 @@ def _patches(points: Array, normals: Array, cell: float) -> Index:
     middles = rows[farthest_points(np.ascontiguousarray(points), max(1, len(points) // 10), 0)]
     for _ in range(3):
         which = cKDTree(middles).query(rows)[1]
-        middles = _means(which, rows)
+        middles = means_of(which, rows)
     _, which = np.unique(which, return_inverse=True)
     return which
 

@@ -25,6 +25,21 @@ def linked(points: Array, step: float) -> Index:
     return labels
 
 
+def gaps_between(points: Array, others: Array, most: float = np.inf) -> Array:
+    """Return how far (N,) m points (N, n) lie from the nearest of others (M, n), infinity where that is `most` m."""
+    from scipy.spatial import cKDTree
+
+    return np.asarray(cKDTree(others).query(points, distance_upper_bound=most)[0])
+
+
+def spacing(points: Array) -> float:
+    """Return the median distance, m, of points (N, 3) from the next one; of many, 2000 or so are asked."""
+    from scipy.spatial import cKDTree
+
+    few = points[:: max(1, len(points) // 2000)]
+    return float(np.median(cKDTree(points).query(few, k=[2])[0]))
+
+
 def local_planes(
     queries: Array, points: Array, weights: Array, radius: float, least: int
 ) -> tuple[Array, Array, Array]:

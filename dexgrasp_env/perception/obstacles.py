@@ -10,7 +10,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.perception.levels import CELL, Level, Raster, cells_at, over
-from dexgrasp_env.perception.neighbourhoods import linked
+from dexgrasp_env.perception.neighbourhoods import gaps_between, linked
 
 _MORE = 0.003  # m that boxes reach beyond what is seen
 
@@ -50,7 +50,7 @@ def find_obstacles(points: Array, levels: Sequence[Level], within: float, robot:
     hangs = _hanging(points, levels[0]) & ~held
     if hangs.any():
         high, pieces = points[hangs], linked(points[hangs], 0.03)
-        on_robot = np.isin(pieces, pieces[_near(high, robot)])
+        on_robot = np.isin(pieces, pieces[gaps_between(high, robot, 0.02) < np.inf])
         if on_robot.any():
             note = "what hangs where the robot stands is taken for a part of the robot, and is no obstacle"
         if not on_robot.all():
@@ -67,15 +67,6 @@ def _columns(points: Array, side: float) -> tuple[Index, Array, Array]:
     np.minimum.at(lows, row, points[:, 2])
     np.maximum.at(tops, row, points[:, 2])
     return cells, lows, tops
-
-
-def _near(points: Array, robot: Array) -> Mask:
-    """Return which points (M, 3) m touch the robot's (K, 3)."""
-    from scipy.spatial import cKDTree
-
-    if not len(robot):
-        return np.zeros(len(points), bool)
-    return np.isfinite(cKDTree(robot).query(points, distance_upper_bound=0.02)[0])
 
 
 def _reaching(level: Level, points: Array, within: float) -> Level:

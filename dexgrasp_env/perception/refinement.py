@@ -9,7 +9,6 @@ from dexgrasp_env.perception.hulls import (
     deep_share,
     longest_side,
     low_and_high,
-    spacing,
     volume_of,
 )
 from dexgrasp_env.perception.instances import (
@@ -21,6 +20,7 @@ from dexgrasp_env.perception.instances import (
     objects_in,
     segment_instances,
 )
+from dexgrasp_env.perception.neighbourhoods import gaps_between, spacing
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.splinters import in_the_air, with_rims, with_splinters
 from dexgrasp_env.perception.standing import (
@@ -65,7 +65,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     for k, own in things.items():
         low, high = low_and_high(own)[0], own[:, 2].max()
         said = {
-            MAY_BE_TWO: k in joined or (is_odd(own, 0.03) and may_be_two(own, seen)),
+            MAY_BE_TWO: k in joined or (is_odd(own, 0.07) and may_be_two(own, seen)),
             TOUCHES: any(_touch(own, other) for j, other in things.items() if j != k),
             HIDDEN: k in hidden,
             TOP_ONLY: low > max(HIGH, 0.5 * high),  # half of its sides was not seen
@@ -112,17 +112,16 @@ def _with_parts(points: Array, labels: Index, everything: Array) -> tuple[Index,
             one, two = points[labels == k], points[labels == j]
             if not is_graspable(np.concatenate([one, two])) or not _is_near(one, two):
                 continue
-            if _is_part(one, two, everything):
-                doubtful = {j} if {j, k} & joined or are_two(one, two, everything) else set()
+            apart = are_two(one, two, everything)
+            if not apart or _is_part(one, two):
+                doubtful = {j} if {j, k} & joined or (apart and not _run_together(one, two)) else set()
                 labels, joined = np.where(labels == k, j, labels), joined - {j, k} | doubtful
                 break
     return labels, joined
 
 
-def _is_part(one: Array, two: Array, everything: Array) -> bool:
-    """Return true for points (N, 3) m that are not by themselves, small beside what they touch (M, 3), or among it."""
-    if not are_two(one, two, everything):
-        return True
+def _is_part(one: Array, two: Array) -> bool:
+    """Return true for points (N, 3) m that are small beside what they touch (M, 3) m, among it, or run on in it."""
     lower, upper = sorted((one, two), key=lambda part: low_and_high(part)[0])
     over = low_and_high(upper)[0] > 0.8 * low_and_high(lower)[1]
     if over and can_stand(upper, lower):
@@ -131,7 +130,17 @@ def _is_part(one: Array, two: Array, everything: Array) -> bool:
     if whole < 1.05 * most and longest_side(two) > 0.20:  # m: of a bin, which holds it
         return False
     shared = least + most - whole > 0.15 * min(least, most)
-    return over or shared or least < 0.35 * most
+    return over or shared or least < 0.35 * most or _run_together(one, two)
+
+
+def _run_together(one: Array, two: Array) -> bool:
+    """Return true for points (N, 3) m that meet others (M, 3) m in a band: things that touch meet in lines."""
+    few, many = sorted((points[thinned(points, THIN)] for points in (one, two)), key=len)
+    near = 0.006  # m
+    wide = (gaps_between(few, many) < near).mean() * longest_side(
+        few
+    )  # m, of the band were it as long as the thing
+    return bool(wide > 2.0 * near)
 
 
 def _with_hanging(points: Array, labels: Index, everything: Array) -> Index:
@@ -139,8 +148,6 @@ def _with_hanging(points: Array, labels: Index, everything: Array) -> Index:
 
     What may stand on that, its middle being over it, is another.
     """
-    from scipy.spatial import cKDTree
-
     for k in reversed(objects_in(points, labels)):
         one = points[labels == k]
         if not in_the_air(one, everything):
@@ -148,10 +155,10 @@ def _with_hanging(points: Array, labels: Index, everything: Array) -> Index:
         gaps = dict[int, float]()
         for j in (j for j in objects_in(points, labels) if j != k):
             two = points[labels == j]
-            beside = cKDTree(two[:, :2]).query(one[:, :2])[0].min() < 0.02  # m
+            beside = gaps_between(one[:, :2], two[:, :2]).min() < 0.02  # m
             over = one[:, 2].min() > 0.8 * two[:, 2].max()  # what is beside may be hidden in its lower part
             if beside and over and is_graspable(np.concatenate([one, two])):
-                gaps[j] = cKDTree(two).query(one)[0].min()
+                gaps[j] = gaps_between(one, two).min()
         if not gaps or any(_is_near(one, points[labels == j]) for j in gaps):
             continue
         j = min(gaps, key=gaps.__getitem__)
@@ -163,17 +170,11 @@ def _with_hanging(points: Array, labels: Index, everything: Array) -> Index:
 
 def _touch(one: Array, other: Array) -> bool:
     """Return true for points (N, 3) m and (M, 3) that lie against each other."""
-    from scipy.spatial import cKDTree
-
     one, other = (points[thinned(points, THIN)] for points in (one, other))
-    tree = cKDTree(one)
-    near = np.isfinite(tree.query(other, distance_upper_bound=max(0.005, 1.5 * spacing(tree)))[0])  # m
+    near = gaps_between(other, one) < max(0.005, 1.5 * spacing(one))  # m
     return bool(near.sum() >= min(12, 0.2 * len(one), 0.2 * len(other)))
 
 
 def _is_near(one: Array, two: Array) -> bool:
     """Return true for points (N, 3) m as near to others (M, 3) m as those of one thing lie."""
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(two)
-    return bool(tree.query(one)[0].min() <= max(0.006, 1.7 * spacing(tree)))
+    return bool(gaps_between(one, two).min() <= max(0.006, 1.7 * spacing(two)))

@@ -20,6 +20,7 @@ from dexgrasp_env.perception.hulls import (
     low_and_high,
     volume_of,
 )
+from dexgrasp_env.perception.neighbourhoods import gaps_between
 from dexgrasp_env.perception.splinters import in_the_air
 
 HIGH = 0.02
@@ -88,7 +89,7 @@ def may_be_two(points: Array, everything: Array) -> bool:
 def _halves_are_two(points: Array, cut: Cut, everything: Array, by: float) -> bool:
     part = points @ cut.across >= cut.place + by
     one, other = points[part], points[~part]
-    return not is_odd(one, 0.12) and not is_odd(other, 0.12) and are_two(one, other, everything)
+    return not is_odd(one, 0.07) and not is_odd(other, 0.07) and are_two(one, other, everything)
 
 
 def are_two(one: Array, other: Array, everything: Array) -> bool:
@@ -106,15 +107,13 @@ def are_two(one: Array, other: Array, everything: Array) -> bool:
 
 def is_handle(one: Array, other: Array) -> bool:
     """Return true for points (N, 3) m of a rod of which an end meets others (M, 3) m."""
-    from scipy.spatial import cKDTree
-
     flat = one - one.mean(0)
     along = flat @ np.linalg.eigh(flat.T @ flat)[1][:, ::-1]
     low, high = np.quantile(along, (0.03, 0.97), axis=0)
     length, width, _ = high - low
     if width > min(0.035, length / 2.5):  # m
         return False
-    gaps = cKDTree(other).query(one)[0]
+    gaps = gaps_between(one, other)
     meets = along[gaps < gaps.min() + 0.005, 0] - 0.5 * (low + high)[0]
     return bool(np.abs(meets).mean() > 0.3 * length)
 
@@ -134,14 +133,12 @@ def can_stand(upper: Array, lower: Array) -> bool:
 
     They have their middle over what touches it.
     """
-    from scipy.spatial import cKDTree
-
     some = upper[thinned(upper, THIN)]
     low = low_and_high(some)[0]
     if not has_foot(some, lower):
         return False
     foot = some[some[:, 2] < low + _FOOT]
-    foot = foot[cKDTree(lower).query(foot)[0] < 0.015]
+    foot = foot[gaps_between(foot, lower) < 0.015]
     return overhang(some, foot) < 0.010
 
 

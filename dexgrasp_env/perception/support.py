@@ -18,9 +18,11 @@ from dexgrasp_env.perception.cloud import (
     cells_of,
     crop,
     inside,
+    means_of,
     thinned,
 )
 from dexgrasp_env.perception.levels import Level, choose_level, find_levels
+from dexgrasp_env.perception.neighbourhoods import gaps_between
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, refine_plane
 from dexgrasp_env.perception.reasons import NoTargetError
 from dexgrasp_env.poses import placed
@@ -124,19 +126,17 @@ def table_around(support: Support, target: Array) -> SeenTable:
 
 def _away(points: Array, others: Array, reach: float) -> Mask:
     """Return which points (M, 2) m have none of others (N, 2) m within `reach` m: few are near, and are looked up."""
-    from scipy.spatial import cKDTree
-
     away = np.ones(len(points), bool)
     if len(others):
         near = inside(points, others.min(0) - 2.0 * reach, others.max(0) + 2.0 * reach)
-        away[near] = cKDTree(others).query(points[near], distance_upper_bound=reach)[0] == np.inf
+        away[near] = gaps_between(points[near], others, reach) == np.inf
     return away
 
 
 def _averaged(points: Array) -> Array:
     """Return the means (K, 3) m of the points (M, 3) in each square, of those with enough points if there are such."""
     number, count = np.unique(cells_of(points[:, :2], 0.016), return_inverse=True, return_counts=True)[1:]
-    means = np.stack([np.bincount(number, column) / count for column in points.T], axis=1)
+    means = means_of(number, points)
     return means[count >= 3] if (count >= 3).sum() > _FEW_SQUARES else means
 
 
