@@ -195,10 +195,10 @@ class HandMaker(Part):
         found, left, held = list[list[int]](), self.below(self.palm), set[int]()
         while left:
             body = left.pop(0)
-            if not self.model.body_jntnum[body] and len(plate := self.below(body)) > 1:
-                left = plate + left
+            if not self.model.body_jntnum[body]:  # a plate on the palm
+                left = self.below(body) + left
                 continue
-            chain = self.chain(body, branches=True)
+            chain = self.chain(body)
             if more := self.below(chain[-1]):
                 held |= set(self.model.body_jntadr[chain].tolist())
                 left = more + left

@@ -126,7 +126,7 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     root = part.below(0)
     if len(root) != 1:
         raise InputError(f"{path} has {len(root)} chains of bodies: valid is one arm, without a hand")
-    chain = part.chain(root[0], branches=True)
+    chain = part.chain(root[0])
     if any(part.below(b) for b in part.below(chain[-1])):
         part.notes.append(f"the hand in the file hangs on {m.body(chain[-1]).name!r}: the arm ends there")
     bodies, joints = part.names(chain)

@@ -58,23 +58,20 @@ def _drop_others(root: Element) -> list[str]:
 
 
 def _drop_free_joints(root: Element) -> list[str]:
-    """Fix what floats, on a free joint or on six of its own."""
+    """Fix what floats on a free joint."""
     found = [
         (body, joint)
         for body in root.iter("body")
         for joint in body
         if joint.tag == "freejoint" or joint.get("type") == "free"
     ]
-    for _, body in _first_bodies(root):
-        if len(own := body.findall("joint")) >= 6:  # one a direction
-            found += [(body, joint) for joint in own]
     for body, joint in found:
         body.remove(joint)
     return list(dict.fromkeys(f"body {body.get('name', '')!r} floats: it is fixed" for body, _ in found))
 
 
 def _part_joints(root: Element) -> list[str]:
-    """Give each of several joints of a body a body of its own, all but the last ones of next to no mass."""
+    """Give each of several joints of a body a body of its own."""
     found = []
     for body in list(root.iter("body")):
         joints = [own for own in body.findall("joint") if own.get("type") != "ball"]
@@ -83,9 +80,6 @@ def _part_joints(root: Element) -> list[str]:
             inner.extend(own for own in list(body) if own is not joint)
             for own in list(inner):
                 body.remove(own)
-            ElementTree.SubElement(
-                body, "inertial", {"pos": "0 0 0", "mass": "1e-4", "diaginertia": "1e-8 1e-8 1e-8"}
-            )
             body.append(inner)
             body.set("name", f"{body.get('name', BASE)}_{k}")
             found.append(inner.get("name", ""))

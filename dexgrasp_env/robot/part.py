@@ -78,11 +78,11 @@ class Part(Description):
         solid = np.flatnonzero(self.solid).tolist()
         return [g for g in solid if self.hangs_on(self.model.geom_bodyid[g], body)]
 
-    def chain(self, body: int, branches: bool = False) -> list[int]:
-        """Return the jointed bodies from a body to the end of its chain, or to where it branches if that may be.
+    def chain(self, body: int) -> list[int]:
+        """Return the jointed bodies from a body to the end of its chain, or to the first where it branches.
 
         Raises:
-            InputError: if it branches, or a body has several joints.
+            InputError: if it branches before the first joint, or a body has several joints.
         """
         found = []
         while True:
@@ -91,7 +91,7 @@ class Part(Description):
                 raise InputError(f"body {self._name(body)} has {count} joints: valid is one")
             found += [body] if count else []
             following = self.below(body)
-            if not following or (len(following) > 1 and branches and found):
+            if not following or (len(following) > 1 and found):
                 return found
             if len(following) > 1:
                 raise InputError(

@@ -305,11 +305,14 @@ _LOOK: dict[bool, Fields] = {
 
 def add_mesh_geom(spec: mujoco.MjSpec, body: Any, points: Array, faces: Any, look: Fields) -> Array:
     """Add a mesh of points (n, 3) m in the frame of a body, named like its geom; return them as it keeps them."""
+    kinds, thick = mujoco.mjtMeshInertia, np.linalg.svd(points - points.mean(0), compute_uv=False)[2]
     mesh = spec.add_mesh(
         name=look["name"],
         uservert=points.ravel(),
         userface=np.asarray(faces).ravel(),
-        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+        inertia=kinds.mjMESH_INERTIA_CONVEX
+        if thick > 1e-6
+        else kinds.mjMESH_INERTIA_SHELL,  # a sheet has no hull
     )
     body.add_geom(type=_GEOM.mjGEOM_MESH, meshname=mesh.name, **look)
     return np.asarray(mesh.uservert, dtype=float).reshape(-1, 3)

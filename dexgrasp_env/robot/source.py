@@ -25,7 +25,7 @@ from dexgrasp_env.robot.urdf import as_urdf
 
 WRIST = 3
 """Joints before the palm: more are an arm's."""
-_NEXT_TO_NONE = {"boundmass": "1e-6", "boundinertia": "1e-10"}  # kg, kg m2
+_NEXT_TO_NONE = {"boundmass": "1e-4", "boundinertia": "1e-8"}  # kg, kg m2
 _MOST, _DEEPEST = 100_000, 150  # elements of a description, and how deep they nest
 
 
