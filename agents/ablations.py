@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.geometry.request import ANYHOW, GraspRequest
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.mechanics.closure import TOLERANCE
@@ -25,13 +26,11 @@ from dexgrasp.planning.sqp import Solution
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 
-from .bilevel import BilevelAgent
-
 NO_IK, COLLISION, NO_CLOSURE, TOO_WEAK = "ik_not_converged", "collision", "eq4_infeasible", "dynamics"
 
 
 class LatentAgent(BilevelAgent):
-    """An agent with less of a planner, that neither grasps again nor turns what it holds."""
+    """Base of the ablations: less of the planner behind the CVAE, no second grasp, no turn in the air."""
 
     planner: ClassVar[type["LatentPlanner"]]
 
@@ -66,7 +65,7 @@ class LatentPlanner(Planner):
     """Tries latents one after the other and carries out the first that nothing rejects."""
 
     def __init__(self, settings: PlannerSettings, cell: Cell) -> None:
-        """Prepare; of `settings`, what bounds and ranks the search does not count."""
+        """Prepare; bounds and ranking of the search in `settings` do not count."""
         # 100 latents at most, of those that decode to three tips above the table and apart from each other.
         plain = replace(settings, breadths=(1.0,), triples=100, candidates=1, firm_load=-np.inf, patience=0)
         super().__init__(plain, CvaeProposals(ranked=False), cell, with_closure=False)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from dexgrasp.agent import BY_CLOUD, Agent, Info, Observation, cell_of
+from dexgrasp.agents.stages import Episode, Stage, first_stage
 from dexgrasp.geometry.request import ANYHOW, GraspRequest
 from dexgrasp.planning.plan_scene import default_planner, plan_scene, start_of
 from dexgrasp.planning.planner import Planner
@@ -12,8 +13,6 @@ from dexgrasp_env.arrays import Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.cell import Cell, default_cell
-
-from .stages import Episode, Stage, first_stage
 
 
 class BilevelAgent(Agent):
@@ -129,7 +128,7 @@ class BilevelAgent(Agent):
 
 
 class AloneAgent(BilevelAgent):
-    """The same, blind to what stands around the object: what knowing of neighbours is worth."""
+    """`bilevel` without what stands around the object, an ablation: what knowing of neighbours is worth."""
 
     def _scene(self, observation: Observation, info: Info) -> Scene:
         return replace(super()._scene(observation, info), neighbours=(), rest=ObjectCloud())

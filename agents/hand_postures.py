@@ -21,7 +21,7 @@ _HANDS = _OPEN, _AROUND | {"thumb": (1.38, 0.35, 0.45, 0.2)}, _AROUND | {"thumb"
 """Wide around the object; the thumb half way; the thumb's set-point inside any object, so that its servo saturates."""
 
 
-class Tuned:
+class TunedPostures:
     """Fixed postures of index, middle and thumb; the palm's place follows from the object's height alone."""
 
     def __init__(self, cell: Cell) -> None:
@@ -48,7 +48,7 @@ class Tuned:
         return R, p
 
 
-class LevelPinch:
+class PinchPostures:
     """Pinch of a hand from above, along a level axis."""
 
     def __init__(self, cell: Cell) -> None:
@@ -68,6 +68,6 @@ class LevelPinch:
 
 
 @lru_cache(maxsize=4)
-def hand_postures(cell: Cell) -> Tuned | LevelPinch:
+def hand_postures(cell: Cell) -> TunedPostures | PinchPostures:
     """Return the postures of a cell's hand, found once."""
-    return Tuned(cell) if Tuned.fits(cell) else LevelPinch(cell)
+    return TunedPostures(cell) if TunedPostures.fits(cell) else PinchPostures(cell)

@@ -9,7 +9,7 @@ from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
 from dexgrasp.learning.imitation.policy import Policy, PolicyRun
 from dexgrasp.learning.reinforcement.grip_policy import GripPolicy
 from dexgrasp.learning.reinforcement.rl_policy import RlPolicy
-from dexgrasp.runs.arrays import read_policy
+from dexgrasp.runs.weights import read_policy
 from dexgrasp_env.arrays import Single
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
@@ -18,7 +18,7 @@ from dexgrasp_env.robot.cell import default_cell
 
 
 class LearnedAgent(Agent):
-    """Acts by the policy of a folder, in numpy; its `env_settings` are those that it was trained in."""
+    """Acts by the policy of a folder, in numpy, in the environment settings that it was trained in."""
 
     shipped: ClassVar[str] = ""
 

@@ -23,16 +23,14 @@ from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.constants import AROUND_POINTS
 from dexgrasp_env.tasks.control import normalise
 
-_ROOM, _BESIDE = (
-    0.05,
-    0.02,
-)  # m between things and walls of the tray, for fingers; beside it where things are in it
+_ROOM = 0.05  # m between things and walls of the tray, for fingers
+_BESIDE = 0.02  # m beside the tray, where things count as in it
 
 
 class PlacingAgent(Agent):
-    """Watches the set-points of an agent of `joint_position` and goes on once it has lifted the object.
+    """Carries what an agent of `joint_position` has lifted to its goal, and lets go of it there where the goal says so.
 
-    Where the object's middle is, the first cloud says; it is taken to move as the palm does.
+    The middle of the object is taken from the first cloud, and to move as the palm does.
     """
 
     def __init__(self, agent: Agent) -> None:
@@ -121,7 +119,7 @@ class PlacingAgent(Agent):
 
 
 class ClearingAgent(PlacingAgent):
-    """Has an agent grasp what stands on the table, one after the other, and carries each to the tray.
+    """Clears the table into the tray: has an agent grasp one object after the other, and carries each there.
 
     From home it looks at the table, and names the agent one thing as the one that is meant until it has a plan: the
     most isolated first, what it failed at last. What is in the tray no camera sees: it is remembered.

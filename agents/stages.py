@@ -71,7 +71,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Stage(ABC):
-    """One stage.
+    """Stage of an episode: acts until it names the next.
 
     Attributes:
         state: of the episode.
@@ -93,7 +93,7 @@ class Stage(ABC):
 
 
 class Stay(Stage):
-    """Nothing is left to try: the last set-points are held."""
+    """Hold of the last set-points: nothing is left to try."""
 
     def next(self, observation: Observation) -> Stage:
         """Return this stage."""
@@ -102,7 +102,7 @@ class Stay(Stage):
 
 @dataclass(frozen=True, eq=False)
 class TakeHold(Stage):
-    """Approach, close, and press: of the object, or of a neighbour that is set aside then."""
+    """Approach, closing and pressing, on the object or on a neighbour that is set aside then."""
 
     motion: GuardedGrasp
 
@@ -138,7 +138,7 @@ class LiftAndHold(Stage):
 
 @dataclass(frozen=True, eq=False)
 class PutAside(Stage):
-    """The object is carried to its goal and let go of, or a neighbour to where it is out of the way."""
+    """Carrying and release of the object at its goal, or of a neighbour where it is out of the way."""
 
     motion: CarryAside
 
@@ -154,7 +154,7 @@ class PutAside(Stage):
 
 @dataclass(frozen=True, eq=False)
 class SlideToEdge(Stage):
-    """A flat object is pushed until it sticks out over the table's edge."""
+    """Push of a flat object until it sticks out over the table's edge."""
 
     motion: Slide
 
@@ -178,7 +178,7 @@ class SlideToEdge(Stage):
 
 @dataclass(frozen=True, eq=False)
 class GoHome(Stage):
-    """The empty hand leaves the cameras' view; then they look again.
+    """Way of the empty hand out of the cameras' view, at whose end they look again.
 
     Attributes:
         counted: the look at the end of the way is one of those that are left.

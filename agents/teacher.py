@@ -3,12 +3,11 @@
 import numpy as np
 
 from dexgrasp.agent import BY_CLOUD
+from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.agents.hardcoded import HardcodedAgent
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
-
-from .bilevel import BilevelAgent
-from .hardcoded import HardcodedAgent
 
 _TURNS = np.deg2rad(np.arange(0.0, 180.0, 3.0))
 _WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narrowest

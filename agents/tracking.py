@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dexgrasp.agent import BY_CLOUD, Info, Observation
+from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.agents.stages import GoHome, LiftAndHold, SlideToEdge, Stage, TakeHold, take_hold, way_home
 from dexgrasp.geometry.tracking import PlanarTracker
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, solve_palm
 from dexgrasp.mechanics.kinematics.tree import RobotTree
@@ -16,14 +18,11 @@ from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-from .bilevel import BilevelAgent
-from .stages import GoHome, LiftAndHold, SlideToEdge, Stage, TakeHold, take_hold, way_home
-
 _STILL = np.array([0.004, 0.004, 0.06])  # m and rad, less than which is no motion
 
 
 class FollowingGrasp(GuardedGrasp):
-    """Takes hold of an object that moves as it takes hold of one that rests: the arm adds the way since the plan.
+    """Grasp of a moving object: that of one at rest, and the arm adds the object's way since the plan.
 
     Attributes:
         shift: (3,) m, of the object from where the plan has it, when the arm gets there.
@@ -73,7 +72,7 @@ def shifted(row: Array, shift: Array, tree: RobotTree) -> Array:
 
 
 class Watch:
-    """An object that is watched from the first look on.
+    """Motion of an object since the first look: rest, displacement, or a belt.
 
     Attributes:
         scene: of the first look.

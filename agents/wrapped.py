@@ -114,7 +114,7 @@ def _made(record: WrapperRecord, env: Any) -> Any:
         made: Any = kind(env, **{key: array_of(value) for key, value in (record.kwargs or {}).items()})
         if record.state:
             _restore(made, record)
-    except Exception as error:  # of whatever kind the wrapper's author chose
+    except (Exception, SystemExit) as error:  # of whatever kind the wrapper's author chose
         raise InputError(f"wrapper {record.name} cannot be made: {first_line(error)[:160]}") from error
     return made
 
@@ -133,7 +133,7 @@ def _restore(wrapper: Any, record: WrapperRecord) -> None:
 
 
 class _OverError(BaseException):
-    """The episode is over: whoever waits in it ends."""
+    """End of an episode, for the thread that waits in it."""
 
 
 class Player:

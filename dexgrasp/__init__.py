@@ -1,9 +1,16 @@
-"""Dexterous grasping on a table: shape, planning, certificates, motion, learning, evaluation, the commands."""
+"""Dexterous grasping on a table: geometry, mechanics, planning, grasp files, motion, learning, evaluation, commands."""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dexgrasp.agent import Agent, Report
+    from dexgrasp.planning.plan_scene import plan_cloud
+    from dexgrasp.registry import make_agent
 
 __all__ = ["Agent", "Report", "make_agent", "plan_cloud"]
 _HOMES = {
     "Agent": "dexgrasp.agent", "Report": "dexgrasp.agent", "make_agent": "dexgrasp.registry",
-    "plan_cloud": "dexgrasp.planning.plan_scene",
+    "plan_cloud": "dexgrasp.planning.plan_scene", "__version__": "dexgrasp_env",
 }  # fmt: skip
 
 

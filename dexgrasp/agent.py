@@ -12,6 +12,7 @@ import gymnasium as gym
 from dexgrasp_env.arrays import AnyArray, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.valid import check, instance
 
 Env = gym.Env[Any, Any]
 Observation = Mapping[str, AnyArray]
@@ -50,7 +51,7 @@ class Agent(ABC):
 
     @cached_property
     def report(self) -> Report:
-        """Filled in by `reset`, or set to another one there; a fresh one before that in every trial."""
+        """Report of the agent: `reset` fills it in or sets another; every trial begins with a fresh one."""
         return Report()
 
     def seed(self, seed: int) -> None:  # noqa: B027  (agents without randomness need not override it)
@@ -108,14 +109,13 @@ def complete(name: str, agent: Any) -> Any:
     for member in ("reset", "act"):
         if not callable(getattr(agent, member, None)):
             raise InputError(f"agent {name!r} has no method {member}(): valid agents have reset() and act()")
-    if isinstance(agent, Agent):
-        return agent
     for member, default in {"env_settings": {}, "seed": lambda seed: None, "report": Report()}.items():
         if not hasattr(agent, member):
             try:
                 setattr(agent, member, default)
             except (AttributeError, TypeError):
                 raise InputError(f"agent {name!r} has no {member}, and cannot be given one") from None
+    check(f"env_settings of agent {name!r}", agent.env_settings, instance(Mapping, "a mapping"))
     return agent
 
 

@@ -9,18 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.agent import Agent, complete
-from dexgrasp.runs.arrays import is_policy, policy_files
 from dexgrasp.runs.reading import files_read
+from dexgrasp.runs.weights import is_policy, policy_files
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.valid import NAMED, check
 
 AGENTS: dict[str, str] = {
-    "random": "dexgrasp.agents.floors:RandomAgent",
+    "random": "dexgrasp.agents.baselines:RandomAgent",
     "hardcoded": "dexgrasp.agents.hardcoded:HardcodedAgent",
     "hardcoded_completed": "dexgrasp.agents.hardcoded:HardcodedCompletedAgent",
-    "constant": "dexgrasp.agents.floors:ConstantAgent",
+    "constant": "dexgrasp.agents.baselines:ConstantAgent",
     "cvae": "dexgrasp.agents.ablations:CvaeAgent",
     "cvae_kinematics": "dexgrasp.agents.ablations:CvaeKinematicsAgent",
     "bilevel": "dexgrasp.agents.bilevel:BilevelAgent",
@@ -66,14 +66,13 @@ def make_agent(name: str | os.PathLike[str], **kwargs: Any) -> Agent:
     found = dict[Path, None]()
     try:
         with files_read(found):
-            made = _load(name)(**kwargs)
+            return complete(name, _load(name)(**kwargs))
     except InputError:
         raise
-    except Exception as error:  # that a user's class cannot be made is the user's to mend
+    except (Exception, SystemExit) as error:  # that a class of theirs cannot be made is the user's to mend
         raise InputError(f"agent {name!r} cannot be made: {type(error).__name__}: {error}") from error
     finally:
         _READ.setdefault(name, {}).update(found)
-    return complete(name, made)
 
 
 def placing_agent(name: str, env_id: str = "DexGrasp/Place-v2", **kwargs: Any) -> Agent:
@@ -164,7 +163,7 @@ def _load(spec: str) -> Any:
         module = importlib.import_module(module_name)
     except InputError:  # it needs an extra, and says which
         raise
-    except Exception as error:  # an empty or relative name, or whatever the module does when it is imported
+    except (Exception, SystemExit) as error:  # an empty or relative name, or whatever the module does
         raise InputError(f"agent {spec!r}: module {module_name!r} cannot be imported ({error})") from error
     if not callable(found := getattr(module, attribute, None)):
         raise InputError(f"agent {spec!r}: module {module_name!r} has no class {attribute!r}")

@@ -1,6 +1,7 @@
-"""Dexterous grasping on a table: Gymnasium environments for a Panda arm with an Allegro hand.
+"""Dexterous grasping on a table: Gymnasium environments for a Panda arm with an Allegro hand, or a robot of one's own.
 
-Importing the package registers the environments; it brings no torch, no numba and no GL.
+A `robot` and `objects` become a `scene`; `sensing` and `perception` look at it; `tasks` are the environments. Importing
+the package registers them; it brings no torch, no numba and no GL.
 """
 
 import ctypes
@@ -69,7 +70,7 @@ for name, count, gaps, limit in (
     ("Dense", (9, 15), (0.005, 0.02), CLUTTER_EPISODE_STEPS),
     ("Heap", 8, None, HEAP_EPISODE_STEPS),
 ):
-    _register(f"Clutter{name}-v1", limit, "clutter_env:Clutter", neighbours=count, gaps=gaps)
+    _register(f"Clutter{name}-v1", limit, "clutter:Clutter", neighbours=count, gaps=gaps)
 
 _register("Place-v2", env="place:Place", reward_threshold=None)
 _register("LiftGentle-v0", env="gentle:Gentle")

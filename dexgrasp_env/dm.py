@@ -17,7 +17,6 @@ import gymnasium as gym
 import mujoco
 from gymnasium import spaces
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
 from dexgrasp_env.arrays import Arrays, Fields, Single
 from dexgrasp_env.errors import InputError, unknown_name
@@ -106,7 +105,7 @@ class Task(control.Task):
         inner = env.unwrapped
         assert isinstance(inner, LiftEnv)
         seen: Any = inner.observation_space
-        if inner.steps_an_action > 1 or not isinstance(seen, spaces.Dict):
+        if inner.steps_per_action > 1 or not isinstance(seen, spaces.Dict):
             raise InputError(
                 "dm_control has an action a control step, and observations by name: valid are hold=1, a control_mode "
                 "but grasp_once, an obs_mode but features"

@@ -69,7 +69,7 @@ def check_bytes(count: int, what: str, kind: str) -> None:
 
 @contextmanager
 def readable(what: object) -> Iterator[None]:
-    """Return the system's reason for giving no file, in one line.
+    """Turn an `OSError` within into one line with the system's reason.
 
     Raises:
         InputError: for an `OSError` within.
@@ -137,9 +137,8 @@ def user_cache_dir() -> Path:
 
     Where there is none of these either, it is a folder that cannot be made.
     """
-    with suppress(
-        RuntimeError, OSError
-    ):  # by the release of platformdirs: no home is an error, or stays a tilde
+    # By the release of platformdirs no home is an error, or stays a tilde.
+    with suppress(RuntimeError, OSError):
         path = Path(platformdirs.user_cache_dir("dexgrasp"))
         if path.is_absolute():
             return path
@@ -217,7 +216,7 @@ def _write_cached(path: Path, arrays: Arrays) -> None:
 
 @cache
 def note_unwritable(folder: str, reason: str) -> None:
-    """Note once a process that nothing is kept."""
+    """Print, once in a process, that the cache cannot be written."""
     print(
         f"note: the cache {folder!r} cannot be written ({reason}): going on without it, which takes longer; "
         "DEXGRASP_CACHE names another folder",
@@ -369,10 +368,10 @@ def jsonable(value: Any) -> Any:
         return plain if of_numbers else jsonable(plain)
     if isinstance(value, (int, float)):
         return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, set)):  # of an array that was made plain before: thousands of numbers
         return [item if type(item) is float and math.isfinite(item) else jsonable(item) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(item) for key, item in value.items()}
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: jsonable(getattr(value, field.name)) for field in fields(value)}
     return str(value)

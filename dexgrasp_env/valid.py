@@ -5,13 +5,14 @@
 `read` makes such a dataclass from a mapping of somebody else's; the command line makes options of the same fields.
 """
 
+import inspect
 import math
 import numbers
 import os
 import types
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
-from functools import cache, reduce
+from functools import cache, reduce, wraps
 from operator import or_
 from pathlib import Path
 from typing import (
@@ -30,10 +31,11 @@ from typing import (
 from dexgrasp_env.errors import InputError, shortened, unknown_name
 
 Settings = TypeVar("Settings")
+Called = TypeVar("Called", bound=Callable[..., Any])
 
 
 class Rule(NamedTuple):
-    """Rule of a value.
+    """Rule for a value, and the words that state it.
 
     Attributes:
         words: what is valid, for messages.
@@ -123,6 +125,11 @@ def instance(kind: type, words: str) -> Rule:
     return Rule(words, lambda value: value if isinstance(value, kind) else _refuse())
 
 
+def _of_class(kind: Any) -> Rule | None:
+    known = inspect.isclass(kind) and kind is not Any
+    return instance(kind, f"{kind.__name__} of {kind.__module__}") if known else None
+
+
 def _refuse() -> Any:
     raise ValueError
 
@@ -160,7 +167,7 @@ _PLAIN = {
 
 
 class Hint(NamedTuple):
-    """Statement of a field's annotation.
+    """Parsed annotation of a field.
 
     Attributes:
         kind: its type, without `None` and `Annotated`.
@@ -223,6 +230,30 @@ def check(what: str, value: Any, rule: Rule) -> Any:
         raise InputError(f"{what} is {shortened(repr(value), 100)}: valid is {rule.words}") from None
 
 
+def checked(function: Called) -> Called:
+    """Hold the arguments of what users' programs call to its annotations: plain types, those with rules, and classes.
+
+    Returns:
+        The function, which raises `InputError` for an argument that is not as it says.
+    """
+    signature = inspect.signature(function)
+    known = cache(
+        lambda: {name: hint_of(each) for name, each in get_type_hints(function, None, None, True).items()}
+    )
+
+    @wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        given = signature.bind(*args, **kwargs)
+        for name, value in given.arguments.items():
+            hint = known().get(name)
+            if hint and not (value is None and hint.optional):
+                rule = hint.rule or _of_class(hint.kind)
+                given.arguments[name] = check(name, value, rule) if rule else value
+        return function(*given.args, **given.kwargs)
+
+    return cast(Called, call)
+
+
 def read(kind: type[Settings], given: Any, what: str = "", *, more: bool = False) -> Settings:
     """Return a dataclass from a mapping of its fields, each of which is checked.
 
@@ -254,7 +285,7 @@ def read(kind: type[Settings], given: Any, what: str = "", *, more: bool = False
 
 
 def check_fields(made: Any) -> None:
-    """Hold a frozen dataclass to the rules of its fields, also where Python makes it: for its `__post_init__`.
+    """Check every field of a frozen dataclass by its rule; called in `__post_init__`, so that no way in is unchecked.
 
     Raises:
         InputError: as `read`.

@@ -103,11 +103,11 @@ def plan_without_torch() -> str:
 
 def keep_names_apart() -> str:
     """`agents` is openai's, `dexgrasp.agents` ours, and no file of ours lies under the other's name."""
-    from dexgrasp.agents.floors import RandomAgent
+    from dexgrasp.agents.baselines import RandomAgent
 
     ours = [str(file) for file in files("dexgrasp") or ()]
     assert not [file for file in ours if file.startswith("agents/")], ours
-    assert RandomAgent.__module__ == "dexgrasp.agents.floors"
+    assert RandomAgent.__module__ == "dexgrasp.agents.baselines"
     owners = packages_distributions().get("agents", [])
     if owners:
         import agents

@@ -9,7 +9,6 @@ import gymnasium as gym
 import numpy as np
 from tables import table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
 from dexgrasp.cli.command import Script
 from dexgrasp.cli.commands import run_script

@@ -4,7 +4,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.rendering import choose_gl
 
 ID = "DexGrasp/Lift-v2"

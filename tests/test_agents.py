@@ -20,7 +20,6 @@ from refusals import refused
 from robots import HOME, ROBOT
 from tables import mistakes
 
-import dexgrasp_env  # noqa: F401
 from dexgrasp import make_agent
 from dexgrasp.agents.hardcoded import HardcodedAgent
 from dexgrasp_env.perception.scene import Scene

@@ -23,8 +23,8 @@ from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dictionary
 from dexgrasp.evaluation.store import read_run
 from dexgrasp.export.read import read_trajectory
 from dexgrasp.grasp.file import read_grasp
-from dexgrasp.runs.arrays import read_arrays, read_policy
 from dexgrasp.runs.lines import Lines, read_lines
+from dexgrasp.runs.weights import read_arrays, read_policy
 from dexgrasp_env.files import read_json_object, read_npz, write_atomically
 from dexgrasp_env.objects import user_mesh
 from dexgrasp_env.objects.sets import read_set

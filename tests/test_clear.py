@@ -6,7 +6,6 @@ import pytest
 from refusals import refused
 from tables import mistakes, table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.evaluation.protocol import TrialSeeds, get_protocol
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.registry import placing_agent

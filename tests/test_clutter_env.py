@@ -6,7 +6,6 @@ import pytest
 from refusals import refused
 from tables import mistakes, table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.report.build import write_report
 from dexgrasp.evaluation.settings import EvaluationSettings

@@ -38,7 +38,7 @@ from dexgrasp.planning.decoder import (  # noqa: E402
 from dexgrasp.planning.planner import Planner  # noqa: E402
 from dexgrasp.planning.proposals import ProposalSource  # noqa: E402
 from dexgrasp.planning.settings import PlannerSettings  # noqa: E402
-from dexgrasp.runs.arrays import read_arrays  # noqa: E402
+from dexgrasp.runs.weights import read_arrays  # noqa: E402
 
 NETWORK = NetworkSettings(latent=3, points=64, local=16, cloud=32, hidden=32)
 TRAINING = TrainingSettings(epochs=3, clouds=2, grasps=8, network=NETWORK)

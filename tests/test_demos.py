@@ -12,7 +12,6 @@ from refusals import refused
 from robots import CELL, HOME
 from tables import mistakes, table
 
-import dexgrasp_env  # noqa: F401
 from dexgrasp.agents.hardcoded import HardcodedAgent
 from dexgrasp.data.demonstrations import DemoResets
 from dexgrasp.data.demonstrations import generate as generation

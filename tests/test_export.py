@@ -73,7 +73,7 @@ def test_the_arm_has_its_makers_limits():
 def test_laws_keep_the_limits_and_reach_the_end(seed):
     rng = np.random.default_rng(seed)
     path = np.cumsum(rng.normal(0.0, 0.2, (rng.integers(2, 9), 4)), axis=0)
-    rows = timed(path, LIMITS, 0.001, 3)
+    rows = timed(path, LIMITS)
     assert len(rows) % 3 == 0
     assert np.array_equal(rows[-1], path[-1])
     shares = np.array(limit_shares(np.concatenate([path[:1], rows]), 0.001, *LIMITS))

@@ -4,7 +4,6 @@ import gymnasium as gym
 import numpy as np
 from refusals import refused
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
 from dexgrasp.evaluation.protocol import TrialSeeds, get_protocol
 from dexgrasp.evaluation.trial import run_trial

@@ -8,7 +8,6 @@ from refusals import refused
 from tables import table
 from vector_envs import assert_same, native, singles
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.tasks.control import GRASP_SIZE
 
 PLACE, OPENED, CLOSED = table("placing")

@@ -13,7 +13,6 @@ from refusals import refused
 from robots import variant
 from test_robot_sources import FINGERS, urdf
 
-import dexgrasp_env  # noqa: F401  (registers the ids)
 from dexgrasp.agents.hardcoded import HardcodedAgent
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp.mechanics.kinematics.tree import robot_tree

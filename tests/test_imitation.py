@@ -32,7 +32,7 @@ from dexgrasp.learning.imitation.bc_training import VIEWS, BcTraining, StateBcTr
 from dexgrasp.learning.imitation.settings import BcNetSizes, BcSettings, GraspNetSizes  # noqa: E402
 from dexgrasp.learning.training.checkpoint import read_state  # noqa: E402
 from dexgrasp.learning.training.loop import CHECKPOINT  # noqa: E402
-from dexgrasp.runs.arrays import read_policy  # noqa: E402
+from dexgrasp.runs.weights import read_policy  # noqa: E402
 
 SMALL = BcNetSizes(hidden=24, layers=2)
 NARROW = GraspNetSizes(local=8, cloud=12, width=24)

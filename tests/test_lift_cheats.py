@@ -8,7 +8,6 @@ from lift_envs import judge
 from numpy.testing import assert_allclose, assert_array_equal
 from tables import table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import DISTURB_SHIFT, GRASP_STEPS, HOLD_STEPS
 from dexgrasp_env.tasks.settings import WEIGHTS

@@ -16,7 +16,6 @@ from refusals import refused
 from robots import HOME, LOWER, ROBOT, UPPER
 from tables import mistakes, table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.rendering import choose_gl
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.control import CONTROL_MODES, action_size, max_step

@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose
 from robots import CELL, HOME, ROBOT
 from tables import table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.tasks.control import max_step, normalise

@@ -7,12 +7,11 @@ from lift_envs import finished
 from refusals import refused
 from tables import table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
 from dexgrasp.geometry.tracking import PlanarTracker
 from dexgrasp.registry import make_agent
 from dexgrasp_env.poses import quat_to_matrix
-from dexgrasp_env.tasks.moving import MOTION, moves_now
+from dexgrasp_env.tasks.disturbance import MOTION, moves_now
 from dexgrasp_env.tasks.records import EPISODE
 
 MOVED, BELT = ({"kind": kind, "size": size} for kind, size in (("moved", 8.0), ("belt", 5.0)))

@@ -220,7 +220,7 @@ def test_pushes_leave_the_object_lying_and_sticking_out():
     found = pushes(phone, tips_apart(CELL), 0.014)
     assert found
     for push in found:
-        there = np.concatenate(phone.corners)[:, :2] + push.distance * push.direction
+        there = phone.corners[:, :2] + push.distance * push.direction
         centre = phone.centre[:2] + push.distance * push.direction
         size = np.array(TABLE_SIZE[:2])
         assert max((LOW - there).max(), (there - LOW - size).max()) > 0.0215

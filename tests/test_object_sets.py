@@ -13,7 +13,6 @@ from project_scripts import load_script
 from refusals import refused
 from tables import mistakes, table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import trial_seeds
 from dexgrasp.evaluation.settings import object_labels

@@ -1,5 +1,6 @@
 """Depth images to a segmented cloud, end to end."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import mujoco
@@ -82,15 +83,20 @@ def test_default_noise_meets_the_aim(kind):
         assert np.median((outward * target.normals).sum(-1)) > 0.95
 
 
-def test_an_object_out_of_view_or_far_away_has_a_reason():
+@pytest.mark.parametrize("place", [0.5, 3.0])
+@pytest.mark.parametrize("noise", [0.08, 0.16])  # pixels: up to 2.8 mm at 0.6 m
+def test_a_small_thing_has_few_points_and_an_empty_table_has_none(place, noise):
     model, data = scene()
-    perception = Perception(model, CELL.make_cameras())
-    data.qpos[:3] = [0.5, 3.0, -0.5]
+    model.geom_size[model.body("object").geomadr] = [0.011, 0.014, 0.026]
+    data.qpos[:7] = [place, 0, 0.011, 1, 0, 0, 0]
     mujoco.mj_forward(model, data)
-    seen = perception.observe(data, np.random.default_rng(0))
-    assert seen.reason == "object_out_of_view"
-    assert len(seen.target) == 0
-    assert seen.plane is not None
+    sensor = replace(SensorModel.realistic(), subpixel_rms=noise)
+    for seed in range(8):
+        perception = Perception(model, CELL.make_cameras()[seed % 4 :][: 1 + seed // 4], sensor=sensor)
+        seen = perception.observe(data, np.random.default_rng(seed))
+        assert seen.plane is not None
+        assert seen.reason == (None if place < 1.0 else "object_out_of_view")
+        assert bool(len(seen.target)) == (place < 1.0)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 from refusals import refused
 from tables import table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.tasks.place import PlaceEnv
 
 

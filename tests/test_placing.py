@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from foreign_parts import six_joint_arm
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
 from dexgrasp.agents.placing import PlacingAgent
 from dexgrasp.evaluation.protocol import PROTOCOLS, TrialSeeds

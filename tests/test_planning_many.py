@@ -12,8 +12,8 @@ from test_scene_cloud import scene_points
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, OK
 from dexgrasp.geometry.request import MOST, GraspRequest
+from dexgrasp.grasp.diversity import hand_points
 from dexgrasp.grasp.planned_record import Origin, planned_record
-from dexgrasp.grasp.variety import hand_points
 from dexgrasp.planning.diverse import plan_many
 from dexgrasp.planning.plan_scene import plan_cloud
 from dexgrasp.planning.planner import Planner

@@ -15,7 +15,7 @@ from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.registry import make_agent
-from dexgrasp.runs.arrays import read_policy, write_policy
+from dexgrasp.runs.weights import read_policy, write_policy
 from dexgrasp_env.valid import read
 
 pytest.importorskip("torch")
@@ -23,7 +23,6 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym
 from stable_baselines3 import SAC
 
-import dexgrasp_env  # noqa: F401
 from dexgrasp.learning.reinforcement.demo_replay import add_demonstrations
 from dexgrasp.learning.reinforcement.rl_training import RlTraining
 from dexgrasp.learning.reinforcement.settings import RlSettings

@@ -16,7 +16,6 @@ from processes import python
 from refusals import refused
 from tables import table
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
 from dexgrasp_env.rendering import choose_gl, make_renderer, render, show_camera
 from dexgrasp_env.robot.cell import default_cell

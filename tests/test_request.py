@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,10 +22,18 @@ from dexgrasp.geometry.request import (
     Region,
     relaxations,
 )
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.learning.imitation.bc_training import VIEWS
+from dexgrasp.learning.imitation.settings import BcSettings
+from dexgrasp.mechanics.kinematics.clearance import OBJECT, clearances
+from dexgrasp.planning.asked_rows import AIMED, with_request
+from dexgrasp.planning.constraints import evaluate
+from dexgrasp.planning.diverse import plan_many
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.settings import GraspProblem, PlannerSettings
+from dexgrasp.planning.sqp import bounds_of
 from dexgrasp_env.poses import about_z, rigid
 from dexgrasp_env.valid import check
 
@@ -60,6 +69,31 @@ def test_a_request_is_met_and_judged(request_):
     assert named
     assert all(check.holds for check in checks.values())
     assert (request_.outside(plan.grasp.contacts) <= 0.0).all()
+    if not request_.approach:  # links that are to touch nothing keep farther off than the hand itself does
+        problem = GraspProblem(plan.target, plan.grasp.cell, plan.settings)
+        values, labels = clearances(plan.grasp.q, problem.tree, problem.world, 0.02, True)
+        idle = (labels[:, 0] == OBJECT) & ~np.isin(labels[:, 1], problem.tree.tip_body)
+        assert values[idle].min(initial=0.02) > 0.0099
+
+
+def test_what_is_asked_has_slopes_in_the_optimisation():
+    asked = GraspRequest(hold=["box:0.4,0.03,0,0.6,0.12,0.12"], approach="0.3,0.2,-1,25")
+    plan = plan_cloud(block(), seed=2)
+    target = replace(plan.target, demand=Demand(asked, plan.grasp.cell.T_base_world))
+    problem = GraspProblem(target, plan.grasp.cell, plan.settings)
+    bounds = bounds_of(problem, 0.5)
+
+    def added(q):
+        obstacle, shape = target.distance.obstacle, problem.shape
+        now = evaluate(q, problem.tree, obstacle, problem.world, bounds, shape, True)
+        asked = with_request(now, q, problem, AIMED)
+        return asked.values[len(now.values) :], asked.rows[len(now.values) :]
+
+    q, step = plan.grasp.q, 1e-6
+    values, rows = added(q)
+    assert len(values) == 4
+    slopes = [(added(q + step * way)[0] - values) / step for way in np.eye(len(q))]
+    assert np.allclose(rows, np.transpose(slopes), atol=1e-4)
 
 
 def test_the_judge_refuses_a_grasp_that_is_not_as_asked():
@@ -195,6 +229,23 @@ def test_what_is_known_of_the_object_is_of_the_request_and_judged():
     sure = plan_cloud(block(), seed=2, request=GraspRequest(min_probability=0.9999))
     assert sure.reason == "no_grasp:not_sure_enough"
     assert sure.relaxation.startswith("none held with probability 0.9999; one with 0.")
+
+
+def test_what_programs_call_refuses_what_is_of_another_kind():
+    planner, target = Planner(), GraspTarget.of(trimesh.creation.box([0.05] * 3))
+    for name, wrong in (
+        ("cell", lambda: Planner(cell="panda_allegro")),
+        ("patience", lambda: Planner(PlannerSettings(patience="x"))),
+        ("target", lambda: planner.plan(block())),
+        ("start", lambda: planner.plan(target, start=[0.0] * 22)),
+        ("seed", lambda: plan_many(planner, target, seed=-1)),
+        ("request", lambda: planner.asking(3)),
+        ("record", lambda: verify("grasp.json")),
+        ("epochs", lambda: BcSettings(epochs="5")),
+        ("data", lambda: VIEWS["state"]("demos", BcSettings(), "out")),
+    ):
+        with refused(f"{name} is .*: valid is"):
+            wrong()
 
 
 @pytest.mark.parametrize("wrong", mistakes("request_settings"))

@@ -22,7 +22,7 @@ from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import solve
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.hand_maker import HandMaker, NamedParts
-from dexgrasp_env.robot.make import make_robot
+from dexgrasp_env.robot.make import make_robot, parts_of
 from dexgrasp_env.robot.rebuilt import compiled
 from dexgrasp_env.robot.robot_file import make_hand
 from dexgrasp_env.robot.source import read_source
@@ -87,6 +87,11 @@ def hand_of(folder, path):
     """Return what `make` notes of a hand, and its file."""
     notes = make_robot(path, None, folder / "claw.yaml")
     return notes, yaml.safe_load((folder / "claw_hand.yaml").read_text())
+
+
+def built(entry):
+    """Return the compiled model of what a hand's file says."""
+    return compiled(make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()}))
 
 
 def test_a_urdf_keeps_the_torques_and_velocities_it_states(tmp_path):
@@ -206,7 +211,8 @@ def test_what_makers_write_otherwise_is_mended_or_refused_in_a_line(
             HandMaker(path).entry()
         return
     maker = HandMaker(path)
-    assert len(maker.entry()["torque"]) == joints
+    assert built(maker.entry()).njnt == joints
+    assert parts_of(path) == (True, False)
     assert any(said in note for note in maker.notes)
 
 
@@ -295,11 +301,9 @@ def test_of_two_hands_in_one_file_the_palm_says_which_is_meant(tmp_path):
     path = written(tmp_path, two_hands())
     with refused("several hands, on 'l_plate', 'r_plate': --palm BODY takes one"):
         HandMaker(path)
-    entry = HandMaker(path, NamedParts(palm="r_plate")).entry()
-    hand = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
-    assert compiled(hand).njnt == 9
-    assert {name[:2] for name in hand.joints.names} == {"r_"}
-    assert len(hand.joints.names) == 9
+    hand = built(HandMaker(path, NamedParts(palm="r_plate")).entry())
+    assert {hand.joint(j).name[:2] for j in range(hand.njnt)} == {"r_"}
+    assert hand.njnt == 9
 
 
 def test_a_palm_that_is_the_world_becomes_a_body(tmp_path):
@@ -314,7 +318,9 @@ def test_a_palm_that_is_the_world_becomes_a_body(tmp_path):
     assert HandMaker(mjcf(tmp_path, named)).entry()["palm"] == "base_base"
 
 
-def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(tmp_path):
+@pytest.mark.parametrize("palm", ["plate", "l5_palm"])
+def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(palm, tmp_path):
+    """The palm is a link of its own, or what the fingers hang on is the arm's last link."""
     arm, above = [], "stand"
     arm.append(
         LINK.format(name=above, mass=1, ixx="1e-2", tag="collision", z=0.0, shape='<sphere radius="0.04"/>')
@@ -332,11 +338,20 @@ def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(tmp_path)
             f'<origin xyz="0 {y} 0" rpy="-1.5707963 0 0"/></joint>'
         )
     arm.append('<link name="tool0"/>')
-    path = written(tmp_path, prefix=arm)
+    text = urdf(prefix=arm)
+    if palm != "plate":
+        text = re.sub('<joint name="flange".*?</joint>|<link name="plate">.*?</link>', "", text)
+        text = text.replace('<parent link="plate"/>', '<parent link="l5"/>')
+    path = written(tmp_path, text)
     make_robot(path, path, tmp_path / "both.yaml")
-    robot = make_cell(str(tmp_path / "both.yaml")).robot
+    cell = make_cell(str(tmp_path / "both.yaml"))
+    robot, maker = cell.robot, HandMaker(path)
+    tips = fingertips(np.clip(0.0, robot.lower, robot.upper), robot_tree(cell)) - cell.base
+    assert_allclose(
+        np.sort(tips, axis=0), np.sort([maker.tip(k)[:3, 3] for k in range(3)], axis=0), atol=1e-5
+    )
     assert robot.arm.joints.names == tuple(f"a{k}" for k in range(6))
-    assert_allclose(robot.arm.frame.position, [0.0, 0.05, 0.0], atol=1e-9)
+    assert_allclose(robot.arm.frame.position, [0.0, 0.05 * (palm == "plate"), 0.0], atol=1e-9)
     assert compiled(robot.arm).body("l5").geomnum[0] == 2  # its own sphere, as it collides and as it is seen
     assert len(robot.hand.joints.names) == 9
-    assert robot.hand.palm == "plate"
+    assert robot.hand.palm == palm

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose
 from refusals import refused
 from robots import HOME, UPPER
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.tasks.starts import PreGrasps
 
 ID = "DexGrasp/LiftFromGrasp-v0"
@@ -40,10 +39,11 @@ def test_joints_that_cannot_be_are_refused(options, word):
 
 
 def test_episodes_begin_on_the_way_to_pre_grasps():
-    starts = PreGrasps(objects=["sugar_box"])
-    assert starts.ways >= 2
-    assert {*starts.names} == {"sugar_box"}
-    env = gym.make(ID, objects="sugar_box", obs_mode="state")
+    objects = ["sugar_box", "mustard_bottle"]  # which lies on parts that are 1 mm within its surface
+    starts = PreGrasps(objects=objects)
+    assert starts.ways >= 4
+    assert [*dict.fromkeys(starts.names)] == objects
+    env = gym.make(ID, objects=objects, obs_mode="state")
     for way in range(starts.ways):
         for share, near in ((0.0, False), (1.0, True)):
             seen, info = env.reset(seed=way, options=starts.options(way, share))
@@ -63,6 +63,8 @@ def test_starts_move_back_as_episodes_succeed():
     assert starts.front == pytest.approx(0.9 - 0.1 * round((0.9 - starts.front) / 0.1))
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     assert "level" not in env.reset(seed=0)[1]
+    with refused("valid is what returns"):
+        env.unwrapped.start_from(PreGrasps)
     env.unwrapped.start_from(starts)
     assert env.reset(seed=0)[1]["level"] == starts.front
 
@@ -73,5 +75,7 @@ def test_files_that_are_none_are_refused(tmp_path):
     (tmp_path / "text.npz").write_text("no arrays")
     with refused("holds no pre-grasps"):
         gym.make(ID, starts=str(tmp_path / "text.npz"))
+    with refused("valid is that one"):
+        gym.make(ID, mount="fingers_along")
     with refused("of none of these objects: valid are .*sugar_box"):
         gym.make(ID, objects="varied-3")

@@ -8,7 +8,6 @@ import numpy as np
 from processes import python
 from refusals import rejected
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows

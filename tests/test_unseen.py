@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from robots import CELL
 
-import dexgrasp_env  # noqa: F401
 from dexgrasp.geometry.completion import completed_corners
 from dexgrasp.geometry.hull import cloud_corners
 from dexgrasp.planning.plan_scene import plan_scene

@@ -1,6 +1,7 @@
 """Attributes and calls of a native vector environment, as Gymnasium's own ones have them."""
 
 import inspect
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from refusals import refused
 from tables import mistakes
 from vector_envs import assert_same, native, singles
 
-from dexgrasp_env.tasks.clutter_env import ClutterEnv
+from dexgrasp_env.tasks.clutter import ClutterEnv
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.place import PlaceEnv
@@ -21,7 +22,7 @@ OF_SYNC = {"env_fns", "envs", "copy", "observation_mode"}
 """Of how `SyncVectorEnv` is made of single environments."""
 TOGETHER = {"step", "start_from", "close"}
 """What environments that are side by side do together, with `step` and others of the vector environment."""
-OF_THE_CLASS = {"episodes_type", "settings_type", "obs_modes"}
+OF_THE_CLASS = {"episodes_type", "settings_type"}
 OF_WRAPPERS = {"get_wrapper_attr", "has_wrapper_attr", "set_wrapper_attr"}
 
 
@@ -110,8 +111,12 @@ def test_no_limit_in_gymnasiums_word_and_closed_environments_say_so():
     envs = native(2, objects="sugar_box", max_episode_steps=-1)
     envs.reset(seed=0)
     assert not envs.step(np.zeros((2, 23)))[3].any()
+    state = envs.get_state()
+    with refused("environment is 2"):
+        envs.set_state(state, [2])
     envs.close()
-    for what in (envs.reset, lambda: envs.step(np.zeros((2, 23))), envs.render, envs.get_state):
+    step, put = partial(envs.step, np.zeros((2, 23))), partial(envs.set_state, state)
+    for what in (envs.reset, step, envs.render, envs.get_state, put):
         with refused("closed"):
             what()
         with pytest.raises(ClosedEnvironmentError):

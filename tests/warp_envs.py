@@ -4,7 +4,6 @@ import os
 
 import gymnasium as gym
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
 
 ID = "DexGrasp/Lift-v2"

@@ -2,13 +2,13 @@
 
 import os
 from pkgutil import resolve_name
-from typing import Annotated
+from typing import Annotated, Any
 
 from dexgrasp.cli.command import Answer, Argument, CellOptions, Command
 from dexgrasp.cli.output import columns, record_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import one_of
+from dexgrasp_env.valid import hints, one_of
 
 
 def list_objects() -> list[Fields]:
@@ -35,14 +35,11 @@ def list_envs() -> list[Fields]:
 
     from dexgrasp.evaluation.protocol import PROTOCOLS, SHOWN
     from dexgrasp_env.robot.cell import default_cell
-    from dexgrasp_env.tasks.control import CONTROL_MODES
-    from dexgrasp_env.tasks.settings import REWARD_MODES
 
     return [
         {
             "id": id, "max_episode_steps": spec.max_episode_steps, "preset": spec.kwargs,
-            "obs_mode": resolve_name(str(spec.entry_point)).obs_modes, "control_mode": CONTROL_MODES,
-            "reward_mode": REWARD_MODES, "mount": default_cell().mounts,
+            **_modes(resolve_name(str(spec.entry_point))), "mount": default_cell().mounts,
             **{
                 name: ", ".join(filter(None, map(protocol.shown, SHOWN)))
                 for name, protocol in PROTOCOLS.items() if protocol.env_id == id and protocol.figures
@@ -51,6 +48,12 @@ def list_envs() -> list[Fields]:
         for id, spec in sorted(gym.registry.items())
         if id.startswith("DexGrasp/")
     ]  # fmt: skip
+
+
+def _modes(env: Any) -> Fields:
+    """Return the modes that a class of environments takes, by argument."""
+    known, names = hints(env.settings_type), ("obs_mode", "control_mode", "reward_mode")
+    return {name: rule.choices for name in names if (rule := known[name].rule)}
 
 
 def list_agents() -> list[Fields]:

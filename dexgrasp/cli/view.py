@@ -37,8 +37,8 @@ class View(Command, SceneOptions):
         """Plan a grasp or read some, then serve or write the page."""
         from dexgrasp.evaluation.store import kept_grasps
         from dexgrasp.grasp.file import read_grasp, record_of
-        from dexgrasp.viewer.film import film_of
         from dexgrasp.viewer.page import page, serve
+        from dexgrasp.viewer.playback import playback_of
         from dexgrasp_env.perception.scene import Scene
 
         path, cell = Path(self.target), self.cell
@@ -50,22 +50,22 @@ class View(Command, SceneOptions):
             if idle := self.given("seed", "mount", "friction", "mesh_scale", "mesh_mass"):
                 raise InputError(f"{', '.join(idle)} would change nothing: {path} has a grasp already")
             files = kept_grasps(path)[:6] if path.is_dir() else [path]  # side by side
-            films = [film_of(read_grasp(file, cell)) for file in files]
+            playbacks = [playback_of(read_grasp(file, cell)) for file in files]
         else:
             look, found = plan_target(self.target, "bilevel", self)
             (identity, pose), seen = look.subject, Scene.of_observation(look.observation).target.points
             if not found.success:
                 note(f"{identity.name}: no grasp ({found.reason}), so there is nothing to show")
-            films = [
-                film_of(record_of(content, cell=cell), seen)
+            playbacks = [
+                playback_of(record_of(content, cell=cell), seen)
                 for content in found.contents(identity, "bilevel", pose)
             ]
-        if not films:
+        if not playbacks:
             return 1
         if self.html is None:
-            note(f"showing {films[0].title} at http://127.0.0.1:{self.port} (Ctrl-C ends it)")
-            serve(films, self.port)
+            note(f"showing {playbacks[0].title} at http://127.0.0.1:{self.port} (Ctrl-C ends it)")
+            serve(playbacks, self.port)
             return 0
-        write_atomically(self.html, page(films).encode())
+        write_atomically(self.html, page(playbacks).encode())
         note(f"wrote {self.html}")
-        return Answer({"file": self.html, "films": [film.title for film in films]}, "")
+        return Answer({"file": self.html, "films": [shown.title for shown in playbacks]}, "")

@@ -21,8 +21,10 @@ from dexgrasp_env.files import expand, write_json
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import load_target
 from dexgrasp_env.robot.cell import whole_path
+from dexgrasp_env.valid import checked
 
 
+@checked
 def evaluate(
     settings: EvaluationSettings,
     folder: str | Path,

@@ -162,5 +162,5 @@ def _note_neighbours(outcome: Outcome, info: Fields) -> None:
 def _ask(method: Any, *arguments: Any) -> Any:
     try:
         return method(*arguments)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise AgentError from error

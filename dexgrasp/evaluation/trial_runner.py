@@ -7,7 +7,6 @@ from typing import Any
 
 import gymnasium as gym
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import Env
 from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_seeds
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, hashes_by_name

@@ -53,7 +53,7 @@ def _timing(name: str, rows: Rows) -> Check:
 
 
 def _order(recording: Recording) -> Check:
-    """Segments follow each other, from the first row to the last."""
+    """Check that segments follow each other, from the first row to the last."""
     segments = recording.facts.segments.values()
     starts, ends = [one.start for one in segments], [one.end for one in segments]
     apart = np.subtract([*starts, recording.arm.times[-1]], [0.0, *ends])
@@ -77,7 +77,7 @@ def _limits(name: str, rows: Rows, part: Arm | Hand) -> list[Check]:
 
 
 def _collisions(recording: Recording, cell: Cell) -> list[Check]:
-    """Distances of the true collision shapes: robot to itself, table, neighbours, and the object that it approaches."""
+    """Check true collision shapes: robot to itself, table, neighbours, and the object that it approaches."""
     facts = recording.facts
     parts, around = (
         [placed(cell.T_world_base, part) for part in shapes] for shapes in (facts.parts, facts.around)
@@ -102,12 +102,8 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
         checks.append(_leaving(facts.placed, recording, cell, rows[start:]))
     if around:
         end = facts.segments["set_down"].end if facts.placed is not None else times[-1]
-        lift = rows[
-            min(np.searchsorted(times, facts.segments["lift"].start), len(rows) - 1) : np.searchsorted(
-                times, end
-            )
-            + 1
-        ]
+        start = min(np.searchsorted(times, facts.segments["lift"].start), len(rows) - 1)
+        lift = rows[start : np.searchsorted(times, end) + 1]
         lying, nearest = scene.carried(lift[_looks(lift)])
         checks.append(
             # m that the object may get deeper into a neighbour than it seems to lie in it

@@ -19,7 +19,7 @@ from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat, placed, rigid
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.valid import POSITIVE, check
+from dexgrasp_env.valid import POSITIVE, check, checked
 
 _PRESSING = (
     "each of these presses in full, so send one: `closed` to the servos that were planned with, or `touching` plus "
@@ -27,6 +27,7 @@ _PRESSING = (
 )
 
 
+@checked
 def export_grasp(
     record: GraspRecord,
     folder: str | Path,

@@ -15,7 +15,7 @@ from dexgrasp_env.files import check_file
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import placed, pose_matrix
 from dexgrasp_env.robot.cell import Cell, default_cell
-from dexgrasp_env.scene.shapes import geom_mesh
+from dexgrasp_env.scene.geom_mesh import geom_mesh
 
 HOLD = 3.0
 """s that the object must stay up after the lift."""
@@ -148,7 +148,7 @@ def load_scene(scene: Path, recording: Recording) -> tuple[Any, Any]:
 
 
 def set_points(recording: Recording, time: float) -> Array:
-    """The set-points that the controllers hold at a time: each takes its last row."""
+    """Return the set-points (n,) rad that the controllers hold at a time, s: each its last row."""
     return np.concatenate(
         [
             part.positions[np.searchsorted(part.times, time + 1e-9, side="right") - 1]

@@ -43,7 +43,7 @@ class Waypoints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Rows from rest to rest.
+    """Trajectory from rest to rest, as rows of joint positions.
 
     Attributes:
         robot: whose joints they are.
@@ -95,7 +95,7 @@ def make_trajectory(way: Waypoints, robot: Robot) -> Trajectory:
     rows, segments, start = [way.approach[:1]], [], 0
     for name, path, law, pause in pieces:
         rows += [
-            timed(path, law, ARM_TICK, HAND_EVERY),
+            timed(path, law),
             np.repeat(path[-1:], round(pause / ARM_TICK), axis=0),
         ]
         end = start + len(rows[-2]) + len(rows[-1])
@@ -113,17 +113,16 @@ class Limits(NamedTuple):
     jerk: Array
 
 
-def timed(path: Array, limits: Limits, tick: float, multiple: int = 1) -> Array:
-    """Return rows (T, n) rad along a path, one a `tick`, from rest at its first point to rest at its last.
+def timed(path: Array, limits: Limits) -> Array:
+    """Return rows (T, n) rad along a path, one an `ARM_TICK`, from rest at its first point to rest at its last.
 
     Args:
         path: (m, n) rad.
         limits: of the joints.
-        tick: s between rows.
-        multiple: T is a multiple of it, the end being held.
 
     Returns:
-        The rows after the first point of the path; none where the path goes nowhere.
+        The rows after the first point of the path, the last held until T is a multiple of `HAND_EVERY`; none where the
+        path goes nowhere.
 
     Raises:
         InputError: if no law keeps the limits.
@@ -134,14 +133,14 @@ def timed(path: Array, limits: Limits, tick: float, multiple: int = 1) -> Array:
     spline, length = _spline(points)
     slow = 1.0
     for _ in range(20):
-        rows = spline(_law(length, slow, tick))
+        rows = spline(_law(length, slow))
         rows[-1] = points[-1]
-        used = np.array(limit_shares(np.concatenate([points[:1], rows]), tick, *limits))
+        used = np.array(limit_shares(np.concatenate([points[:1], rows]), ARM_TICK, *limits))
         # Share of every limit that is planned for; finite differences of the rows then stay below 0.95.
         # k times slower, velocity, acceleration and jerk fall k, k^2 and k^3 times.
         excess = (used ** (1.0 / np.arange(1, 4))).max() / 0.90
         if excess <= 1.0:
-            return np.concatenate([rows, np.repeat(rows[-1:], -len(rows) % multiple, axis=0)])
+            return np.concatenate([rows, np.repeat(rows[-1:], -len(rows) % HAND_EVERY, axis=0)])
         slow *= 1.02 * excess
     raise InputError("the path cannot be timed within the limits of the joints: it bends too sharply")
 
@@ -166,8 +165,8 @@ def _spline(points: Array) -> tuple[Callable[[Array], Array], float]:
     return make_interp_spline(along, points, k=degree), float(along[-1])
 
 
-def _law(length: float, slow: float, tick: float) -> Array:
-    """Return positions (T,) along a path of some length, jerk-limited, one a tick after the start."""
+def _law(length: float, slow: float) -> Array:
+    """Return positions (T,) along a path of some length, jerk-limited, one an `ARM_TICK` after the start."""
     from ruckig import InputParameter, Ruckig, Trajectory
 
     parameters, trajectory = InputParameter(1), Trajectory(1)
@@ -177,5 +176,5 @@ def _law(length: float, slow: float, tick: float) -> Array:
     parameters.max_velocity, parameters.max_acceleration = [2.0 / slow], [8.0 / slow**2]
     parameters.max_jerk = [200.0 / slow**3]
     Ruckig(1).calculate(parameters, trajectory)
-    times = tick * np.arange(1, int(np.ceil(trajectory.duration / tick)) + 1)
+    times = ARM_TICK * np.arange(1, int(np.ceil(trajectory.duration / ARM_TICK)) + 1)
     return np.array([min(trajectory.at_time(min(t, trajectory.duration))[0][0], length) for t in times])

@@ -1,8 +1,13 @@
-"""From a scene to the planner's target: the hull of its cloud, the side that no camera saw completed, its parts."""
+"""From a scene to the planner's target: the hull of its cloud, the side that no camera saw completed, its parts.
+
+A network completes the side from the one that was seen, as numbers in a frame of its own. All of them are support
+functions: h(d) = max d . x over the points, for fixed directions d.
+"""
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,9 +15,8 @@ from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
 from dexgrasp.geometry.hull import cloud_corners, trim_extremes
 from dexgrasp.geometry.target import PART_FACES, GraspTarget, Uncertainty
-from dexgrasp.geometry.visible_side import ONE_SIDED, UNIT, WRITTEN, VisibleSide, one_sidedness
-from dexgrasp.runs.arrays import Layer, layers_of, read_arrays, relu, through
-from dexgrasp_env.arrays import Array, Single
+from dexgrasp.runs.weights import Layer, layers_of, read_arrays, relu, through
+from dexgrasp_env.arrays import Array, Single, middle
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.plane import Plane
@@ -20,6 +24,10 @@ from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 NO_CLOUD, NO_VOLUME = "empty_cloud", "cloud_has_no_volume"
 _LEAST_POINTS = 4
+UNIT = 0.1
+"""m: lengths are read and written in this unit."""
+ONE_SIDED = 0.4
+"""From here on normals point one way: with four cameras up to 0.27 was measured, with one the median is 0.86."""
 
 
 class NoTarget(Exception):  # noqa: N818  (it is an outcome, not a defect)
@@ -127,6 +135,69 @@ def _corners(support: Array) -> Array | None:
     except QhullError:
         return None
     return corners[np.isfinite(corners).all(1)]
+
+
+def one_sidedness(normals: Array) -> float:
+    """Return |sum| / sum || of the level parts of normals (N, 3): near 0 seen all round, near 1 from one side."""
+    level = normals[:, :2]
+    return float(np.linalg.norm(level.sum(0)) / max(float(np.linalg.norm(level, axis=1).sum()), 1e-9))
+
+
+def even_directions(azimuths: int, elevations: tuple[float, ...]) -> Array:
+    """Return unit directions (N, 3): rings of evenly spaced azimuths at elevations in degrees, and straight up."""
+    azimuth, elevation = np.meshgrid(2.0 * np.pi * np.arange(azimuths) / azimuths, np.radians(elevations))
+    level = np.cos(elevation)
+    rings = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1)
+    return np.concatenate([rings.reshape(-1, 3), [[0.0, 0.0, 1.0]]])
+
+
+READ = even_directions(24, (-35.0, 0.0, 25.0, 55.0))
+"""(97, 3) directions in which the seen side is read."""
+WRITTEN = even_directions(40, (-50.0, -25.0, -10.0, 0.0, 10.0, 20.0, 30.0, 45.0, 65.0))
+"""(361, 3) directions in which the whole object is written."""
+
+
+class VisibleSide(NamedTuple):
+    """Points and normals in the frame of the view: origin on the table amid the points, z up, x along a face.
+
+    x is the level direction, within 45 degrees of the viewer's, that normals favour up to quarter turns: the walls of a
+    box then lie exactly in directions that are read and written.
+    """
+
+    points: Array  # (N, 3) UNIT
+    normals: Array  # (N, 3)
+    R: Array  # (3, 3) rotation, world frame to that of the view
+    origin: Array  # (3,) m, world frame
+    viewer: float  # rad, where the normals point on the whole, from x
+
+    @classmethod
+    def of(cls, points: Array, normals: Array, plane: Plane) -> "VisibleSide":
+        """Look at points (N, 3) m with outward normals (N, 3), both in the world frame."""
+        level = normals[:, :2]
+        length = np.linalg.norm(level, axis=1)
+        viewer = np.arctan2(level[:, 1].sum(), level[:, 0].sum())
+        turn = (level[:, 0] + 1j * level[:, 1]) / np.maximum(length, 1e-9)
+        face = np.angle((length**2 * turn**4).sum()) / 4.0
+        face += np.round((viewer - face) / (np.pi / 2.0)) * np.pi / 2.0
+        c, s = np.cos(face), np.sin(face)
+        R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        amid = middle(points)
+        origin = amid - plane.heights(amid) * plane.normal
+        return cls((points - origin) @ R.T / UNIT, normals @ R.T, R, origin, float(viewer - face))
+
+    def features(self) -> Array:
+        """Return what the network reads, (391,)."""
+        along = self.points @ READ.T
+        most = along.max(0)
+        below = most - np.quantile(along, (0.9, 0.5), axis=0)
+        # how narrowly a direction looks at normals: half at 23 degrees
+        facing = (np.maximum(self.normals @ READ.T, 0.0) ** 8).mean(0)
+        rest = [np.cos(self.viewer), np.sin(self.viewer), np.log(len(self.points)) / 5.0]
+        return np.concatenate([most, *below, facing, rest])
+
+    def seen(self) -> Array:
+        """Return the support (361,) of the seen side in the directions `WRITTEN`, UNIT."""
+        return (self.points @ WRITTEN.T).max(0)
 
 
 @dataclass(frozen=True, eq=False)

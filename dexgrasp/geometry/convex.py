@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,9 @@ from dexgrasp.geometry.quickhull import extreme_points
 from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import check
+
+if TYPE_CHECKING:
+    import trimesh
 
 FLAT = 1e-6
 """A hull thinner than this [m] is refused: its inside has no meaning at the scale of a hand."""
@@ -79,6 +83,23 @@ class ConvexDistance:
         """Corners (N, 3) [m] of each part."""
         return tuple(map(_corners, self.parts))
 
+    def volume_centre(self) -> Array:
+        """Return the centre of mass (3,) [m] of parts of one density; where they overlap, both count."""
+        volumes, centres = map(np.array, zip(*map(volume_and_centre, self.parts), strict=True))
+        return centres[0] if len(centres) == 1 else volumes @ centres / volumes.sum()
+
+    def hull_volume(self) -> tuple[float, Array]:
+        """Return the volume [m3] of the convex hull of all parts, and its centroid (3,) [m]."""
+        return volume_and_centre(
+            self.triangles if len(self.sizes) == 1 else np.asarray(self.hull().triangles)
+        )
+
+    def hull(self) -> "trimesh.Trimesh":
+        """Return the convex hull of all parts."""
+        import trimesh
+
+        return trimesh.convex.convex_hull(np.concatenate(self.corners))
+
     @cached_property
     def obstacle(self) -> Obstacle:
         """The polyhedra as compiled code takes them."""
@@ -125,3 +146,18 @@ def _outward(triangles: Array, planes: Array) -> Array:
     inward = (turns * planes[:, :3]).sum(1) < 0.0
     triangles[inward] = triangles[inward, ::-1]
     return triangles
+
+
+def volume_and_centre(triangles: Array) -> tuple[float, Array]:
+    """Return the volume, m3, and its centroid (3,) m, of what closed triangles (F, 3, 3) m enclose.
+
+    By the divergence theorem (Eberly, Polyhedral mass properties, 2002); the triangles are counter-clockwise seen from
+    outside. The sums are those of trimesh, to the last bit.
+    """
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    sides = np.cross(b - a, c - b)
+    first = a + b + c
+    second = a**2 + b**2 + a * b + c * first
+    volume = (sides[:, 0] * first[:, 0]).sum() / 6.0
+    moments = np.ascontiguousarray((sides * second).T).sum(axis=1) / 24.0
+    return float(volume), moments / volume

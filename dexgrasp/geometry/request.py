@@ -5,7 +5,8 @@ All places are in the frame of the robot's base, whatever the table: a request i
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from dexgrasp_env.valid import (
     read,
     several,
 )
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 _MOST_POINTS = 5000
 MOST = 10_000
@@ -97,9 +101,13 @@ class Region:
             out = np.maximum(self.low - points, points - self.high)
             outside = np.linalg.norm(np.maximum(out, 0.0), axis=1)
             return outside + np.minimum(out.max(1), 0.0) - self.radius
+        return self._tree.query(points)[0] - self.radius
+
+    @cached_property
+    def _tree(self) -> "cKDTree":
         from scipy.spatial import cKDTree
 
-        return cKDTree(self.points).query(points)[0] - self.radius
+        return cKDTree(self.points)
 
     def grown(self, by: float) -> "Region":
         """Return it larger by `by` m on all sides; one that is made smaller than a point stays one."""
@@ -269,6 +277,8 @@ class GraspRequest:
         return out
 
 
+_STEP = 1e-6  # m, or of a unit vector, that slopes are taken over
+
 ANYHOW = GraspRequest()
 """The request that asks for nothing."""
 
@@ -284,6 +294,18 @@ class Demand:
         """Return which contacts (..., 3) m, world frame, are where they may be, `margin` m from the edge (...)."""
         flat = placed(self._pose, np.reshape(contacts, (-1, 3)))
         return (self.request.outside(flat) <= -margin).reshape(np.shape(contacts)[:-1])
+
+    def outside(self, contacts: Array) -> tuple[Array, Array]:
+        """Return how far contacts (N, 3) m, world frame, are from where they may be (N,) m, and its slope (N, 3)."""
+        around = contacts[:, None] + np.vstack([np.zeros(3), _STEP * np.eye(3)])
+        gaps = self.request.outside(placed(self._pose, around.reshape(-1, 3))).reshape(-1, 4)
+        return gaps[:, 0], (gaps[:, 1:] - gaps[:, :1]) / _STEP
+
+    def turned(self, face: Array) -> tuple[float, Array]:
+        """Return how far a palm that faces a way (3,), world frame, is outside what is asked, rad; its slope (3,)."""
+        most = 180.0 if self.request.approach is None else self.request.approach.degrees
+        off = np.radians(self.off(face + np.vstack([np.zeros(3), _STEP * np.eye(3)])) - most)
+        return float(off[0]), (off[1:] - off[0]) / _STEP
 
     def off(self, faces: Array) -> Array:
         """Return by how many degrees (N,) palms that face the ways (N, 3), world frame, are off."""

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.hull import REACH
 from dexgrasp.geometry.request import ANYHOW, Demand
-from dexgrasp.geometry.volume import volume_and_centre
 from dexgrasp.geometry.walls import walls_of
 from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.errors import InputError
@@ -99,8 +98,8 @@ class GraspTarget:
             check("mass", mass, POSITIVE)
         faces = 120 if len(corners) == 1 else PART_FACES  # of the hull that is planned on
         distance = ConvexDistance.union([ConvexDistance.from_points(some, faces) for some in corners])
-        middle = np.asarray(volume_centre(distance) if centre is None else centre, dtype=float)
-        known = assumed_mass(hull_volume(distance)[0]) if mass is None else float(mass)
+        middle = np.asarray(distance.volume_centre() if centre is None else centre, dtype=float)
+        known = assumed_mass(distance.hull_volume()[0]) if mass is None else float(mass)
         return cls(distance, middle, known, uncertainty)
 
     @property
@@ -111,7 +110,7 @@ class GraspTarget:
     @property
     def known_mass(self) -> float | None:
         """The mass, kg, where it is another than is assumed of the shape."""
-        known = abs(self.mass - assumed_mass(hull_volume(self.distance)[0])) > 1e-9
+        known = abs(self.mass - assumed_mass(self.distance.hull_volume()[0])) > 1e-9
         return self.mass if known else None
 
     @property
@@ -170,9 +169,9 @@ class GraspTarget:
         return self.distance if self.around is None else self.distance.joined(self.around)
 
     @cached_property
-    def corners(self) -> tuple[Array, ...]:
-        """Corners (N, 3) m of each part."""
-        return self.distance.corners
+    def corners(self) -> Array:
+        """Corners (N, 3) m of all parts."""
+        return np.concatenate(self.distance.corners)
 
     @cached_property
     def parts(self) -> "tuple[trimesh.Trimesh, ...]":
@@ -182,7 +181,7 @@ class GraspTarget:
     @cached_property
     def hull(self) -> "trimesh.Trimesh":
         """The convex hull of all parts; the part itself where there is one."""
-        return self.parts[0] if self.is_convex else _hull(self.distance)
+        return self.parts[0] if self.is_convex else self.distance.hull()
 
     def opened(self) -> "GraspTarget | None":
         """Return the object as the walls that were seen of it, for fingers that go inside; None if it holds no air."""
@@ -193,8 +192,8 @@ class GraspTarget:
         if not parts:
             return None
         walls = ConvexDistance.union(parts)
-        mass = self.known_mass or assumed_mass(hull_volume(walls)[0])
-        return replace(self, distance=walls, centre=volume_centre(walls), mass=mass)
+        mass = self.known_mass or assumed_mass(walls.hull_volume()[0])
+        return replace(self, distance=walls, centre=walls.volume_centre(), mass=mass)
 
 
 def _raised(points: Array) -> Array:
@@ -206,25 +205,6 @@ def _mesh(triangles: Array) -> "trimesh.Trimesh":
     import trimesh
 
     return trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
-
-
-def _hull(distance: ConvexDistance) -> "trimesh.Trimesh":
-    import trimesh
-
-    return trimesh.convex.convex_hull(np.concatenate(distance.corners))
-
-
-def hull_volume(distance: ConvexDistance) -> tuple[float, Array]:
-    """Return the volume, m3, of the convex hull of all parts, and its centroid (3,) m."""
-    if len(distance.parts) > 1:
-        return volume_and_centre(np.asarray(_hull(distance).triangles))
-    return volume_and_centre(distance.triangles)
-
-
-def volume_centre(distance: ConvexDistance) -> Array:
-    """Return the centre of mass (3,) m of parts of one density; where they overlap, both count."""
-    volumes, centres = map(np.array, zip(*map(volume_and_centre, distance.parts), strict=True))
-    return centres[0] if len(centres) == 1 else volumes @ centres / volumes.sum()
 
 
 def assumed_mass(volume: float) -> float:

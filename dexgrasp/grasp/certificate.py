@@ -72,7 +72,12 @@ _FORMS = {
 
 
 def figures_of(certificate: Fields, forms: Mapping[str, str] = _FORMS) -> dict[str, str]:
-    """Return what people read of a certificate that is as JSON holds it, by name: its fields put into `forms`."""
+    """Return the figures of a certificate as text, by name.
+
+    Args:
+        certificate: as JSON holds it.
+        forms: format strings of its fields, by name.
+    """
     shown = certificate | {
         "distances": " ".join(f"{d:.2f}" for d in certificate["distances_cm"]),
         "clearance_mm": 1000 * certificate["min_clearance_m"],

@@ -9,9 +9,10 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, read_json_object, write_json
 from dexgrasp_env.robot.cell import Cell, default_cell
-from dexgrasp_env.valid import read
+from dexgrasp_env.valid import checked, read
 
 
+@checked
 def write_grasp(path: str | Path, content: Fields) -> None:
     """Write a grasp file, whole or not at all."""
     write_json(expand(path), content)

@@ -1,4 +1,4 @@
-"""Which object a grasp is of: its name, where its surface comes from, and a hash of that surface."""
+"""Identity of the object of a grasp: its name, where its surface comes from, and a hash of that surface."""
 
 from dataclasses import dataclass
 

@@ -101,7 +101,7 @@ def hand_triangles(cell: Cell, q: Array) -> Array:
 @lru_cache(maxsize=2)  # a plan is drawn twice
 def _shapes(cell: Cell) -> dict[int, Array]:
     """Return the triangles (N, 3, 3) m, in their own frames, of the geoms of the hand that collide."""
-    from dexgrasp_env.scene.shapes import geom_mesh
+    from dexgrasp_env.scene.geom_mesh import geom_mesh
 
     model = compiled_robot(cell)
     of_hand = np.isin(model.geom_bodyid, [model.body(name).id for name in cell.robot.hand.bodies])
@@ -128,10 +128,8 @@ def _draw_grasp(grasp: Grasp, target: GraspTarget, hand: Array, box: Array, axes
 
 def _draw_found(cell: Cell, hand: Array, axes: Any) -> None:
     robot, arrow, hinge = cell.robot, 0.06, 0.008  # m, arrows of frames and pads, and half of a joint's axis
-    data, leaders = (
-        posed(compiled_robot(cell), robot.home),
-        {c.joint: c.follows for c in robot.hand.couplings},
-    )
+    data = posed(compiled_robot(cell), robot.home)
+    leaders = {own.joint: own.follows for own in robot.hand.couplings}
     palm = data.site(robot.hand.palm)
     words = ("palm x: the way of approach", "palm y", "palm z")
     _add_solid(axes, hand, (*_HAND, 0.12), (*_EDGES, 0.06))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.geometry.target import GraspTarget, hull_volume, volume_centre
+from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import RAISED, Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.probability import probability_of
@@ -56,7 +56,7 @@ class ObjectPose:
     def hull_offset(self, target: GraspTarget) -> Array:
         """Return the volume centroid of the planned hull less that of the true object's hull, (3,) m."""
         R, p = self.T_world_object[:3, :3], self.T_world_object[:3, 3]
-        return hull_volume(target.distance)[1] - (R @ self.surface.hull_centre + p)
+        return target.distance.hull_volume()[1] - (R @ self.surface.hull_centre + p)
 
 
 def planned_record(
@@ -85,7 +85,7 @@ def planned_record(
         object=_with_known(ObjectIdentity(name) if isinstance(name, str) else name, target),
         T_world_object=None if pose is None else pose.T_world_object,
         hull_offset=None if pose is None else pose.hull_offset(target),
-        parts=target.corners,
+        parts=target.distance.corners,
         centre=target.centre,
         thresholds=thresholds_for(settings, grasp.cell.robot.hand),
         q=grasp.q,
@@ -111,7 +111,7 @@ def grasp_json(record: GraspRecord) -> Fields:
 
 def _with_known(identity: ObjectIdentity, target: GraspTarget) -> ObjectIdentity:
     """Add what the planner was told of the object, rather than assumed from its shape."""
-    moved = np.abs(target.centre - volume_centre(target.distance)).max() > 1e-9
+    moved = np.abs(target.centre - target.distance.volume_centre()).max() > 1e-9
     centre = target.centre if moved else None
     return replace(identity, known_mass=target.known_mass, known_centre=centre)
 

@@ -22,13 +22,13 @@ from dexgrasp_env.files import content_hash, read_file
 from dexgrasp_env.scene.constants import FRICTION
 
 OUTCOMES = ("lifted", "pushed")
-"""What is foretold: lifted and held for 3 s (`lift`); and through pushes by the weight from six sides (`pushed@1`)."""
+"""Outcomes with a probability: held for 3 s (`lift`), and through pushes by the weight from six sides (`pushed@1`)."""
 LEAST_FRICTION = 0.5
-"""True friction down to which trials have shown what is said of grasps that count on more."""
+"""True friction down to which probabilities of grasps that count on more were tested."""
 
 
 class Trees(NamedTuple):
-    """The trees of all members: nodes (K,), of which a leaf's `left` is -1; roots (T,), and whose each is (T,)."""
+    """Regression trees of all members: nodes (K,), a leaf's `left` being -1; root and member of each tree (T,)."""
 
     feature: Index
     threshold: Array
@@ -48,7 +48,7 @@ class Trees(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A fitted model.
+    """Ensemble of boosted trees with its calibration.
 
     Attributes:
         hash: of its file.
@@ -65,7 +65,7 @@ class Model(NamedTuple):
     guessed: tuple[float, float]
 
     def chances(self, features: dict[str, float]) -> dict[str, Chance]:
-        """Return how likely each outcome is."""
+        """Return the probability of each outcome for features by name."""
         x = np.nan_to_num(np.array([features[name] for name in self.features]))
         found = {}
         for name, (trees, (offset, slope)) in self.outcomes.items():
@@ -83,14 +83,14 @@ def _share(log_odds: float) -> float:
 
 
 def probability_of(record: GraspRecord, guessed: float = 0.0) -> HoldsProbability | None:
-    """Return how likely a grasp holds an object as heavy as assumed, on surfaces of the friction that it counts on.
+    """Return the probability that a grasp holds an object as heavy as assumed, at the friction that it counts on.
 
     Args:
         record: the grasp.
         guessed: m, mean error expected of the surface at the contacts where no camera saw it; else 0.
 
     Returns:
-        What the shipped model says; None of a grasp of a kind that no trials have tested it on.
+        By the shipped model; None for a grasp of a kind that no trials have tested.
     """
     model = shipped_model()
     friction, mass = round(record.thresholds.friction_hold / HOLD_SHARE, 9), record.certificate.mass
@@ -109,13 +109,7 @@ def shipped_model() -> Model:
     stated = json.loads(content)
     outcomes = {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES}
     features = tuple(stated["features"])
-    return Model(
-        content_hash(content),
-        stated["robot"],
-        features,
-        outcomes,
-        tuple(stated["guessed"]),
-    )
+    return Model(content_hash(content), stated["robot"], features, outcomes, tuple(stated["guessed"]))
 
 
 def _outcome(stated: Fields) -> tuple[Trees, tuple[float, float]]:

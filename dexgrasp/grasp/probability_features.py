@@ -1,4 +1,4 @@
-"""Features that the probability of a grasp is judged by: figures of its file alone, at a friction and a mass.
+"""Features of the probability that a grasp holds: figures of its file alone, at a friction and a mass.
 
 A grasp is as good as it bears what was not seen right. So the planned forces are put on a surface that lies elsewhere:
 in each of 64 fixed draws every contact, and the centre of mass, is moved by a few millimetres, normals are those of the

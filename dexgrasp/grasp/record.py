@@ -110,7 +110,7 @@ class Neighbour:
 
 @dataclass(frozen=True)
 class Chance:
-    """A probability, and between what the members of the model that says it lie, 95 %."""
+    """A probability, with the 95 % interval of the members of the model that states it."""
 
     value: Share
     low: Share
@@ -119,12 +119,12 @@ class Chance:
 
 @dataclass(frozen=True)
 class HoldsProbability:
-    """Probability that the grasp holds, as a model says that was fitted on episodes (`probability.probability_of`).
+    """Probability that the grasp holds, by a model that was fitted on episodes (`probability.probability_of`).
 
     Attributes:
         model: hash of its file.
-        friction: coefficient of the surfaces that it says so of.
-        mass: kg of the object that it says so of.
+        friction: coefficient of the surfaces.
+        mass: kg of the object.
         guessed: m, mean error expected of the surface at the contacts where no camera saw it; else 0.
         lifted: to be lifted and held for 3 s.
         pushed: to be held through pushes by its weight from six sides as well.

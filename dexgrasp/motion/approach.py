@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
-from dexgrasp.motion.cartesian import shift_palm
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, shift_palm
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import NoPath, arm_and_hand
 from dexgrasp_env.arrays import Array

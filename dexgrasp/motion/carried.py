@@ -7,10 +7,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, shift_palm
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import plan_approach
-from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import Played, arm_and_hand
 from dexgrasp.motion.move_until_contact import GuardedGrasp

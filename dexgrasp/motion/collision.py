@@ -59,7 +59,7 @@ class CollisionChecker:
             margin: clearance to keep, m.
         """
         self.tree, self.margin, self._bodies = robot_tree(cell), margin, cell.robot.bodies
-        self._world = make_world(cell, obstacle)
+        self._world = make_world(cell.seeing(None), obstacle, None)
         bodies = len(self.tree.parent)
         # Clearance to keep for body a and body b; columns nb and nb + 1 are the object and the table.
         self._needed, hand = np.full((bodies, bodies + 2), margin), slice(self.tree.palm, bodies)
@@ -126,7 +126,7 @@ def _moved_into(target: GraspTarget, origin: Array, poses: Iterable[tuple[Array,
     if target.around is None:
         return 0.0
     points = triangle_samples(target.distance.triangles, 200, 0).points  # points of an object in the hand
-    held = np.concatenate([points, *target.corners]) - origin
+    held = np.concatenate([points, target.corners]) - origin
     deepest = least = min(target.around.distance(held + origin).min(), 0.0)
     for turn, at in poses:
         deepest = min(deepest, target.around.distance(held @ turn.T + at).min())

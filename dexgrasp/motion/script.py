@@ -6,10 +6,9 @@ from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import RAISED, GraspMotion
 from dexgrasp.grasp.trajectory import ActionScript, bend, jerkiness
-from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
+from dexgrasp.mechanics.kinematics.palm_ik import palm_frame, shift_palm
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import TRIES, plan_approach
-from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker, carried_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.timing import SPEED, ramp, smooth_steps, still, time_path

@@ -12,10 +12,9 @@ import numpy as np
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.forward import fingertips
-from dexgrasp.mechanics.kinematics.palm_ik import hanging_palm, palm_frame, palm_postures
+from dexgrasp.mechanics.kinematics.palm_ik import hanging_palm, palm_frame, palm_postures, shift_palm
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import plan_approach
-from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import NoPath, Played, arm_and_hand
 from dexgrasp.motion.timing import eased, time_path, within_limits

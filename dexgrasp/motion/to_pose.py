@@ -16,8 +16,10 @@ from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.valid import checked
 
 
+@checked
 def plan_to_pose(
     palm: tuple[Array, Array], hands: Sequence[Array], points: Array, start: Array, cell: Cell
 ) -> ActionScript:
@@ -64,6 +66,7 @@ def arm_at(palm: tuple[Array, Array], start: Array, tree: RobotTree) -> Array | 
 class Pinch:
     """Postures of a hand whose first finger closes against the others, as the two pads of a gripper."""
 
+    @checked
     def __init__(self, cell: Cell) -> None:
         """Close the hand from its open posture."""
         tree = robot_tree(cell)

@@ -39,7 +39,7 @@ def plan_turn(grasp: Grasp, script: ActionScript, problem: GraspProblem) -> Turn
     contacts, distance = contacts_of(grasp.q, problem, problem.settings.friction_squeeze)
     start = script.phases["lift"][-1]
     centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
-    corners, pushes = np.concatenate(target.corners) - target.centre, cube_directions()
+    corners, pushes = target.corners - target.centre, cube_directions()
     arm, down, most = None, DOWN, capacity_of(contacts) + 0.1  # weights that a turn must win
     tilts, axes = np.deg2rad([60.0, 45.0, 30.0]), np.deg2rad(np.arange(0.0, 360.0, 30.0))
     cost = 0.06  # weights a radian: of two turns that win as much the shorter

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
-from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR, OBJECT, SELF, clearances
+from dexgrasp.mechanics.kinematics.clearance import NEIGHBOUR, SELF
 from dexgrasp.mechanics.kinematics.forward import (
     body_frames,
     fingertips,
@@ -16,7 +16,6 @@ from dexgrasp.mechanics.kinematics.forward import (
     stop_torques,
     tip_jacobian,
 )
-from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
 from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp.mechanics.strength import capacity_of
@@ -66,7 +65,6 @@ def certified(candidate: Candidate, with_closure: bool) -> Grasp:
             raise NoGrasp("contact_height", lacking)
         if not problem.target.was_seen(at.contacts).all():
             raise NoGrasp("surface_not_seen")
-        _check_demand(q, at.contacts, problem)
         if hold.share == 0.0:
             raise NoGrasp(f"holding_forces: {UNBALANCED}", 1.0)
     # Firm grasps are many. One that is not is worth another way to open.
@@ -91,20 +89,6 @@ def certified(candidate: Candidate, with_closure: bool) -> Grasp:
     if with_closure and loose.min(initial=0.0) < 0.0:
         raise NoGrasp("tendon_pulls_joint_off_its_stop", -float(loose.min()))
     return pressed(candidate, hold.forces, motion)
-
-
-def _check_demand(q: Array, contacts: Array, problem: GraspProblem) -> None:
-    """Raise `NoGrasp` for contacts (N, 3) m or a palm that are not as is asked."""
-    demand = problem.target.demand
-    if not demand.allows(contacts).all():
-        raise NoGrasp("contact_outside_request")
-    if demand.request.hold or demand.request.avoid:
-        # Links that come nearer than this touch an object that is not quite where it was seen, wherever that is.
-        _, near = clearances(q, problem.tree, problem.world, 0.004, False)
-        if (~np.isin(near[near[:, 0] == OBJECT, 1], problem.tree.tip_body)).any():
-            raise NoGrasp("contact_outside_request")
-    if not demand.faces(palm_frame(q, problem.tree)[0][None, :, 0]).all():
-        raise NoGrasp("palm_direction")
 
 
 def _mendable(missed: Array, q: Array, tree: RobotTree) -> Array:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dexgrasp.runs.arrays import Layer, layers_of, read_arrays, relu, through
+from dexgrasp.runs.weights import Layer, layers_of, read_arrays, relu, through
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count

@@ -16,22 +16,24 @@ from itertools import islice
 import numpy as np
 
 from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.grasp.diversity import hand_points
 from dexgrasp.grasp.planned_record import planned_record
 from dexgrasp.grasp.record import HoldsProbability
-from dexgrasp.grasp.variety import hand_points
 from dexgrasp.planning.certifier import Candidate
 from dexgrasp.planning.planner import NO_POSTURE, Planner, Search
 from dexgrasp.planning.proposals import ProposalSource, SurfaceProposals
 from dexgrasp.planning.result import Planned, PlanResult, Progress
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import Natural, checked
 
 _POOL = 4.0  # times as many configurations are chosen among as are asked for
 UNSURE = "not_sure_enough"
 
 
+@checked
 def plan_many(
-    planner: Planner, target: GraspTarget, seed: int = 0, start: Array | None = None,
+    planner: Planner, target: GraspTarget, seed: Natural = 0, start: Array | None = None,
     progress: Progress | None = None,
 ) -> PlanResult:  # fmt: skip
     """Return as many grasps that differ as a planner is asked for, each certified, bearing the weight and in reach.

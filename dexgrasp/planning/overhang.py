@@ -98,7 +98,9 @@ def slid(target: GraspTarget, shift: Array) -> GraspTarget:
     level = zip(_MIDDLE - _HALF, _MIDDLE + _HALF, strict=True)
     # The table is taken to be 2 mm lower than it is: the object lies on it.
     table = np.array(list(product(*level, (_FLOOR - TABLE_SIZE[2], _FLOOR - 0.002))))
-    moved = GraspTarget.of_corners([part + by for part in target.corners], target.mass, target.centre + by)
+    moved = GraspTarget.of_corners(
+        [part + by for part in target.distance.corners], target.mass, target.centre + by
+    )
     return replace(moved, neighbours=((table,),))
 
 
@@ -112,7 +114,7 @@ def pushes(target: GraspTarget, apart: float, tip: float) -> list[Push]:
     """
     from scipy.spatial import ConvexHull
 
-    points = np.concatenate(target.corners)[:, :2]
+    points = target.corners[:, :2]
     outline = points[ConvexHull(points).vertices]
     centre, found = target.centre[:2], []
     for direction, (one, between, other) in zip(*_touches(target, apart, tip), strict=True):
@@ -142,7 +144,7 @@ def _touches(target: GraspTarget, apart: float, tip: float) -> tuple[Array, Arra
     directions = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     across = np.stack([-directions[:, 1], directions[:, 0]], axis=1)
     beside = target.centre[:2] + apart * np.array([0.5, 0.0, -0.5])[:, None] * across[:, None]
-    way = np.full(beside.shape[:2], -np.linalg.norm(np.ptp(np.concatenate(target.corners), axis=0)))
+    way = np.full(beside.shape[:2], -np.linalg.norm(np.ptp(target.corners, axis=0)))
     for _ in range(30):  # until a tip touches
         tips = np.insert(beside + way[..., None] * directions[:, None], 2, tip, axis=2)
         off = target.distance.distance(tips).reshape(way.shape) - tip

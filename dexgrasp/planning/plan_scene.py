@@ -31,7 +31,7 @@ from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.robot.table import SeenTable
-from dexgrasp_env.valid import NATURAL, check, read
+from dexgrasp_env.valid import NATURAL, check
 
 
 def plan_scene(
@@ -140,8 +140,7 @@ def plan_cloud(
         InputError: for something that is no cloud, a point, box or mask that is none, or fingers that make no grasp of
             the hand.
     """
-    asked = read(GraspRequest, request, "request")
-    planner = (planner or default_planner(make_cell(robot))).asking(asked)
+    planner = (planner or default_planner(make_cell(robot))).asking(request)
     home = planner.cell.robot.home
     q = check("start", home if start is None else start, array(len(home)))
     corners = None if box is None else check("box", box, array(6)).reshape(2, 3)

@@ -26,11 +26,11 @@ from dexgrasp.planning.set_down import OUT_OF_REACH, GoalPoses, goal_poses, reac
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.runs.compiling import compiling
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.robot.table import SeenTable
-from dexgrasp_env.valid import Names
+from dexgrasp_env.valid import Names, Natural, check, check_fields, checked, read
 
 NO_POSTURE, BUDGET, LIFT_BLOCKED = "no_reachable_posture", "time_budget", "lift_blocked"
 
@@ -79,6 +79,7 @@ def rounds_of(settings: PlannerSettings, crowded: bool) -> Iterator[Round]:
 class Planner:
     """A planner of one robot; its proposals come from any source."""
 
+    @checked
     def __init__(
         self, settings: PlannerSettings | None = None, source: ProposalSource | None = None,
         cell: Cell | None = None, *, with_closure: bool = True,
@@ -92,10 +93,11 @@ class Planner:
             with_closure: False leaves force closure out (the ablation CVAE + kinematics).
 
         Raises:
-            InputError: for a source of another hand.
+            InputError: for settings that are not valid, or a source of another hand.
         """
         self.cell = cell or default_cell()
         self.settings = (settings or PlannerSettings()).for_hand(self.cell.robot.hand)
+        check_fields(self.settings)
         self.tree = robot_tree(self.cell)
         if self.settings.fingers == 2:
             gap = float(hand_atlas(self.cell).search.maxes[0])  # m between the tips' centres, open
@@ -116,11 +118,13 @@ class Planner:
         return there
 
     def asking(self, request: GraspRequest) -> "Planner":
-        """Return the planner of grasps that are as a request asks.
+        """Return the planner of grasps that are as a request, or a mapping of its fields, asks.
 
         Raises:
-            InputError: for fingers that make no grasp of the hand, or less force than they press with at least.
+            InputError: for what is no request, fingers that make no grasp of the hand, or less force than they press
+                with at least.
         """
+        request = read(GraspRequest, request, "request")
         if not (request or self.request):
             return self
         there = copy(self._with_fingers(request.fingers) if request.fingers else self)
@@ -145,7 +149,8 @@ class Planner:
             if self.cell.grasping(fingers) != self.cell:
                 yield self._of(fingers)
 
-    def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> PlanResult:
+    @checked
+    def plan(self, target: GraspTarget, seed: Natural = 0, start: Array | None = None) -> PlanResult:
         """Return the first grasp that passes everything, with its script if `start` is given.
 
         Where it bears no weight, or there is none, the other grasps of the hand's file are tried in turn, and then the
@@ -226,8 +231,13 @@ class Search:
         start: Array | None,
         began: float | None = None,
     ) -> None:
-        """Prepare; the arguments are those of `Planner.plan`, and when its time began to run (`perf_counter`)."""
-        self.planner, self._start = planner, start
+        """Prepare; the arguments are those of `Planner.plan`, and when its time began to run (`perf_counter`).
+
+        Raises:
+            InputError: for a start that is none of the robot's.
+        """
+        self.planner = planner
+        self._start = None if start is None else check("start", start, array(planner.cell.robot.dof))
         self._problem = GraspProblem(target, planner.cell, planner.settings)
         self._poses: GoalPoses = []
         self._rng = np.random.default_rng(seed)

@@ -86,7 +86,7 @@ def _free_places(target: GraspTarget, kept: Array) -> Array:
     # x and y, m, where things are set down.
     axes = [np.arange(low, high, _GRID) for low, high in ((0.34, 0.70), (-0.36, 0.36))]
     places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    corners = np.concatenate(target.corners)[:, :2]
+    corners = target.corners[:, :2]
     radius = np.linalg.norm(corners - target.centre[:2], axis=1).max()
     free = np.linalg.norm(places - kept[:2], axis=1) > radius + 0.16  # m from the object
     if target.around is not None:

@@ -5,7 +5,6 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 
-import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.geometry.completion import target_of
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.planner import Planner, small_box
@@ -20,7 +19,7 @@ def rehearse() -> None:
     planner = Planner(source=make_source("auto"))
     box, home = small_box(), planner.cell.robot.home.copy()
     planner.plan(box, 0, home)
-    planner.plan(replace(box, neighbours=((box.corners[0] + [0.0, 0.2, 0.0],),)), 0, home)
+    planner.plan(replace(box, neighbours=((np.add(box.corners, [0.0, 0.2, 0.0]),),)), 0, home)
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", obs_mode="pointcloud", views=1, observe="reset")
     observation, _ = env.reset(seed=0)
     target_of(Scene.of_observation(observation))

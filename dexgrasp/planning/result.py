@@ -11,11 +11,11 @@ import numpy as np
 from dexgrasp.agent import Info, Observation, Report
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.grasp.diversity import component_shares, grasp_features
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.planned_record import ObjectPose, Origin, grasp_json, planned_record
 from dexgrasp.grasp.trajectory import ActionScript
-from dexgrasp.grasp.variety import component_shares, grasp_features
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Fields
 

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
-import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.agent import Agent, Observation, public_info
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.grasp.identity import ObjectIdentity

@@ -50,8 +50,9 @@ def set_down(
         exact: within limits of acceleration too, and nearer to its way.
     """
     tree, target = problem.tree, problem.target
-    # Share of the joints' limits, and m that the palm may be off its way; a radian is 0.15 m.
-    speed, stray = (0.9, 0.004) if exact else (inf, 0.01)
+    # Share of the joints' limits, m that the palm may be off its way, a radian is 0.15 m, and m above the table where
+    # it is let go of: what has turned in the hand is turned back by the table, and does not roll when it is let go of.
+    speed, stray, above = (0.9, 0.004, 0.001) if exact else (inf, 0.01, 0.004)
     lifted, opened = script.phases["lift"][-1], script.phases["approach"][-1]
     up = palm_frame(lifted, tree)[1][2] - palm_frame(opened, tree)[1][2]
     at, now, error, phases = about + np.array([0.0, 0.0, up]), lifted, 0.0, dict(script.phases)
@@ -59,7 +60,7 @@ def set_down(
     for name, way, turned in (
         ("rise", [0.0, 0.0, rise], None),
         ("carry", [*leg, 0.0], turn),
-        ("set_down", [0.0, 0.0, 0.004 - up - rise], None),  # m above the table where it is let go of
+        ("set_down", [0.0, 0.0, above - up - rise], None),
     ):
         phases[name], strayed = carried(now, at, np.array(way), tree, turned, speed)
         error, at, now = max(error, strayed), at + way, phases[name][-1]
@@ -122,7 +123,7 @@ def goal_poses(target: GraspTarget, goal: Goal, cell: Cell) -> GoalPoses:
 
 def fault_at(target: GraspTarget, T: Array) -> str | None:
     """Return why an object moved by `T` (4, 4) cannot stand there: off the table, or where something stands."""
-    corners = placed(T, np.concatenate(target.corners))
+    corners = placed(T, target.corners)
     half = 0.5 * np.array(TABLE_SIZE[:2])
     if (np.abs(corners[:, :2] - [TABLE_CENTRE_X, 0.0]) > half).any():
         return "goal_off_table"
@@ -137,7 +138,7 @@ def fault_at(target: GraspTarget, T: Array) -> str | None:
 
 def _moved(target: GraspTarget, T: Array) -> GraspTarget:
     """Return the object moved by `T` (4, 4), among what stands there."""
-    moved = GraspTarget.of_corners([placed(T, part) for part in target.corners])
+    moved = GraspTarget.of_corners([placed(T, part) for part in target.distance.corners])
     return replace(moved, neighbours=target.neighbours)
 
 
@@ -153,13 +154,13 @@ def _poses(target: GraspTarget, goal: Goal, cell: Cell) -> GoalPoses:
 
 def _foot(target: GraspTarget) -> Array:
     """Return the point (3,) m of the object that a goal is for: below the middle of its outline."""
-    corners = np.concatenate(target.corners)
+    corners = target.corners
     return np.array([*middle(corners)[:2], 0.0])
 
 
 def _leans(target: GraspTarget) -> bool:
     """Return True for an object that does not stand by itself: its centre is not over what it stands on."""
-    corners = np.concatenate(target.corners)
+    corners = target.corners
     low = corners[corners[:, 2] < corners[:, 2].min() + 0.004][:, :2]  # m: these bear it
     off = np.maximum(low.min(0) - target.centre[:2], target.centre[:2] - low.max(0))
     return bool(off.max() > 0.005)  # m outside of them

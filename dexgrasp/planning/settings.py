@@ -144,4 +144,4 @@ class GraspProblem:
     @cached_property
     def world(self) -> World:
         """The robot's shapes, the object, which the tips may touch, and what stands around it, which nothing may."""
-        return make_world(self.cell, self.target.distance, self.target.around)
+        return make_world(self.cell.seeing(None), self.target.distance, self.target.around)

@@ -8,12 +8,14 @@ constraint that blocks and by how much.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import daqp
 import numpy as np
 
 from dexgrasp.mechanics.kinematics.clearance import KINDS
 from dexgrasp.mechanics.kinematics.forward import follow
+from dexgrasp.planning.asked_rows import AIMED, ASKED_KINDS, LEAST, Reserve, with_request
 from dexgrasp.planning.constraints import MARGIN_SCALE, Bounds, Evaluation, evaluate, fixed_rows
 from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Index
@@ -72,38 +74,50 @@ def solve(q: Array, problem: GraspProblem, *, with_margin: bool = True) -> Solut
     return _Solver(problem, with_margin).run(np.array(q, dtype=float))
 
 
+class _Goal(NamedTuple):
+    bounds: Bounds
+    reserve: Reserve
+
+
 class _Solver:
     def __init__(self, problem: GraspProblem, with_margin: bool) -> None:
         tree, settings = problem.tree, problem.settings
-        self._robot, self._moved = problem.cell.robot, tree.moved
+        self._problem, self._moved = problem, tree.moved
         self._block, self._turn = np.ix_(tree.moved, tree.moved), _TURN * np.eye(len(tree.moved))
         self._obstacle, self._world = problem.target.distance.obstacle, problem.world
         self._tree, self._budget = tree, settings.iterations
         self._with_margin, self._shape, self._unit = with_margin, problem.shape, tree.unit[tree.moved]
         self._low = tree.lower[tree.moved] + settings.joint_margin * self._unit
         self._high = tree.upper[tree.moved] - settings.joint_margin * self._unit
-        self._goal = bounds_of(problem, settings.closure_aim, slack=1e-4)
-        self._modest = bounds_of(problem, settings.closure_margin + 0.02, slack=1e-4)
-        self._least = bounds_of(problem, settings.closure_margin)
+        aimed = bounds_of(problem, settings.closure_aim, slack=1e-4)
+        modest = bounds_of(problem, settings.closure_margin + 0.02, slack=1e-4)
+        self._narrowed = with_margin and problem.target.narrowed
+        self._goals = [_Goal(aimed, AIMED), _Goal(modest, LEAST)]
+        if self._narrowed:
+            self._goals.insert(1, _Goal(aimed, LEAST))
+        self._least = _Goal(bounds_of(problem, settings.closure_margin), LEAST)
 
-    def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
+    def evaluate(self, q: Array, goal: _Goal) -> Evaluation:
         """Return constraints and their gradients at `q` (n,) rad."""
-        return evaluate(q, self._tree, self._obstacle, self._world, bounds, self._shape, self._with_margin)
+        now = evaluate(
+            q, self._tree, self._obstacle, self._world, goal.bounds, self._shape, self._with_margin
+        )
+        return with_request(now, q, self._problem, goal.reserve) if self._narrowed else now
 
     def run(self, q: Array) -> Solution:
-        """Work towards the margin aimed at; where that is too much, towards the least one."""
+        """Work towards what is aimed at; where that is too much, towards the least."""
         q[self._moved] = np.clip(q[self._moved], self._low, self._high)
         steps = 0
-        for goal in (self._goal, self._modest):
+        for goal in self._goals:
             q, now, used = self._descend(q, goal, self._budget - steps)
             steps += used
             follow(q, self._tree)
-            solution = self._solution(q, now, goal, steps)
+            solution = self._solution(q, now, goal.bounds, steps)
             if solution.feasible or not self._with_margin:
                 break
         return solution
 
-    def _descend(self, q: Array, goal: Bounds, budget: int) -> tuple[Array, Evaluation, int]:
+    def _descend(self, q: Array, goal: _Goal, budget: int) -> tuple[Array, Evaluation, int]:
         now, trust, steps = self.evaluate(q, goal), _TRUST, 0
         merit = _total_violation(now.values)
         while steps < budget and merit > TOLERANCE and trust > _LEAST_TRUST:
@@ -136,19 +150,22 @@ class _Solver:
             return np.zeros(n)
         return x if flag > 0 else np.clip(x, lower, upper) * 0.5
 
-    def _solution(self, q: Array, now: Evaluation, goal: Bounds, steps: int) -> Solution:
+    def _solution(self, q: Array, now: Evaluation, bounds: Bounds, steps: int) -> Solution:
         """Judge by the least that is accepted, not by what was aimed at."""
-        least, values, g = self._least, now.values.copy(), self._shape.contacts
+        least, values, g = self._least.bounds, now.values.copy(), self._shape.contacts
         closure, *_, fixed = fixed_rows(g)
-        values[:g] += goal.low - least.low
-        values[g:closure] += least.high - goal.high
+        values[:g] += bounds.low - least.low
+        values[g:closure] += least.high - bounds.high
         if self._with_margin:
-            values[closure] += MARGIN_SCALE * (goal.margin - least.margin)
-        values[fixed:] += goal.clearance - least.clearance
+            values[closure] += MARGIN_SCALE * (bounds.margin - least.margin)
+        values[fixed:] += bounds.clearance - least.clearance
+        if self._narrowed:
+            now = self.evaluate(q, self._least)
+            values = now.values
         worst = np.argmin(values)
         violation = max(0.0, -float(values[worst]))
         feasible = violation <= TOLERANCE and bool(np.isfinite(values).all())
-        blocking = None if feasible else _name(now.labels[worst], self._robot)
+        blocking = None if feasible else _name(now.labels[worst], self._problem.cell.robot)
         return Solution(q, now._replace(values=values), feasible, blocking, violation, steps)
 
 
@@ -169,5 +186,7 @@ def _name(label: Index, robot: Robot) -> str:
     if row >= 0:
         row -= row > 2 * g
         return f"{_TIP_ROWS[row // g]}:{robot.hand.grasp[row % g]}"
+    if kind >= len(KINDS):
+        return f"{ASKED_KINDS[kind - len(KINDS)]}:{robot.bodies[a]}"
     other = f":{robot.bodies[b]}" if b >= 0 else ""
     return f"clearance_{KINDS[kind]}:{robot.bodies[a]}{other}"

@@ -16,7 +16,7 @@ from dexgrasp_env.files import lock, read_json_object, write_json
 
 @dataclass(frozen=True)
 class RunFolder:
-    """A folder that work goes on in after it was stopped.
+    """Folder of resumable work: it goes on there after it was stopped.
 
     Attributes:
         path: of the folder.

@@ -25,7 +25,7 @@ _held = 0  # depth of `held`
 
 
 def catch() -> None:
-    """From now on the two signals raise KeyboardInterrupt in the main thread; the second one ends the process."""
+    """Raise KeyboardInterrupt in the main thread at either signal from now on; at the second one end the process."""
     global _active
     _active = True
     signal.signal(signal.SIGALRM, _on_signal)
@@ -47,7 +47,7 @@ def stop() -> None:
 
 
 def acknowledge() -> None:
-    """The request has been understood: do not raise it again."""
+    """Stop raising the request again: it has been understood."""
     signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
@@ -106,7 +106,7 @@ def _unraisable(args: "sys.UnraisableHookArgs") -> None:
 
 
 def _watch_for_the_second() -> None:
-    """Handlers wait for native code to return; this thread does not."""
+    """Start a thread that sees the second signal at once: handlers wait for native code to return."""
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)

@@ -28,9 +28,8 @@ def progress_bar(unit: str, of: str, *, shown: bool = True, **options: Any) -> I
     else:
         from tqdm import tqdm
 
-        with tqdm(
-            unit=unit, desc=of, **({"delay": 0.5} | options)
-        ) as bar:  # what is refused at once needs none
+        # Work that is refused at once needs no bar.
+        with tqdm(unit=unit, desc=of, **({"delay": 0.5} | options)) as bar:
 
             def show(done: int, total: int | None, **figures: str) -> None:
                 """Move the bar."""

@@ -1,4 +1,4 @@
-"""Films as one self-contained page, or on a live server with a slider."""
+"""Playbacks of grasps as one self-contained page, or on a live server with a slider."""
 
 import contextlib
 import io
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import jinja2
 
-from dexgrasp.viewer.film import GraspPlayback
-from dexgrasp.viewer.stage import ViserScene
+from dexgrasp.viewer.playback import GraspPlayback
+from dexgrasp.viewer.viser_scene import ViserScene
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
@@ -20,55 +20,59 @@ if TYPE_CHECKING:
 _FACTS = """
 <div id="facts" style="position:fixed;right:12px;top:12px;z-index:10;max-width:340px;max-height:80vh;overflow:auto;
 padding:8px 12px;background:rgba(255,255,255,.88);border-radius:8px;font:13px/1.5 system-ui,sans-serif;color:#222">
-{% for film in films %}<details open><summary>{{ film.title }}</summary><table>
-{% for name, value in film.facts.items() %}<tr><td>{{ name }}</td><td>{{ value }}</td></tr>{% endfor %}
+{% for playback in playbacks %}<details open><summary>{{ playback.title }}</summary><table>
+{% for name, value in playback.facts.items() %}<tr><td>{{ name }}</td><td>{{ value }}</td></tr>{% endfor %}
 </table></details>{% endfor %}
 </div>
 """
 """The certificates as a panel over the scene."""
 
 
-def page(films: Sequence[GraspPlayback]) -> str:
-    """Return one page with the films side by side, played from approach to hold with a slider; nothing is fetched."""
+def page(playbacks: Sequence[GraspPlayback]) -> str:
+    """Return one page that plays the playbacks side by side, with a slider; nothing is fetched."""
     server = start_server(port=0, quiet=True)
     try:
-        stages, count = _staged(server, films)
+        scenes, count = _side_by_side(server, playbacks)
         recording = server.get_scene_serializer()
-        every = -(-count // 90)  # states of a film that a page holds at most
+        every = -(-count // 90)  # states of a playback that a page holds at most
         for index in range(0, count, every):
-            for stage in stages:
-                stage.show(index)
+            for scene in scenes:
+                scene.show(index)
             recording.insert_sleep(every * CONTROL_PERIOD)
         text = str(recording.as_html())
     finally:
         with contextlib.redirect_stdout(io.StringIO()):
             server.stop()
-    facts = jinja2.Template(_FACTS, autoescape=True).render(films=films)
+    facts = jinja2.Template(_FACTS, autoescape=True).render(playbacks=playbacks)
     return text.replace("</body>", facts + "</body>", 1)
 
 
-def serve(films: Sequence[GraspPlayback], port: int) -> None:
-    """Show the films on a local server until interrupted: a slider for the time, the certificates beside it."""
+def serve(playbacks: Sequence[GraspPlayback], port: int) -> None:
+    """Show the playbacks on a local server until interrupted: a slider for the time, the certificates beside it."""
     server = start_server(port=port, quiet=False)
-    stages, count = _staged(server, films)
+    scenes, count = _side_by_side(server, playbacks)
     slider: Any = server.gui.add_slider("step", min=0, max=count - 1, step=1, initial_value=0)
     playing = server.gui.add_checkbox("play", initial_value=True)
-    for film in films:
-        with server.gui.add_folder(film.title):
-            server.gui.add_markdown("\n".join(f"- {name}: **{value}**" for name, value in film.facts.items()))
+    for playback in playbacks:
+        with server.gui.add_folder(playback.title):
+            server.gui.add_markdown(
+                "\n".join(f"- {name}: **{value}**" for name, value in playback.facts.items())
+            )
     while True:
-        for stage in stages:
-            stage.show(int(slider.value))
+        for scene in scenes:
+            scene.show(int(slider.value))
         time.sleep(CONTROL_PERIOD)
         if playing.value:
             slider.value = (int(slider.value) + 1) % count
 
 
-def _staged(server: "viser.ViserServer", films: Sequence[GraspPlayback]) -> tuple[list[ViserScene], int]:
-    """Return the films side by side, and how many states the longest has."""
-    # m between films that stand side by side
-    stages = [ViserScene(server, film, f"film {k}", -1.3 * k) for k, film in enumerate(films)]
-    return stages, max(len(film.states) for film in films)
+def _side_by_side(
+    server: "viser.ViserServer", playbacks: Sequence[GraspPlayback]
+) -> tuple[list[ViserScene], int]:
+    """Return the playbacks side by side, and how many states the longest has."""
+    # m between playbacks that stand side by side
+    scenes = [ViserScene(server, playback, f"playback {k}", -1.3 * k) for k, playback in enumerate(playbacks)]
+    return scenes, max(len(playback.states) for playback in playbacks)
 
 
 def start_server(port: int, quiet: bool) -> "viser.ViserServer":

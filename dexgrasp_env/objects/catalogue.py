@@ -117,7 +117,7 @@ def _arrays(built: ObjectModel) -> Arrays:
 
 
 MOST = 100_000
-"""How many there are of a family."""
+"""Objects of a family of random sizes."""
 
 
 def varied_targets(target: str) -> tuple[str, ...]:
@@ -146,9 +146,8 @@ def varied_object(target: str) -> ObjectModel:
     weights = np.array([float(kind["weight"]) for kind in family["kinds"]])
     kind = family["kinds"][int(rng.choice(len(weights), p=weights / weights.sum()))]
     shape = _builder(kind["builder"])(**_params(rng, kind["draws"]))
-    density = rng.uniform(
-        150.0, 700.0
-    )  # kg/m^3: from a filled cardboard box to a bottle that is not quite full
+    # kg/m^3: from a filled cardboard box to a bottle that is not quite full
+    density = rng.uniform(150.0, 700.0)
     mass = float(np.clip(shape.mesh.volume * density, 0.04, 0.6))
     notes = (f"{kind['builder']} of random size",)
     return centred_model(target, shape.mesh, shape.parts, mass, rgba=(0.55, 0.6, 0.7, 1.0), notes=notes)

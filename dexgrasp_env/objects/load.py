@@ -104,9 +104,8 @@ def resolve_targets(targets: Sequence[str]) -> list[str]:
 
 
 def _resolved(value: Any) -> tuple[str, ...]:
-    if isinstance(
-        value, set | frozenset | Iterator
-    ):  # of no order that is the same tomorrow, or to be read once
+    # Sets have no order that is the same tomorrow, iterators are read once.
+    if isinstance(value, set | frozenset | Iterator):
         raise TypeError
     given = [value] if isinstance(value, str | os.PathLike) else value
     return tuple(resolve_targets([NAMED.validate(name) for name in given]))

@@ -14,7 +14,7 @@ from dexgrasp_env.perception.neighbourhoods import local_planes
 from dexgrasp_env.robot.camera import Camera
 
 MIN_POINTS = 40
-"""Fewer raw points are no object."""
+"""Fewer raw points are no object, unless they are high above the table's noise."""
 WORKSPACE_LOW, WORKSPACE_HIGH = (0.28, -0.40, -0.03), (0.78, 0.40, 0.30)
 """Corners, m, of the box in which objects are looked for."""
 _MOST_POINTS = 6_000_000  # of 250 bytes each until they are thinned

@@ -213,8 +213,12 @@ def scene_around(
         neighbours=tuple(seen(one, count=300, spacing=spacing, **its) for one, its in others),
         rest=seen(cloud.select(~np.isin(instances.labels, numbers)), count=1000, spacing=spacing),
     )
-    if len(target) < MIN_POINTS:
-        return replace(around, reason="too_few_points" if len(target) else "object_out_of_view")
+    if not len(target):
+        return replace(around, reason="object_out_of_view")
+    # A point counts as often as it is higher than noise takes the table's: small things have few, far above it.
+    rises = plane.heights(target.points) / max(0.002, SIGMAS * plane.rms)
+    if np.clip(rises, 1.0, 3.0).sum() < MIN_POINTS:
+        return replace(around, reason="too_few_points")
     return replace(around, target=seen(target, count=COUNT, rng=rng, **said))
 
 

@@ -143,7 +143,11 @@ class Cell:
 
     def seeing(self, table: SeenTable | None) -> "Cell":
         """Return the cell with its table where it was seen; None: where the cell has it."""
-        return self if table is self.table else replace(self, table=table)
+        if table is self.table:
+            return self
+        there = replace(self, table=table)
+        vars(there)["version"] = self.version  # which says nothing of the table
+        return there
 
     @property
     def mounts(self) -> Names:

@@ -232,7 +232,10 @@ def _reduce_loops(model: mujoco.MjModel, path: Path, lines: Lines) -> tuple[list
             ratio, offset = np.polyfit(u, q[:, j], 1)
             off = np.abs(ratio * u + offset - q[:, j]).max()
             if off > _OFF * unit[j]:
-                raise InputError(f"{path} couples joint {name!r} by a curve: it is {off:.2g} off a line")
+                ends = "" if model.jnt_limited[drive] else f"; {model.joint(drive).name!r} lacks a range"
+                raise InputError(
+                    f"{path} couples joint {name!r} by a curve: it is {off:.2g} off a line{ends}"
+                )
             lines[j], worst = (drive, float(ratio), float(offset)), max(worst, off)
     still = [model.joint(j).name for j in free if j not in lines]
     return still, [

@@ -50,7 +50,7 @@ def find_file(name: str, path: Path) -> Path | None:
         for k in range(len(parts)):
             for folder in path.resolve().parents:
                 if found := _below(folder, parts[k:]):
-                    return found
+                    return found.resolve()  # MuJoCo names it so, where it cannot read it
     return None
 
 

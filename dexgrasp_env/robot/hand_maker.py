@@ -14,11 +14,10 @@ from dexgrasp_env.robot.gripper import Jaws, find_jaws, like_reach
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.rebuilt import FLANGE, about, frame_entry
+from dexgrasp_env.robot.source import WRIST, branching, limb
 
 PLATE = 0.0133
 """m between flange and hand."""
-WRIST = 3
-"""Joints before the palm: more are an arm's."""
 
 
 class NamedParts(NamedTuple):
@@ -72,10 +71,7 @@ class HandMaker(Part):
         """Take the two chains that reach farthest for the jaws of a gripper, and what follows them for rods."""
         at = self.pose(self.palm)[:3, 3]
         reaches = np.array(
-            [
-                max(np.linalg.norm(self.points(b) - at, axis=1).max() for b in chain if self.has_shape(b))
-                for chain in self.chains
-            ]
+            [max(np.linalg.norm(self.outline(b) - at, axis=1).max() for b in chain) for chain in self.chains]
         )
         if len(jaws := like_reach(reaches)) != 2:
             raise InputError(
@@ -161,19 +157,17 @@ class HandMaker(Part):
     def _check_size(self) -> None:
         """Refuse limbs, as legs and arms branch as fingers do, and lengths in other units than metres."""
         at = self.pose(self.palm)[:3, 3]
-        ends = [b for chain in self.chains for b in chain[-1:] if self.has_shape(b)]
-        reach = max((float(np.linalg.norm(self.points(b) - at, axis=1).max()) for b in ends), default=0.1)
+        ends = [self.outline(b) - at for chain in self.chains for b in chain[-1:]]
+        reach = max((float(np.linalg.norm(points, axis=1).max()) for points in ends), default=0.1)
         if not 0.02 < reach < 0.45:  # m
-            raise InputError(
-                f"{self.path}: what branches from {self._name(self.palm)} reaches {reach:.2f} m: no hand does"
-            )
+            palm = f"{self._name(self.palm)} reaches {reach:.2f} m: no hand does (--palm BODY takes another)"
+            raise InputError(f"{self.path}: what branches from {palm}")
 
     def _find_palm(self) -> int:
         """Return the body that bears the fingers: the one that the user names, or the first that branches."""
         body = self.model.body(self.named.palm).id if self.named.palm else self._only_palm()
-        above = [b for b in bearers(self.model, body)[::-1] if self.model.body_jntnum[b]]
-        self.held = self.names(above)[1]
-        if len(self.held) > WRIST:
+        self.held = self.names([b for b in bearers(self.model, body)[::-1] if self.model.body_jntnum[b]])[1]
+        if len(limb(self.model, body)) > WRIST:
             self.notes.append(f"the arm in the file ends at {self._name(body)}, which bears the hand")
             self.held = []
         if self.held:
@@ -184,8 +178,8 @@ class HandMaker(Part):
 
     def _only_palm(self) -> int:
         """Return the first body that branches, unless what goes out from it are hands themselves."""
-        body = self.branching()
-        further = [self.branching(b) for b in self.below(body)]
+        body = branching(self.model)
+        further = [branching(self.model, b) for b in self.below(body)]
         palms = [b for b in further if len(self.below(b)) > 1]
         many = [b for b in palms if len(self.below(b)) > 2]
         if len(many) > 1 or 1 < len(palms) == len(further):
@@ -201,6 +195,9 @@ class HandMaker(Part):
         found, left, held = list[list[int]](), self.below(self.palm), set[int]()
         while left:
             body = left.pop(0)
+            if not self.model.body_jntnum[body] and len(plate := self.below(body)) > 1:
+                left = plate + left
+                continue
             chain = self.chain(body, branches=True)
             if more := self.below(chain[-1]):
                 held |= set(self.model.body_jntadr[chain].tolist())

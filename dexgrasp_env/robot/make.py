@@ -11,9 +11,9 @@ import yaml
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
-from dexgrasp_env.poses import inverse, placed
+from dexgrasp_env.poses import inverse, placed, shifted
 from dexgrasp_env.robot.description import bearers, pose_of
-from dexgrasp_env.robot.hand_maker import PLATE, WRIST, HandMaker, NamedParts, stated
+from dexgrasp_env.robot.hand_maker import PLATE, HandMaker, NamedParts, stated
 from dexgrasp_env.robot.hulls import corners_of
 from dexgrasp_env.robot.model import posed, swept
 from dexgrasp_env.robot.part import Part
@@ -24,9 +24,11 @@ from dexgrasp_env.robot.postures import (
     open_posture,
     overlapping_links,
 )
-from dexgrasp_env.robot.rebuilt import FLANGE, about, compiled, frame_entry
+from dexgrasp_env.robot.rebuilt import FLANGE, about, compiled, frame_entry, matrix
 from dexgrasp_env.robot.recipes import Recipe
+from dexgrasp_env.robot.robot import Frame
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
+from dexgrasp_env.robot.source import WRIST, branching, limb
 from dexgrasp_env.yaml_file import YAML_SUFFIXES
 
 
@@ -43,14 +45,23 @@ def _gripper_entry(maker: HandMaker, entry: Fields) -> Fields:
     return entry | stated({"excluded": [*dict.fromkeys([*rigid_pairs, *near])]})
 
 
-def hand_entry(path: Path, named: NamedParts | None = None) -> tuple[Fields, list[str]]:
+def hand_entry(
+    path: Path, named: NamedParts | None = None, arm: Fields | None = None
+) -> tuple[Fields, list[str]]:
     """Return what a hand's file says of a description, and what was assumed.
+
+    Args:
+        path: of the description.
+        named: parts of the hand that the user names.
+        arm: what the file of an arm of the same description says, on which the hand sits as it is there.
 
     Raises:
         InputError: for what is no hand of two fingers or more.
     """
     maker = HandMaker(path, named)
     entry = maker.entry()
+    if arm is not None:
+        entry["mounts"]["palm_normal"] = _as_built(maker, arm)
     if maker.jaws:
         return _gripper_entry(maker, entry), maker.notes
     value = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
@@ -69,8 +80,16 @@ def hand_entry(path: Path, named: NamedParts | None = None) -> tuple[Fields, lis
     for finger in entry["fingers"]:
         finger |= stated({"aside": asides.get(finger["name"], ())})
     position = entry["mounts"]["palm_normal"]["position"]
-    position[2] = max(position[2], round(FLANGE + PLATE + _behind(model, np.array(open_at), position), 6))
+    if arm is None:
+        behind = FLANGE + PLATE + _behind(model, np.array(open_at), position)
+        position[2] = max(position[2], round(behind, 6))
     return entry | stated({"excluded": near, "open": open_at}), maker.notes
+
+
+def _as_built(maker: HandMaker, arm: Fields) -> Fields:
+    """Return how the palm frame sits on the last link of an arm of the same description, as mounts state it."""
+    flange = maker.pose(arm["bodies"][-1]) @ matrix(Frame(**arm["frame"]))
+    return frame_entry(shifted(flange, -FLANGE * flange[:3, 2]), maker.frame)
 
 
 def _behind(model: mujoco.MjModel, q: Array, position: Array) -> float:
@@ -91,10 +110,9 @@ def parts_of(path: Path) -> tuple[bool, bool]:
         InputError: for what is neither.
     """
     part = Part(path)
-    body = part.branching()
-    joints = sum(part.model.body_jntnum[bearers(part.model, body)])
+    body = branching(part.model)
     branches = bool(part.below(body))
-    return branches, joints > WRIST or not branches
+    return branches, len(limb(part.model, body)) > WRIST or not branches
 
 
 def arm_entry(path: Path) -> tuple[Fields, list[str]]:
@@ -116,7 +134,15 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         raise InputError(f"{path} has an arm whose joints slide: valid is an arm of hinges")
     fewest = 4  # joints of an arm: fewer bring no palm over a table
     if len(joints) < fewest:
-        raise InputError(f"{path} is an arm of {len(joints)} joints: valid are {fewest} or more")
+        raise InputError(
+            f"{path} is one chain of {len(joints)} joints: valid are an arm of {fewest} or more, and a hand of two"
+            " fingers that move"
+        )
+    low, high = part.ranges(part.joint_ids(joints[-1:]))[0]
+    if high - low < 2.5 and min(-low, high) < 0.3:  # rad
+        part.notes.append(
+            f"arm: {joints[-1]!r} turns by {high - low:.1f} rad to one side, as a jaw does: if it is one, fix it there"
+        )
     if root[0] in chain:
         raise InputError(
             f"{path}: the first body turns: valid is a base that stands still, and the arm on it"
@@ -195,14 +221,15 @@ def make_robot(
     """
     files, notes = dict[str, Fields](), list[str]()
     robot = {"name": out.stem, "arm": "panda.yaml", "hand": "allegro.yaml"}
-    for kind, path in (("hand", hand), ("arm", arm)):
+    for kind, path in (("arm", arm), ("hand", hand)):
         if path is not None and path.suffix in YAML_SUFFIXES:
             robot[kind] = str(find_beside(Path(), str(path)).resolve())
         elif path is not None:
             if kind == "arm":
                 content, said = arm_entry(path)
             else:
-                content, said = hand_entry(path, named or (recipe.named if recipe else None))
+                own = files.get(robot["arm"]) if path == arm else None
+                content, said = hand_entry(path, named or (recipe.named if recipe else None), own)
             if recipe is not None and kind == "hand":
                 content = recipe.changed(content)
                 said.append(

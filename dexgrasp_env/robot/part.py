@@ -12,6 +12,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.couplings import DRIVES_JOINT, wrapped_joints
 from dexgrasp_env.robot.description import Description
 from dexgrasp_env.robot.robot import SLIDE, Coupling
+from dexgrasp_env.robot.source import below
 
 _STRONGEST = 8.0  # Nm: a joint of a finger has less
 _RATES = {
@@ -66,14 +67,7 @@ class Part(Description):
 
     def below(self, body: int) -> list[int]:
         """Return the bodies that hang on a body and have or lead to joints."""
-        children = np.flatnonzero(self.model.body_parentid == body).tolist()
-        return [b for b in children if b and (self.model.body_jntnum[b] or self.below(b))]
-
-    def branching(self, body: int = 0) -> int:
-        """Return the first body from one on, by default the world, that bears several chains, or the last one."""
-        while len(below := self.below(body)) == 1:
-            (body,) = below
-        return body
+        return below(self.model, body)
 
     def has_shape(self, body: int) -> bool:
         """Tell whether anything of a body, or of what it bears without a joint, collides."""

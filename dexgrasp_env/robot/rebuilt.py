@@ -23,6 +23,7 @@ from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
 FLANGE = 0.107
 """m from the frame of an arm's last link to its flange, along z: mounts count on it."""
 _GEOM = mujoco.mjtGeom
+_THIN = 1e-4  # m: slices that are thinner are no body's
 
 
 def described(part: Arm | Hand) -> mujoco.MjSpec:
@@ -76,7 +77,8 @@ class _Rebuilt(Description):
             raise InputError(f"joint {more[0]!r} of {self.path} is not named: every joint has to be")
         pulled = m.actuator_trnid[m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0]
         tied = self.hand and (self.hand.tendons or self.hand.couplings)
-        if any(wrapped_joints(m, t)[0] for t in pulled) and not tied:
+        named = {*self.part.joints.names}
+        if any(named & {*self.joint_names(wrapped_joints(m, t)[0])} for t in pulled) and not tied:
             raise InputError(f"{self.path} couples joints by a tendon: that is not supported yet")
         stated = {coupling.joint for coupling in self.hand.couplings} if self.hand else set()
         if has_loops(m) and self.hand and not stated:
@@ -178,6 +180,11 @@ class _Rebuilt(Description):
         W = self.W[body.name]
         R, p = W[:3, :3], W[:3, 3]
         inertia = R.T @ inertia @ R
+        total = np.trace(inertia)
+        if (
+            missing := 2.0 * np.linalg.eigvalsh(inertia)[2] - total
+        ) > -1e-9 * total:  # flat, and off to rounding
+            inertia += (missing + 1e-6 * total) * np.eye(3)
         body.explicitinertial, body.mass, body.ipos = True, mass.sum(), R.T @ (centre - p)
         body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
 
@@ -259,9 +266,11 @@ class _Rebuilt(Description):
         pieces, look = {tip: [np.zeros((0, 3))]}, {"rgba": solid[0].rgba.copy(), **_LOOK[True]}
         for geom in solid:
             points, name = self.reach[geom.name], geom.name
-            if points[:, 2].max() <= height:
+            if points[:, 2].max() <= height + _THIN:
                 continue
-            above, below = cut(points, height) if points[:, 2].min() < height else (points, points[:0])
+            above, below = (
+                cut(points, height) if points[:, 2].min() < height - _THIN else (points, points[:0])
+            )
             pieces[tip].append(above)
             pieces[f"{name}_rest"] = [below]
             self.spec.delete(geom)

@@ -228,7 +228,7 @@ class Hand:
 
     @cached_property
     def drive(self) -> tuple[Array, Array]:
-        """C (h, h) and c (h,): joints of a grasp are at C q + c where q says it; those without servos have no say."""
+        """C (h, h) and c (h,): joints of a hand that grasps are at C q + c; those without a servo have no say in q."""
         names = self.joints.names
         alone = np.eye(len(names))
         C, c = alone.copy(), np.zeros(len(names))

@@ -6,11 +6,13 @@ Each step is a function on the description's XML tree that returns what it chang
 import re
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import dropwhile
 from math import inf, prod
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
+from xml.parsers.expat import ExpatError, ParserCreate
 
 import mujoco
 import numpy as np
@@ -18,12 +20,12 @@ import numpy as np
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.robot.description_text import find_file
+from dexgrasp_env.robot.mjcf import as_mjcf, compiler_of, gather, new_name, take_radians
 from dexgrasp_env.robot.urdf import as_urdf
 
-BASE = "base"
-"""Name of the body that everything hangs on where a description has its first links in the world itself."""
-_XACRO = "{} is a xacro: expand it first, with `xacro {} > robot.urdf`"
-_UNREAD = ("custom", "keyframe", "sensor", "size", "skin", "statistic", "texture", "visual")
+WRIST = 3
+"""Joints before the palm: more are an arm's."""
+_NEXT_TO_NONE = {"boundmass": "1e-6", "boundinertia": "1e-10"}  # kg, kg m2
 _MOST, _DEEPEST = 100_000, 150  # elements of a description, and how deep they nest
 
 
@@ -47,11 +49,13 @@ def read_source(path: Path) -> Source:
     if root.tag == "robot":
         notes = as_urdf(root, path)
     else:
-        notes = [note for step in _BEFORE for note in step(root)]
-    model = _compile(root, path, notes)
-    if _begins_in_world(model) and root.tag != "robot":
-        notes.append(f"links that stand in the world are those of one body, {_gather(root)!r}")
-        model = _compile(root, path, notes)
+        notes = as_mjcf(root)
+    meshes = dict[str, bytes]()
+    model = _compile(root, path, notes, meshes)
+    for mend in (_part_palm,) if root.tag == "robot" else (take_radians, gather, _part_palm):
+        if said := mend(root, model):
+            notes.append(said)
+            model = _compile(root, path, notes, meshes)
     numbers = (
         model.body_pos,
         model.body_quat,
@@ -63,6 +67,28 @@ def read_source(path: Path) -> Source:
     if not all(np.isfinite(own).all() for own in numbers):
         raise InputError(f"MuJoCo cannot read {path}: a place, size, mass or range in it is no finite number")
     return Source(model, tuple(notes), _velocities(root))
+
+
+def below(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the bodies that hang on a body and have or lead to joints."""
+    children = np.flatnonzero(model.body_parentid == body).tolist()
+    return [b for b in children if b and (model.body_jntnum[b] or below(model, b))]
+
+
+def branching(model: mujoco.MjModel, body: int = 0) -> int:
+    """Return the first body from one on, by default the world, that bears several chains, or the last one."""
+    while len(found := below(model, body)) == 1:
+        (body,) = found
+    return body
+
+
+def limb(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the jointed bodies from the world to a body: those before the first that has a shape let it float."""
+    found, shown = list[int](), {*model.body_weldid[model.geom_bodyid].tolist()}
+    while body:
+        found += [body] * int(model.body_jntnum[body] > 0)
+        body = int(model.body_parentid[body])
+    return list(dropwhile(lambda own: own not in shown, reversed(found)))
 
 
 def _velocities(root: Element) -> dict[str, float]:
@@ -96,16 +122,17 @@ def _tree(
         text = path.read_bytes() if read[0] <= 32 << 20 else b""  # 32 MiB
         if not text or b"<!ENTITY" in text.replace(b"\0", b""):  # in UTF-16 as well
             raise InputError(f"MuJoCo cannot read {path}: it is empty or too large, or defines entities")
-        root = ElementTree.fromstring(text)
+        root = _parsed(text)
     except OSError:
         raise InputError(f"MuJoCo cannot read {path}: it is no file") from None
-    except ElementTree.ParseError as error:
-        said = _XACRO.format(path, path.name) if b"<xacro:" in text else f"MuJoCo cannot read {path}: {error}"
-        raise InputError(said) from None
+    except ExpatError as error:
+        raise InputError(f"MuJoCo cannot read {path}: {error}") from None
     for element in root.iter():
         if "xacro" in element.tag or any("${" in text or "$(" in text for text in element.attrib.values()):
-            raise InputError(_XACRO.format(path, path.name))
-        element.tag = element.tag.rpartition("}")[2]  # a namespace says nothing here
+            raise InputError(f"{path} is a xacro: expand it first, with `xacro {path.name} > robot.urdf`")
+        element.tag = element.tag.rpartition(":")[2]
+        for prefixed in [key for key in element.attrib if ":" in key or key == "xmlns"]:
+            del element.attrib[prefixed]
     if root.tag not in ("robot", "mujoco", "mujocoinclude"):
         raise InputError(f"MuJoCo cannot read {path}: <{root.tag}> is neither URDF nor MJCF")
     root.tag = root.tag.removesuffix("include")
@@ -119,6 +146,14 @@ def _tree(
                 _tree(file, (*seen, path), read)  # MuJoCo ends where one attaches itself
                 child.set("file", str(file))
     return root
+
+
+def _parsed(text: bytes) -> Element:
+    """Return the tree of an XML text, names with the prefixes that it writes: some makers' are bound to nothing."""
+    builder, parser = ElementTree.TreeBuilder(), ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.Parse(text, True)
+    return builder.close()
 
 
 def _check_size(root: Element, path: Path) -> None:
@@ -139,135 +174,31 @@ def _copies(element: Element) -> int:
     return max(1, prod(map(int, sides))) * max(1, prod(map(int, cells)) // 1000)
 
 
-def _drop_floors(root: Element) -> list[str]:
-    """Take planes out: a floor is no part of a robot."""
-    found = [
-        (body, geom) for body in root.iter() for geom in body.findall("geom") if geom.get("type") == "plane"
-    ]
-    for body, geom in found:
-        body.remove(geom)
-    return [f"{len(found)} floors are left out"] if found else []
+def _part_palm(root: Element, model: mujoco.MjModel) -> str:
+    """Give what bears the fingers on the last link of an arm a body of its own, the palm: the link is the arm's."""
+    body = branching(model)
+    name = model.body(body).name
+    if not model.body_jntnum[body] or len(limb(model, body)) <= WRIST or len(below(model, body)) < 2:
+        return ""
+    palm = new_name(root, f"{name}_palm")
+    if root.tag == "robot":
+        for parent in root.findall(f"joint/parent[@link='{name}']"):
+            parent.set("link", palm)
+        ElementTree.SubElement(root, "link", {"name": palm})
+        joint = ElementTree.SubElement(root, "joint", {"name": palm, "type": "fixed"})
+        for tag, link in (("parent", name), ("child", palm)):
+            ElementTree.SubElement(joint, tag, {"link": link})
+    for own in root.findall(f".//body[@name='{name}']"):
+        moved = [child for child in own if child.find(".//joint") is not None]
+        for child in moved:
+            own.remove(child)
+        ElementTree.SubElement(own, "body", {"name": palm}).extend(moved)
+    return f"fingers hang on {name!r}, the arm's last link: their palm is {palm!r}, which has no shape"
 
 
-def _drop_unread(root: Element) -> list[str]:
-    """Take out what nothing here reads: sensors and keyframes, textures and skins, and how a scene is shown."""
-    for holder in [root, *root.findall("asset"), *root.findall("deformable")]:
-        for own in [own for own in holder if own.tag in _UNREAD]:
-            holder.remove(own)
-    for material in root.iter("material"):
-        material.attrib.pop("texture", None)
-        for layer in material.findall("layer"):
-            material.remove(layer)
-    return []
-
-
-def _held(holder: Element, tag: str) -> list[tuple[Element, Element]]:
-    """Return the elements of a tag in another, or in frames in it, each with what it lies in."""
-    found = [(holder, own) for own in holder.findall(tag)]
-    return found + [pair for frame in holder.findall("frame") for pair in _held(frame, tag)]
-
-
-def _first_bodies(root: Element) -> list[tuple[Element, Element]]:
-    """Return the bodies that lie in the world, each with what holds it."""
-    return [pair for world in root.findall("worldbody") for pair in _held(world, "body")]
-
-
-def _drop_others(root: Element) -> list[str]:
-    """Leave out what floats or is moved by hand and has no joints, objects and goals of a scene, and what names it."""
-    gone = set[str]()
-    for holder, body in _first_bodies(root):
-        free = body.find("freejoint") is not None or body.find("joint[@type='free']") is not None
-        joints = [joint for joint in body.iter("joint") if joint.get("type") != "free"]
-        if (free or body.get("mocap") == "true") and not joints:
-            holder.remove(body)
-            gone |= {own.get("name", "a body without a name") for own in body.iter("body")}
-    if not gone:
-        return []
-    for section in [*root.findall("equality"), *root.findall("contact")]:
-        for own in list(section):
-            if gone & {*own.attrib.values()}:
-                section.remove(own)
-    return [f"{', '.join(sorted(gone))} has no joints and floats or is moved by hand: it is left out"]
-
-
-def _drop_free_joints(root: Element) -> list[str]:
-    """Fix what floats, on a free joint or on six of its own."""
-    found = [
-        (body, joint)
-        for body in root.iter("body")
-        for joint in body
-        if joint.tag == "freejoint" or joint.get("type") == "free"
-    ]
-    for _, body in _first_bodies(root):
-        if len(own := body.findall("joint")) >= 6:  # one a direction
-            found += [(body, joint) for joint in own]
-    for body, joint in found:
-        body.remove(joint)
-    return list(dict.fromkeys(f"body {body.get('name', '')!r} floats: it is fixed" for body, _ in found))
-
-
-def _name(root: Element) -> list[str]:
-    """Name bodies that bear others or have joints, and joints, where they have no name."""
-    bodies = [
-        body
-        for body in root.iter("body")
-        if any(body.find(f".//{tag}") is not None for tag in ("body", "joint"))
-    ]
-    joints = [joint for body in bodies for _, joint in _held(body, "joint")]
-    notes = []
-    for what, all_of in ((BASE, bodies), ("joint", joints)):
-        found = [own for own in all_of if not own.get("name")]
-        for k, own in enumerate(found):
-            own.set("name", f"{what}_{k}")
-        notes += (
-            [f"{len(found)} {found[0].tag}s without a name are called {what}_0 and so on"] if found else []
-        )
-    return notes
-
-
-def _part_joints(root: Element) -> list[str]:
-    """Give each of several joints of a body a body of its own, all but the last ones of next to no mass."""
-    found = []
-    for body in list(root.iter("body")):
-        joints = [own for own in body.findall("joint") if own.get("type") != "ball"]
-        for k, joint in enumerate(joints[:-1]):
-            inner = Element("body", {key: own for key, own in body.items() if key in ("name", "gravcomp")})
-            inner.extend(own for own in list(body) if own is not joint)
-            for own in list(inner):
-                body.remove(own)
-            ElementTree.SubElement(
-                body, "inertial", {"pos": "0 0 0", "mass": "1e-4", "diaginertia": "1e-8 1e-8 1e-8"}
-            )
-            body.append(inner)
-            body.set("name", f"{body.get('name', BASE)}_{k}")
-            found.append(inner.get("name", ""))
-            body = inner
-    return [f"joints of {', '.join(map(repr, dict.fromkeys(found)))} get a body each"] if found else []
-
-
-def _gather(root: Element) -> str:
-    """Put all that lies in the world below one body; return its name, which no other has."""
-    taken, name = {body.get("name") for body in root.iter("body")}, BASE
-    while name in taken:
-        name = f"{name}_{BASE}"
-    worlds = root.findall("worldbody")
-    own = [(world, child) for world in worlds for child in world if child.tag not in ("light", "camera")]
-    for world, child in own:
-        world.remove(child)
-    ElementTree.SubElement(worlds[0], "body", {"name": name}).extend(child for _, child in own)
-    return name
-
-
-def _begins_in_world(model: mujoco.MjModel) -> bool:
-    """Tell whether chains of joints begin in the world itself, not in one body that stands still."""
-    roots = {*model.body_rootid[np.flatnonzero(model.body_jntnum)].tolist()}
-    solid = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) != 0]
-    return len(roots) > 1 or bool(len(roots) and model.body_jntnum[min(roots)] and (solid == 0).any())
-
-
-def _compile(root: Element, path: Path, notes: list[str]) -> mujoco.MjModel:
-    """Compile a tree, mending what MuJoCo asks for."""
-    message, meshes = "", dict[str, bytes]()
+def _compile(root: Element, path: Path, notes: list[str], meshes: dict[str, bytes]) -> mujoco.MjModel:
+    """Compile a tree, mending what MuJoCo asks for; `meshes` gets those that are converted."""
+    message = ""
     for _ in range(100):  # one change after the other
         try:
             spec = with_decimal_points(_spec, root, path, meshes)
@@ -326,20 +257,30 @@ def _fetch(root: Element, message: str, path: Path, meshes: dict[str, bytes]) ->
         return f"{file} is not there: {found} is taken"
     if "decoder" not in message:
         return None
+    folder, suffix, found = file.removesuffix(str(element.get(key))), Path(file).suffix, dict[Path, str]()
+    for own, key in owners:
+        place = Path(folder + str(own.get(key)))
+        if place.suffix == suffix and place.is_file():
+            if root.tag == "mujoco" and not own.get("name"):
+                own.set("name", place.stem)
+            found[place] = found.get(place) or _convert(place, path, meshes)
+            own.set(key, found[place])
+    return f"meshes that MuJoCo cannot read are converted: {suffix}"
+
+
+def _convert(file: Path, path: Path, meshes: dict[str, bytes]) -> str:
+    """Add a mesh of a description to those that are converted; return what it is called there."""
     from dexgrasp_env.objects.user_mesh import read_mesh
 
-    own = f"{len(meshes)}_{Path(file).stem}.obj"
+    name = f"{len(meshes)}_{file.stem}.obj"
     try:
-        mesh = read_mesh(Path(file))
+        mesh = read_mesh(file)
     except InputError as error:
         raise InputError(f"MuJoCo cannot read {path}: {error}") from None
     if len(mesh.faces) > 100_000:  # MuJoCo takes minutes over more; what collides is a hull anyway
         mesh = mesh.convex_hull
-    meshes[own] = str(mesh.export(file_type="obj")).encode()
-    if root.tag == "mujoco" and not element.get("name"):
-        element.set("name", Path(file).stem)
-    element.set(key, own)
-    return f"meshes that MuJoCo cannot read are converted: {Path(file).suffix}"
+    meshes[name] = str(mesh.export(file_type="obj")).encode()
+    return name
 
 
 def _folder(path: Path, name: str) -> str:
@@ -361,7 +302,7 @@ def _drop_attribute(root: Element, message: str) -> Iterator[str]:
 
 
 def _from_shapes(root: Element, message: str) -> Iterator[str]:
-    """Take a body's mass and inertia from its shapes where those that are stated are none."""
+    """Take a body's mass and inertia from its shapes where those that are stated are none; of none, a grain's."""
     found = re.search(r"Element name '([^']*)'", message)
     if found is None or not re.search("must have positive eigenvalues|mass and inertia", message):
         return
@@ -369,6 +310,11 @@ def _from_shapes(root: Element, message: str) -> Iterator[str]:
         if body.get("name") == found[1] and (inertial := body.find("inertial")) is not None:
             body.remove(inertial)
             yield f"mass or inertia of {found[1]!r} is none: that of its shapes is taken"
+            return
+    settings = compiler_of(root)
+    if "mjMINVAL" in message and "boundmass" not in settings.attrib:
+        settings.attrib |= _NEXT_TO_NONE
+        yield f"{found[1]!r} has neither mass nor shapes: what has none gets next to none"
 
 
 def _drop_actuator(root: Element, message: str) -> Iterator[str]:
@@ -383,5 +329,4 @@ def _drop_actuator(root: Element, message: str) -> Iterator[str]:
                 return
 
 
-_BEFORE = (_drop_unread, _drop_floors, _drop_others, _drop_free_joints, _part_joints, _name)
 _AFTER = (_drop_actuator, _drop_attribute, _from_shapes)

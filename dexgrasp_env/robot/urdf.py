@@ -1,6 +1,7 @@
 """Mends of a URDF's tree: meshes found, mimics of what moves, last links that collide as they are seen."""
 
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -32,7 +33,7 @@ def as_urdf(root: Element, path: Path) -> list[str]:
             joint.set("type", "fixed")
             notes.append(f"joint {joint.get('name', '')!r} is {kind}: it is fixed")
     parents = _parents(root, path)
-    notes += [*_drop_lonely(root, parents), *_drop_mimics(root), *_show_ends(root, parents)]
+    notes += [*_drop_lonely(root, parents), *_drop_mimics(root), *_show_ends(root, parents), *_weigh(root)]
     for link in root.iter("link"):
         for shape in [*link.findall("visual"), *link.findall("collision")]:
             fault = _find_shape(shape, path)
@@ -100,6 +101,28 @@ def _drop_lonely(root: Element, parents: Parents) -> list[str]:
     for link in found:
         root.remove(link)
     return [f"link {link.get('name')!r} hangs on nothing: it is left out" for link in found]
+
+
+def _weigh(root: Element) -> list[str]:
+    """Leave a link one inertial at most, with a mass; where the inertia is missing it gets that of 2 cm around it."""
+    found = []
+    for link in root.findall("link"):
+        for k, own in enumerate(link.findall("inertial")):
+            mass = own.find("mass")
+            if k or mass is None:
+                link.remove(own)
+            elif own.find("inertia") is None:
+                with suppress(ValueError):  # MuJoCo says it of what is no number
+                    about = str(float(mass.get("value", "")) * 0.02**2)
+                    alike = dict.fromkeys(("ixx", "iyy", "izz"), about)
+                    ElementTree.SubElement(own, "inertia", alike | dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
+            else:
+                continue
+            found.append(repr(link.get("name")))
+    names = ", ".join(dict.fromkeys(found))
+    return (
+        [f"{names} say mass or inertia not at all, or twice: 2 cm around the mass assumed"] if found else []
+    )
 
 
 def _drop_mimics(root: Element) -> list[str]:

@@ -1,4 +1,4 @@
 """The scene: table, lights, robot and objects in one MuJoCo model.
 
-Takes a robot and objects; gives a model and its sensors. It steps nothing.
+Takes a cell and objects; gives a model, whose table top is z = 0, and its sensors. It steps nothing.
 """

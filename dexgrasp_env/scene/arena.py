@@ -4,7 +4,7 @@ import mujoco
 
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.robot.model import attach
-from dexgrasp_env.scene.constants import TABLE_HEIGHT
+from dexgrasp_env.scene.constants import TABLE_ABOVE_FLOOR
 
 
 def read_arena() -> mujoco.MjSpec:
@@ -24,7 +24,7 @@ def add_arena(spec: mujoco.MjSpec, base: float) -> None:
         "conaffinity": 0,
         "group": 2,
     }
-    half_height, middle = 0.5 * (TABLE_HEIGHT + base) - 0.005, 0.5 * (base - TABLE_HEIGHT) - 0.005
+    half_height, middle = 0.5 * (TABLE_ABOVE_FLOOR + base) - 0.005, 0.5 * (base - TABLE_ABOVE_FLOOR) - 0.005
     spec.worldbody.add_geom(size=[0.11, half_height, 0], pos=[-0.04, 0, middle], **plinth)
     spec.worldbody.add_geom(size=[0.17, 0.012, 0], pos=[-0.04, 0, base - 0.012], **plinth)
 

@@ -18,6 +18,7 @@ from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.arena import add_arena, add_belt, add_furniture
 from dexgrasp_env.scene.constants import FRICTION
 from dexgrasp_env.scene.sensors import add_sensors
+from dexgrasp_env.valid import checked
 
 
 def add_cameras(spec: mujoco.MjSpec, cameras: Iterable[Camera]) -> None:
@@ -77,6 +78,7 @@ def scene_spec(
     return spec
 
 
+@checked
 def build_scene(model: ObjectModel, cell: Cell, **more: Any) -> mujoco.MjModel:
     """Compile `scene_spec`.
 

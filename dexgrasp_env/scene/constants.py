@@ -9,4 +9,4 @@ FRICTION = 0.7  # default sliding friction coefficient of every contact
 
 TABLE_SIZE = (0.70, 1.20, 0.04)  # m, x y z; the top is the plane z = 0
 TABLE_CENTRE_X = 0.52  # m
-TABLE_HEIGHT = 0.75  # m above the floor
+TABLE_ABOVE_FLOOR = 0.75  # m, for the look alone: `Cell` has the height above the robot's base

@@ -40,10 +40,10 @@ class RestSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class HeapSettings:
-    """Way in which a heap is laid down: by few objects at a time, with strong damping, as thrown ones roll apart.
+    """Settings of a heap: objects are dropped a few at a time under strong damping, as thrown ones roll apart.
 
     Attributes:
-        sky: m: what waits to be dropped falls freely from here, and meets nothing.
+        sky: m, height at which objects wait for their turn, in free fall and far from all else.
         fall: m above the heap from which the next objects fall.
         layer: objects at a time.
         scatter: m off the middle at most of the first; times the root of how many lie.
@@ -81,10 +81,10 @@ _REST, _HEAP = RestSettings(), HeapSettings()
 def set_out(
     simulation: Simulation, pose: Array, gaps: tuple[float, float] | None, rng: Generator
 ) -> Array | None:
-    """Put the object at `pose` (7,), or a heap with it there, and its neighbours.
+    """Put the object at `pose` (7,) with its neighbours around it, or all of them in a heap about that place.
 
-    That is a scene where all comes to rest on the table, free of the robot, and nothing pierces another by
-    2 mm or sinks by 3 mm; with gaps nothing floats, topples or slides by 3 mm.
+    A scene is accepted where all comes to rest on the table, free of the robot, and nothing pierces another by 2 mm or
+    sinks by 3 mm; with gaps nothing floats, topples or slides by 3 mm.
 
     Args:
         simulation: the scene.
@@ -94,7 +94,7 @@ def set_out(
 
     Returns:
         The poses (k, 7) that all would have at the end of an episode without the robot, as a heap creeps; None
-        where it is no scene.
+        where the scene is not accepted.
     """
     if gaps is None:
         return _drop(simulation, pose, rng)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.cores import usable_cores
-from dexgrasp_env.tasks.moving import drive_belt
+from dexgrasp_env.tasks.disturbance import drive_belt
 from dexgrasp_env.tasks.simulation import CONTROL, PhysicsState, Simulation
 
 if TYPE_CHECKING:

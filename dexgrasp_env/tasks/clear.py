@@ -7,7 +7,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Arrays, Fields, Mask
 from dexgrasp_env.errors import unknown_argument
-from dexgrasp_env.tasks.clutter_env import NEIGHBOURS, ClutterEnv, ClutterEpisodes, ClutterSettings
+from dexgrasp_env.tasks.clutter import NEIGHBOURS, ClutterEnv, ClutterEpisodes, ClutterSettings
 from dexgrasp_env.tasks.constants import CLEAR_STEPS, MOST_NEIGHBOURS
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.records import FAILURES, TOUCHING_HAND

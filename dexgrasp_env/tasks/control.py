@@ -1,5 +1,6 @@
 """Control modes: what actions in [-1, 1] mean for the set-points of a robot's servos; `set_points` computes them."""
 
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -9,7 +10,7 @@ from dexgrasp_env.arrays import AnyArray, Array, Single, numbers
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
-from dexgrasp_env.valid import check
+from dexgrasp_env.valid import Rule, check
 
 DIRECT_MODES = ("joint_position", "joint_delta", "ee_delta")
 """Those whose actions say at once where set-points go."""
@@ -22,7 +23,7 @@ GRASP_SIZE = 7
 
 
 class ActionSpace(spaces.Box):
-    """The actions of a control mode; a policy saved with its space says what they meant."""
+    """Action space of a control mode with its settings: a policy that is saved with it says what its actions mean."""
 
     def __init__(
         self,
@@ -33,12 +34,8 @@ class ActionSpace(spaces.Box):
         hold: int = 1,
     ) -> None:
         super().__init__(-1.0, 1.0, (action_size(control_mode, robot),), np.float32)
-        self.control_mode, self.frame_skip, self.action_scale, self.hold = (
-            control_mode,
-            frame_skip,
-            scale,
-            hold,
-        )
+        self.control_mode, self.frame_skip = control_mode, frame_skip
+        self.action_scale, self.hold = scale, hold
 
 
 def action_size(mode: str, robot: Robot) -> int:
@@ -80,10 +77,15 @@ def check_actions(action: Single, shape: tuple[int, ...] | None) -> Array:
     Raises:
         InputError: if they are no numbers, or their shape is wrong.
     """
-    actions = check("action", action, numbers(f"numbers of shape {shape}"))
+    actions = check("action", action, _numbers(shape))
     if actions.shape != shape:
         raise InputError(f"action has shape {actions.shape}: valid is {shape}")
     return np.array(actions, np.float64)
+
+
+@cache
+def _numbers(shape: tuple[int, ...] | None) -> Rule:
+    return numbers(f"numbers of shape {shape}")
 
 
 def check_finite(actions: AnyArray) -> None:

@@ -4,8 +4,8 @@ The single environment has one, the vector environment many; only who advances t
 """
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple
+from collections.abc import Callable, Mapping
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -15,36 +15,37 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Arrays, Fields, Index, Mask
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.tasks import kernel
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, ActionSpace, check_finite
+from dexgrasp_env.tasks.disturbance import MOTION, draw_motion, moves_now
 from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
+from dexgrasp_env.tasks.grasp_actions import GraspActions
 from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
-from dexgrasp_env.tasks.grasps import Grasps
 from dexgrasp_env.tasks.infos import EpisodeInfos
-from dexgrasp_env.tasks.moving import MOTION, draw_motion, moves_now
-from dexgrasp_env.tasks.observations import FLAT, knows_state, observation_space, unbounded
+from dexgrasp_env.tasks.observations import FLAT, key_columns, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
-from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, PHASES, Records, rules_of
+from dexgrasp_env.tasks.randomisation import Rngs, Variation
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, INFOS, new_record, rules_of
 from dexgrasp_env.tasks.reset_options import check_joints, check_options
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import NO_PHYSICS, Physics, Simulation, arm_chain
 from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
 from dexgrasp_env.tasks.starts import pre_grasps
-from dexgrasp_env.tasks.state import observe
 from dexgrasp_env.tasks.views import CameraObserver
 
 
 class Episodes(EpisodeInfos):
-    """Records, slots and the scenes that they share."""
+    """Records of N episodes and the scenes that they share; the base of every task.
+
+    A task overrides `task_dtype`, what it notes; `_begin` or `_set_out`, how an episode starts; `_finish`, rewards and
+    observation of a step; `endings`; `more_infos`.
+    """
 
     task = "lift"
     task_dtype = np.dtype([])
-    """Of what the task notes of an episode beside its record."""
+    """Fields that the task notes of an episode beside `EPISODE`."""
     furniture = ""  # what else stands on the table, see `scene_spec`
     options: tuple[str, ...] = ("object", "object_pose", "joints", "state")  # of a reset
     neighbours = 0  # most objects beside the one that is meant
@@ -67,11 +68,9 @@ class Episodes(EpisodeInfos):
         self.rewards, self._goes_on = np.zeros(number), np.zeros(number, bool)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
         self._rows, self._push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
-        hulls, self._hull_spans, first_row = [], {}, 0
-        for target, simulation in self.simulations.items():
-            hulls.append(simulation.hull)
-            self._hull_spans[target] = first_row, len(simulation.hull)
-            first_row += len(simulation.hull)
+        hulls = [simulation.hull for simulation in self.simulations.values()]
+        spans = zip(accumulate(map(len, hulls), initial=0), map(len, hulls), strict=False)
+        self._hull_spans = dict(zip(self.simulations, spans, strict=True))
         first = next(iter(self.simulations.values()))
         self.action_space = ActionSpace(
             settings.control_mode, robot, settings.frame_skip, settings.action_scale, settings.hold
@@ -83,7 +82,9 @@ class Episodes(EpisodeInfos):
         self.whole = settings.control_mode in ONCE_MODES  # an action is a whole episode
         self.span = longest_grasp(settings) if self.whole else settings.hold
         """Control steps of an action, at most."""
-        self._grasps = Grasps(settings, first, number) if settings.control_mode in GRASP_MODES else None
+        self._columns = key_columns(settings.obs_mode, robot)
+        self._width = max(columns.stop for columns in self._columns.values())
+        self._grasps = GraspActions(settings, first, number) if settings.control_mode in GRASP_MODES else None
         self._features = SceneFeatures(number, self.whole) if settings.obs_mode == FLAT else None
         self.starts: Starts | None = pre_grasps(settings)
 
@@ -104,6 +105,16 @@ class Episodes(EpisodeInfos):
     def as_agent_sees(self, observation: Arrays) -> Any:
         """Return an observation as agents are given it."""
         return observation if self._features is None else observation[FLAT]
+
+    def start_from(self, starts: Starts | None) -> None:
+        """Set the source of options for resets that are given none.
+
+        Raises:
+            InputError: for what cannot be asked for them.
+        """
+        if starts is not None and (isinstance(starts, type) or not callable(starts)):
+            raise InputError(f"starts is {starts!r}: valid is what returns a reset's options, as PreGrasps()")
+        self.starts = starts
 
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> tuple[Simulation, Arrays]:
         """Start episode `i`: draw what it is of and let its object settle, or go on from a state.
@@ -163,25 +174,25 @@ class Episodes(EpisodeInfos):
         target = str(options.get("object", names[int(rng.integers(len(names)))]))
         simulation = self.simulations[target]
         variation = settings.randomisation.sample(rng, settings.mass, settings.friction_of(simulation.object))
-        pose = self._draw_pose(simulation.object, variation, rng)
+        pose = settings.draw_pose(simulation.object, variation.size, rng)
         given = options.get("object_pose")
         if given is not None:
-            pose = check_pose(given, simulation.hull * variation.size, settings.cell)
+            pose = check_pose(given, simulation.object, variation.size, settings.cell)
         self._mount(i, target, (), variation)
         self.slots[i].joints = check_joints(options.get("joints"), settings.cell.robot)
         if given is not None:
             simulation.place(pose, self.slots[i].joints)
             simulation.check_free()
-        self._start_record(i, target, variation)
+        self.records[i] = new_record(
+            simulation.object, variation, self._hull_spans[target], settings.disturbance_steps > 0
+        )
+        self.task_records[i] = np.zeros((), self.task_records.dtype)
+        joints = self.slots[i].joints
+        self.commands[i] = settings.cell.robot.home if joints is None else joints
         if settings.disturbance.moves:
             motion = draw_motion(settings.disturbance, pose, settings.frame_skip, rng)
             self.task_records[list(MOTION.names or ())][i] = motion
         return self._set_out(i, pose, rng, given is not None)
-
-    def _draw_pose(self, model: ObjectModel, variation: Variation, rng: Generator) -> Array:
-        pose = self.settings.object_pose.sample(model, rng, self.settings.presentation)
-        pose[2] *= variation.size
-        return pose
 
     def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:
         """Put the object of episode `i` down at `pose` (7,), drawn or given, and let it settle; return its scene."""
@@ -222,20 +233,6 @@ class Episodes(EpisodeInfos):
         slot.target, slot.neighbours, slot.variation = target, neighbours, variation
         return self.enter(i)
 
-    def _start_record(self, i: int, target: str, variation: Variation) -> None:
-        model, record = self.simulations[target].object, self.records[i]
-        self.records[i], self.task_records[i] = np.zeros((), EPISODE), np.zeros((), self.task_records.dtype)
-        record["half_extents"] = 0.5 * model.extents * variation.size
-        record["mass"] = model.mass * variation.mass * variation.size**3
-        record["size"] = variation.size
-        record["variation"] = astuple(variation)
-        record["hull_first"], record["hull_count"] = self._hull_spans[target]
-        record["latency"] = round(variation.latency / TIMESTEP)
-        joints = self.slots[i].joints
-        self.commands[i] = self.settings.cell.robot.home if joints is None else joints
-        record["grip_quat"][0] = 1.0
-        record["phase"] = PHASES.index("before" if self.settings.disturbance_steps else "none")
-
     def set_points(self, actions: Array, where: Physics, step: int = 0) -> tuple[Array, Array]:
         """Move the set-points by one control step.
 
@@ -258,12 +255,7 @@ class Episodes(EpisodeInfos):
         return self._rows, moves_now(self.task_records, self.records) if moves else self._push
 
     def conclude(
-        self,
-        part: slice,
-        where: Physics,
-        warnings: Index,
-        rngs: Sequence[Generator | None],
-        judge: bool = True,
+        self, part: slice, where: Physics, warnings: Index, rngs: Rngs, judge: bool = True
     ) -> Arrays:
         """Advance progress, terms and rewards of a part of the episodes to the present, and observe it.
 
@@ -278,10 +270,20 @@ class Episodes(EpisodeInfos):
             The observation without cameras: arrays (n, ...) by key.
         """
         records = self.records[part]
-        if judge:
-            kernel.judge(records, where.current, warnings, self.rules, self.rewards[part])
-        noise, private = self._joint_noise(records, rngs), knows_state(self.settings.obs_mode)
-        seen = observe(records, where.current, self.commands[part, 0], noise, self.rules, private)
+        rows = np.empty((len(records), self._width), np.float32)
+        noise = self.settings.randomisation.draw_joint_noise(records["variation"], self.rules.joints, rngs)
+        kernel.conclude(
+            records,
+            where.current,
+            warnings,
+            self.commands[part],
+            noise,
+            self.rules,
+            self.rewards[part],
+            rows,
+            judge,
+        )
+        seen = {key: rows[:, columns] for key, columns in self._columns.items()}
         return self._finish(part, where, judge, seen)
 
     def _finish(self, part: slice, where: Physics, judge: bool, state: Arrays) -> Arrays:
@@ -297,13 +299,6 @@ class Episodes(EpisodeInfos):
             return state
         return {FLAT: self._features.of(part, state, self.records["elapsed"][part])}
 
-    def _joint_noise(self, records: Records, rngs: Sequence[Generator | None]) -> Array | None:
-        n = self.settings.cell.robot.dof
-        if self.settings.randomisation.joint_noise is None:
-            return None
-        size = records["variation"][:, 5:]
-        return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
-
     def endings(self) -> tuple[Mask, Mask]:
         """Return which episodes a failure has terminated, and which it has truncated, (N,) each."""
         failures = self.records["failure"]
@@ -313,10 +308,8 @@ class Episodes(EpisodeInfos):
             over |= self.records["elapsed"] > 0
         return over & ~truncated, truncated
 
-    def advance(
-        self, actions: Array, where: Physics, rngs: Sequence[Generator | None], running: NDArray[np.intp]
-    ) -> Arrays:
-        """Step those that run by an action each; `rewards` are then what they gained, of which all are observed.
+    def advance(self, actions: Array, where: Physics, rngs: Rngs, running: NDArray[np.intp]) -> Arrays:
+        """Step the running episodes by an action each; `rewards` are then what each gained, and all are observed.
 
         The kernel passes over all rows: those whose action has ended are put back to what they had come to.
 
@@ -328,8 +321,7 @@ class Episodes(EpisodeInfos):
         """
         everything, pushed = slice(None), self.settings.disturbance.kind not in ("none", "shaken")
         going, rngs, gained = running, list(rngs), np.zeros(len(self.slots))
-        rows = self.records, self.task_records, self.commands
-        kept = {}
+        rows, kept = (self.records, self.task_records, self.commands), {}
         late = lifted_by(self.settings) if self.whole else self.span
         for step in range(self.span):
             set_points, push = self.set_points(actions, where, step)
@@ -360,8 +352,8 @@ class Episodes(EpisodeInfos):
         )  # fmt: skip
 
     def _of(self) -> Fields:
-        """Return what a state has to agree with."""
-        keys = (
+        """Return the settings, by name, that a state and this environment have to share."""
+        keys = [
             "obs_mode",
             "control_mode",
             "mount",
@@ -369,8 +361,9 @@ class Episodes(EpisodeInfos):
             "frame_skip",
             "action_scale",
             "reward_weights",
-        )
-        own = {key: getattr(self.settings, key) for key in (*keys, *["views"] * self.settings.sees)}
+        ]
+        keys += ["views"] * self.settings.sees
+        own = {key: getattr(self.settings, key) for key in keys}
         return {"task": self.task, "robot": self.settings.cell.robot.name, **own}
 
     def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:

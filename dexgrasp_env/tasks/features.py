@@ -22,7 +22,7 @@ METRES = 10.0
 _STEPS = 100.0  # control steps that a unit of time lasts
 _LONGEST = 250  # control steps after which the clock stands still
 FARTHEST = 10.0
-"""That features are from 0 at most, where the environment gives them."""
+"""Largest absolute value of a feature that an environment gives."""
 _FRICTION = 1  # column of the variation
 _NUMBERS = np.array(
     [

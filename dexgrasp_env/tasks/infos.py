@@ -39,14 +39,12 @@ class EpisodeInfos:
             for (key, (_, names)), value in zip(INFOS.items(), self.info_fields[i].item(), strict=True)
         }
         columns["held_seconds"] *= self.settings.period
-        target = self.slots[i].target
-        return columns | {
-            "object": self.simulations[target].object.name if target else "",
-            "mujoco_warnings": warning_names(columns["mujoco_warnings"]),
-            "variation": dict(vars(self.slots[i].variation)),
-            "reward_terms": dict(zip(WEIGHTS, self.records["terms"][i].tolist(), strict=True)),
-            **{key: values[i : i + 1].tolist()[0] for key, values in self.more_infos().items()},
-        }
+        slot = self.slots[i]
+        columns["object"] = self.simulations[slot.target].object.name if slot.target else ""
+        columns["mujoco_warnings"] = warning_names(columns["mujoco_warnings"])
+        columns["variation"] = dict(vars(slot.variation))
+        columns["reward_terms"] = dict(zip(WEIGHTS, self.records["terms"][i].tolist(), strict=True))
+        return columns | {key: values[i : i + 1].tolist()[0] for key, values in self.more_infos().items()}
 
     def infos(self) -> Fields:
         """Return the infos without cameras, arrays (N,) by key: the same at reset and at every step."""
@@ -75,7 +73,8 @@ class EpisodeInfos:
 def with_masks(infos: Fields, number: int) -> Fields:
     """Add Gymnasium's masks: every environment of so many has every key."""
     values = {k: with_masks(v, number) if isinstance(v, dict) else v for k, v in infos.items()}
-    return values | {f"_{key}": np.ones(number, bool) for key in infos}
+    masks = np.ones((len(infos), number), bool)
+    return values | {f"_{key}": mask for key, mask in zip(infos, masks, strict=True)}
 
 
 def of_one(infos: Fields, i: int) -> Fields:

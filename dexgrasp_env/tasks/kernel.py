@@ -1,4 +1,4 @@
-"""The tasks' arithmetic, compiled: state and sensors to progress and reward.
+"""The tasks' arithmetic, compiled: state and sensors to progress, reward and observation.
 
 Every function goes through the rows of contiguous arrays, one an environment; a single environment is one row, so one
 and many give the same bits. This module imports numba: it is imported when an environment is made.
@@ -6,7 +6,7 @@ and many give the same bits. This module imports numba: it is imported when an e
 
 import math
 
-from dexgrasp_env.arrays import Array, Index
+from dexgrasp_env.arrays import Array, Index, Single
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import product_components, rotated_components, rotation_components
 from dexgrasp_env.tasks.constants import (
@@ -26,14 +26,16 @@ from dexgrasp_env.tasks.records import (
     PHASES,
     PRESSES,
     STAGES,
+    TIP_FORCES,
+    TIPS,
     TOUCHING_ANY,
     TOUCHING_HAND,
     Record,
     Records,
     Rules,
 )
+from dexgrasp_env.tasks.reward_terms import length, reward_terms
 from dexgrasp_env.tasks.simulation import PhysicsState
-from dexgrasp_env.tasks.terms import length, reward_terms
 
 product = njit(product_components)
 rotated = njit(rotated_components)
@@ -213,16 +215,76 @@ def _conclude(e: Record, rules: Rules) -> None:
 
 
 @njit
-def judge(episodes: Records, now: PhysicsState, warnings: Index, rules: Rules, rewards: Array) -> None:
-    """Advance what the episodes have achieved by the control step just taken, and reward them.
+def _observe(
+    e: Record, q: Array, v: Array, s: Array, targets: Array, noise: Array, rules: Rules, o: Single
+) -> None:
+    """Write what the robot knows of itself, and where there is room for it what no camera tells.
+
+    Args:
+        e: the episode.
+        q: positions (n + 7 k,).
+        v: velocities (n + 6 k,).
+        s: `sensordata`.
+        targets: (n,) set-points, rad.
+        noise: (n,) rad, or (0,) for none.
+        rules: of the environment.
+        o: (m,) out, in the order of `observations.key_sizes`; where physics has diverged 0 for what is no number.
+    """
+    n, tips, palm = rules.joints, rules.at[TIPS], rules.at[PALM]
+    own = 3 * n + 3 * rules.fingers
+    for j in range(n):
+        o[j] = q[j] + noise[j] if len(noise) > 0 else q[j]
+        o[n + j] = v[j]
+        o[2 * n + j] = targets[j]
+    for j in range(own - 3 * n):
+        o[3 * n + j] = s[tips + j]
+    for j in range(7):
+        o[own + j] = s[palm + j]  # the quaternion's reading follows the position's
+    if len(o) > own + 7:
+        _observe_object(e, q[n:], v[n:], s[rules.at[TIP_FORCES] :], own - 3 * n, o[own + 7 :])
+    if e.failure == _DIVERGED:
+        for j in range(len(o)):
+            o[j] = o[j] if math.isfinite(o[j]) else 0.0
+
+
+@njit
+def _observe_object(e: Record, q: Array, v: Array, forces: Array, tips: int, o: Single) -> None:
+    for j in range(7):
+        o[j] = q[j]
+    for j in range(6):
+        o[7 + j] = v[j]
+    for j in range(3):
+        o[13 + j] = 2.0 * e.half_extents[j]
+    o[16] = e.mass
+    for j in range(tips):
+        o[17 + j] = forces[j]
+    for j in range(2):
+        o[17 + tips + j] = e.progress[j]
+    for j in range(6):
+        o[19 + tips + j] = e.variation[j]
+
+
+@njit
+def conclude(
+    episodes: Records, now: PhysicsState, warnings: Index, commands: Array, noise: Array, rules: Rules,
+    rewards: Array, seen: Single, judge: bool,
+) -> None:  # fmt: skip
+    """Advance what the episodes have achieved by the control step just taken, reward and observe them.
 
     Args:
         episodes: (N,); their progress is advanced.
         now: their physics; quaternions wxyz, the target is the first object.
         warnings: (N,) bits of MuJoCo's that came up in the control step.
+        commands: (N, 3, n) rad, `COMMANDS`.
+        noise: (N, n) rad, of the joint position sensors, or (N, 0) for none.
         rules: of the environment.
         rewards: (N,) out.
+        seen: (N, m) out, see `_observe`.
+        judge: False to observe alone.
     """
     qpos, qvel, sensors = now
     for i in range(len(episodes)):
-        rewards[i] = _judge(episodes[i], qpos[i], qvel[i], sensors[i], warnings[i], rules)
+        e, q, v, s = episodes[i], qpos[i], qvel[i], sensors[i]
+        if judge:
+            rewards[i] = _judge(e, q, v, s, warnings[i], rules)
+        _observe(e, q, v, s, commands[i, 0], noise[i], rules, seen[i])

@@ -58,7 +58,7 @@ class EpisodeAccess:
         return self.settings.period
 
     @property
-    def steps_an_action(self) -> int:
+    def steps_per_action(self) -> int:
         """Control steps of an action, at most."""
         return self._episodes.span
 

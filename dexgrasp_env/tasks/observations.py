@@ -1,5 +1,6 @@
 """Observations: their keys and spaces."""
 
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -22,12 +23,12 @@ def has_cameras(obs_mode: str) -> bool:
 
 
 def knows_state(obs_mode: str) -> bool:
-    """Return whether what no camera tells is observed."""
+    """Return whether the privileged state, which no camera shows, is observed."""
     return obs_mode.startswith("state") or obs_mode == FLAT
 
 
 def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
-    """Return how many numbers each key has that is not a camera's."""
+    """Return the size of each key that is not a camera's."""
     n, tips = robot.dof, 3 * len(robot.hand.fingers)
     keys = {
         "joint_positions": n, "joint_velocities": n, "joint_targets": n, "fingertip_positions": tips, "palm_pose": 7
@@ -38,6 +39,13 @@ def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
         "object_pose": 7, "object_velocity": 6, "object_size": 3, "object_mass": 1, "fingertip_forces": tips,
         "progress": 2, "variation": 6,
     }  # fmt: skip
+
+
+def key_columns(obs_mode: str, robot: Robot) -> dict[str, slice]:
+    """Return the columns of each such key in the rows that `kernel.conclude` writes, by key in alphabetical order."""
+    sizes = key_sizes(obs_mode, robot)
+    ends = dict(zip(sizes, accumulate(sizes.values()), strict=True))
+    return {key: slice(ends[key] - sizes[key], ends[key]) for key in sorted(sizes)}
 
 
 def observation_space(obs_mode: str, image_shape: tuple[int, int, int], robot: Robot) -> spaces.Dict:

@@ -19,10 +19,9 @@ from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, WORKSPACE_HIGH
 from dexgrasp_env.valid import NATURAL, Rule, check, number, pair
 
 PRESENTATIONS = ("rest", "upright")
-_FRONT, _BACK = (
-    TABLE_CENTRE_X + side * 0.5 * TABLE_SIZE[0] for side in (-1, 1)
-)  # m, where an object may be put
-_SIDE = 0.5 * TABLE_SIZE[1] + 0.05  # m
+# m, where an object may be put: ends along x, and to either side
+_FRONT, _BACK = (TABLE_CENTRE_X + side * 0.5 * TABLE_SIZE[0] for side in (-1, 1))
+_SIDE = 0.5 * TABLE_SIZE[1] + 0.05
 
 
 def _rest_pose(value: Any) -> str | int:
@@ -109,12 +108,13 @@ def _some_pose(value: Any) -> Array:
     return pose
 
 
-def check_pose(value: Any, hull: Array, cell: Cell) -> Array:
+def check_pose(value: Any, model: ObjectModel, size: float, cell: Cell) -> Array:
     """Return a given pose of the object with its quaternion normalised, (7,).
 
     Args:
         value: seven numbers, position m in the world frame and quaternion wxyz.
-        hull: (V, 3) m, vertices of the object's hull in its own frame.
+        model: the object; the parts that collide are held against the table, as they are what comes to rest on it.
+        size: factor on its lengths.
         cell: whose arm is to reach it.
 
     Raises:
@@ -124,7 +124,7 @@ def check_pose(value: Any, hull: Array, cell: Cell) -> Array:
     pose = check("object_pose", value, rule)
     x, y, z = pose[:3]
     quat = pose[3:] / np.linalg.norm(pose[3:])
-    lowest = z + rotate(quat, hull)[:, 2].min()
+    lowest = z - size * support_height(model.parts, rotate(quat_conjugate(quat), np.array([0.0, 0.0, 1.0])))
     if not (_FRONT <= x <= _BACK and abs(y) <= _SIDE and z <= WORKSPACE_HIGH[2]):
         raise InputError(
             f"object_pose at ({x:g}, {y:g}, {z:g}) m is not over the table: valid are x from {_FRONT:g} to "

@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 from numpy.random import Generator
 
-from dexgrasp_env.arrays import Fields
+from dexgrasp_env.arrays import Array, Fields
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.build import pair_friction
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION, TIMESTEP
 from dexgrasp_env.valid import Rule, number, pair, read
@@ -16,7 +17,7 @@ from dexgrasp_env.valid import Rule, number, pair, read
 
 @dataclass(frozen=True)
 class Variation:
-    """One draw.
+    """One draw of the domain randomisation.
 
     Attributes:
         mass: factor on the object's mass.
@@ -36,6 +37,8 @@ class Variation:
 
 
 Range = tuple[float, float] | None
+Rngs = Sequence[Generator | None]
+"""Random generators of episodes; None for one whose sensors are not read."""
 
 
 @dataclass(frozen=True)
@@ -86,10 +89,30 @@ class Randomisation:
             **late,
         )
 
+    def draw_joint_noise(self, variations: Array, joints: int, rngs: Rngs) -> Array:
+        """Draw the noise (N, joints) rad of joint position sensors; (N, 0) where there is none.
+
+        Args:
+            variations: (N, 6), fields of `Variation`.
+            joints: of the robot.
+            rngs: of the N episodes.
+        """
+        if self.joint_noise is None:
+            return np.empty((len(variations), 0))
+        drawn = [np.zeros(joints) if rng is None else rng.standard_normal(joints) for rng in rngs]
+        return variations[:, 5:] * np.array(drawn)
+
 
 def ranges(drawn: Sequence[tuple[str, float, float]]) -> Fields:
-    """Return what `gym.make` takes as `randomisation`."""
-    return {name: tuple(ends) for name, *ends in drawn}
+    """Return what `gym.make` takes as `randomisation`.
+
+    Raises:
+        InputError: for a quantity that is there twice.
+    """
+    found = {name: tuple(ends) for name, *ends in drawn}
+    if len(found) < len(drawn):
+        raise InputError("randomise names a quantity twice: valid is one range of each")
+    return found
 
 
 def _drawn(word: str) -> tuple[str, float, float]:

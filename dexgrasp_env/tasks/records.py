@@ -4,14 +4,18 @@ What a single task notes beside these is a record of its own, `Episodes.task_dty
 an environment, `Rules`, that the compiled functions read.
 """
 
+from dataclasses import astuple
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index
+from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import DISTURB_AFTER, GRASP_STEPS, HOLD_STEPS, SHORTEST_SKIP, at_pace
+from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.settings import WEIGHTS, LiftSettings
 
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
@@ -78,6 +82,27 @@ Records = NDArray[np.void]
 """Array of EPISODE records, (N,)."""
 Record = Any
 """One of them as compiled code sees it, with fields as attributes."""
+
+
+def new_record(model: ObjectModel, variation: Variation, hull: tuple[int, int], disturbed: bool) -> Records:
+    """Return the record of an episode that begins, one of `EPISODE`.
+
+    Args:
+        model: of the object.
+        variation: of it.
+        hull: first row and number of its vertices in `Rules.hulls`.
+        disturbed: whether a disturbance is to come.
+    """
+    record = np.zeros((), EPISODE)
+    record["half_extents"] = 0.5 * model.extents * variation.size
+    record["mass"] = model.mass * variation.mass * variation.size**3
+    record["size"], record["variation"] = variation.size, astuple(variation)
+    record["hull_first"], record["hull_count"] = hull
+    record["latency"] = round(variation.latency / TIMESTEP)
+    record["grip_quat"][0] = 1.0
+    record["phase"] = PHASES.index("before" if disturbed else "none")
+    return record
+
 
 (TIPS, PALM, PALM_QUAT, TIP_FORCES, TOUCHING_ANY, TOUCHING_HAND, PRESSES) = range(len(READINGS))
 

@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
-from dexgrasp_env.arrays import Fields
+from numpy.random import Generator
+
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError, unknown_argument, unknown_name
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import Objects, has_own_size, load_target
@@ -96,7 +98,7 @@ class LiftSettings:
         cell = make_cell(given.pop("robot", None), given.pop("mount", None))
         settings = read(cls, given | {"cell": cell})
         check("render_camera", settings.render_camera, one_of((*SHOW_CAMERAS, *cell.camera_names)))
-        settings.refuse_blind_grasps()
+        settings.refuse_contradictions()
         latency = settings.randomisation.latency
         if latency and latency[1] > settings.period:
             raise InputError(
@@ -128,11 +130,11 @@ class LiftSettings:
             "reward_weights": (self.reward_mode == "dense", "reward_mode='dense'"),
         }
 
-    def refuse_blind_grasps(self) -> None:
-        """Refuse actions about an object, whose place is known, to those who see it by cameras alone.
+    def refuse_contradictions(self) -> None:
+        """Refuse actions about the object's true place beside cameras alone, and what the GPU's physics lacks.
 
         Raises:
-            InputError: naming the modes that know the state, or the physics on which such actions are carried out.
+            InputError: naming the modes that know the state, or the other physics.
         """
         if self.control_mode in GRASP_MODES and not knows_state(self.obs_mode):
             raise InputError(
@@ -148,7 +150,7 @@ class LiftSettings:
 
     @property
     def sees(self) -> bool:
-        """Flag: cameras look."""
+        """True where cameras look."""
         return has_cameras(self.obs_mode)
 
     @property
@@ -206,6 +208,12 @@ class LiftSettings:
     def friction_of(self, model: ObjectModel) -> float:
         """Return the sliding coefficient given, else the object's own, else the default."""
         return float(self.friction or model.friction or FRICTION)
+
+    def draw_pose(self, model: ObjectModel, size: float, rng: Generator) -> Array:
+        """Draw a pose (7,) of an object `size` times as large, m and quaternion wxyz, world frame."""
+        pose = self.object_pose.sample(model, rng, self.presentation)
+        pose[2] *= size
+        return pose
 
     def load_objects(self, names: Objects) -> dict[str, ObjectModel]:
         """Load objects by name; `mesh_scale` and `mesh_mass` apply to meshes of the user's alone."""

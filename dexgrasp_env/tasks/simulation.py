@@ -18,7 +18,7 @@ from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.scene.sensors import reading_columns
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
-from dexgrasp_env.tasks.moving import drive_belt
+from dexgrasp_env.tasks.disturbance import drive_belt
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
 from dexgrasp_env.tasks.records import PRESSES
 

@@ -13,7 +13,6 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import check_actions
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.member import EpisodeAccess
-from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
 from dexgrasp_env.valid import NATURAL, check
@@ -24,13 +23,11 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
 
     Attributes:
         episodes_type: of the task.
-        settings_type: says which arguments it takes, and checks them.
-        obs_modes: those that it takes.
+        settings_type: states the arguments that it takes, and checks them.
     """
 
     episodes_type = Episodes
     settings_type: type[LiftSettings] = LiftSettings
-    obs_modes: tuple[str, ...] = (*OBS_SUMS, FLAT)
     metadata = {  # noqa: RUF012  (as Gymnasium has it)
         "render_modes": ["human", "rgb_array", "depth_array"],
         "render_fps": round(1 / CONTROL_PERIOD),
@@ -108,7 +105,7 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
 
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none."""
-        self._episodes.starts = starts
+        self._episodes.start_from(starts)
 
     def _look(self, observed: Arrays, begins: bool = False) -> tuple[Arrays, Fields]:
         self._episodes.look(0, self.data.qpos, lambda: self.simulation, self.np_random, begins)

@@ -1,4 +1,4 @@
-"""Beginnings of episodes that move back from success: reward is met before the way to it is known."""
+"""Reverse curriculum: episodes begin near success, then farther and farther back (Florensa et al., 2017)."""
 
 from abc import ABC, abstractmethod
 from collections import deque
@@ -13,6 +13,7 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
+from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.valid import check, number
 
@@ -23,7 +24,7 @@ SHIPPED = "pregrasps"
 
 
 class ReverseStarts(ABC):
-    """Gives episodes their beginnings: on ways to success from `front` on, and some of the usual.
+    """Reverse curriculum: episodes begin on ways to success from `front` on, and some as usual.
 
     Attributes:
         front: share of a way, from which on episodes begin; moves from near success to 0, its beginning, as episodes
@@ -108,11 +109,8 @@ class PreGrasps(ReverseStarts):
         if not wanted.any():
             known = ", ".join(sorted(set(names.tolist())))
             raise InputError(f"{path} has pre-grasps of none of these objects: valid are {known}")
-        self.names, self.poses, self.ways_joints = (
-            names[wanted].tolist(),
-            poses[wanted].astype(float),
-            ways[wanted].astype(float),
-        )
+        self.names, self.poses = names[wanted].tolist(), poses[wanted].astype(float)
+        self.ways_joints = ways[wanted].astype(float)
 
     @property
     def ways(self) -> int:
@@ -129,7 +127,16 @@ class PreGrasps(ReverseStarts):
 
 
 def pre_grasps(settings: LiftSettings) -> PreGrasps | None:
-    """Return the pre-grasps that an environment begins at, None where its settings name none; raises as `PreGrasps`."""
+    """Return the pre-grasps that an environment begins at, None where its settings name none.
+
+    Raises:
+        InputError: as `PreGrasps`, and for a hand that is another, or mounted otherwise, than they were planned for.
+    """
     if settings.starts is None:
         return None
+    planned, here = default_cell().robot, settings.cell.robot
+    if (here.joints, here.mount.name) != (planned.joints, planned.mount.name):
+        raise InputError(
+            f"starts are of the robot {planned.name} with mount {planned.mount.name}: valid is that one, or starts=None"
+        )
     return PreGrasps(None if settings.starts == SHIPPED else settings.starts, settings.objects)

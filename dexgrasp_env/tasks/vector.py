@@ -18,7 +18,7 @@ from dexgrasp_env.arrays import AnyArray, Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.batch import BatchPhysics
 from dexgrasp_env.tasks.clear import ClearEnv
-from dexgrasp_env.tasks.clutter_env import ClutterEnv
+from dexgrasp_env.tasks.clutter import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import check_actions
 from dexgrasp_env.tasks.gentle import GentleEnv
@@ -26,21 +26,22 @@ from dexgrasp_env.tasks.infos import masked, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.member import MemberAccess, one_for_each
 from dexgrasp_env.tasks.place import GoalRewards, PlaceEnv
+from dexgrasp_env.tasks.settings import PICTURES
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
-from dexgrasp_env.valid import COUNT, NATURAL, Rule, check, instance
+from dexgrasp_env.valid import COUNT, NATURAL, Rule, check, instance, number
 
 
 class ClosedError(InputError, ClosedEnvironmentError):
-    """Use of environments that are closed: also Gymnasium's error for it."""
+    """Error for use after `close()`: also Gymnasium's own."""
 
 
 class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickle):
     """N environments like `LiftEnv` that step together: `gym.make_vec("DexGrasp/Lift-v2", num_envs=N)`.
 
-    Each has its own object, place, variation and random generator. Seeds, resets, time limits, autoreset, infos and
-    every number are those of `gymnasium.vector.SyncVectorEnv` over N single environments, to the last bit, whatever the
-    number of threads.
+    Each has its own object, place, variation and random generator. Seeds, resets, time limits, autoreset, infos
+    (`call("agent_info")` apart) and numbers are those of `gymnasium.vector.SyncVectorEnv` over N single environments,
+    to the last bit, with any `threads`.
 
     ## Arguments, beside those of `LiftEnv`
 
@@ -87,7 +88,9 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         modes = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
         self.autoreset_mode = check("autoreset_mode", autoreset_mode, modes)
         fps = round(1 / self.settings.period)
-        self.metadata = {**LiftEnv.metadata, "render_fps": fps, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {
+            "render_modes": list(PICTURES), "render_fps": fps, "autoreset_mode": self.autoreset_mode,
+        }  # fmt: skip
         self.settings.warn_of_limit(self._limit)
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, num_envs)
@@ -209,6 +212,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
     def render_one(self, i: int) -> Any:
         """Return a picture of environment `i`."""
         self._check_open("render")
+        self._check_index(i)
         simulation = self.simulation(i)
         mujoco.mj_forward(simulation.model, simulation.data)
         return self._views.render(self.render_mode, simulation)
@@ -216,6 +220,9 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
     def _check_open(self, what: str) -> None:
         if self.closed:
             raise ClosedError(f"{what}() called on environments that are closed: make others")
+
+    def _check_index(self, i: int) -> int:
+        return check("environment", i, number(ge=0, le=self.num_envs - 1, whole=True))
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[Generator, ...]:  # type: ignore[override]
@@ -238,9 +245,10 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         """Return the state of environment `i`, as `LiftEnv.get_state`; either takes the other's.
 
         Raises:
-            InputError: before its first reset.
+            InputError: before its first reset, or for an index of none.
         """
         self._check_open("get_state")
+        self._check_index(i)
         if not self._started[i]:
             raise InputError(f"get_state({i}) called without an episode: call reset() first")
         return self._episodes.get_state(
@@ -253,8 +261,13 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         Args:
             state: of `get_state`.
             which: the environments that go on from it; None for all.
+
+        Raises:
+            InputError: as `LiftEnv.set_state`, or for an index of none.
         """
-        for i in range(self.num_envs) if which is None else which:
+        self._check_open("set_state")
+        chosen = range(self.num_envs) if which is None else [*map(self._check_index, which)]
+        for i in chosen:
             simulation = self._episodes.set_state(i, state, self._rngs[i])
             self._physics.load(i, simulation)
             seen = self._episodes.observe(i, simulation, copy.deepcopy(self._rngs[i]))
@@ -269,7 +282,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
 
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none, those within `step` too."""
-        self._episodes.starts = starts
+        self._episodes.start_from(starts)
 
     def __getstate__(self) -> Fields:
         """The constructor's arguments and the episodes: compiled models and threads are made anew."""

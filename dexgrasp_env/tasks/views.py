@@ -131,7 +131,7 @@ class CameraObserver:
         return views, info
 
     def _perception(self, simulation: Simulation, names: tuple[str, ...]) -> Perception:
-        """The cell of this simulation; made anew when the object's size or the cameras have changed."""
+        """Return the cameras of a simulation, made anew when the object's size or their names have changed."""
         known, key = self._perceptions.get(simulation), (simulation.variation.size, names)
         if known is None or known[0] != key:
             by_name = {camera.name: camera for camera in self._cameras}

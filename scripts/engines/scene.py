@@ -12,7 +12,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.model import excluded_pairs
-from dexgrasp_env.scene.shapes import geom_mesh
+from dexgrasp_env.scene.geom_mesh import geom_mesh
 
 PACKAGES = {"mujoco": "mujoco", "bullet": "pybullet", "drake": "pydrake"}
 """Engine -> the module that it needs."""

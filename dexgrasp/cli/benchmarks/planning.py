@@ -13,7 +13,6 @@ import gymnasium as gym
 import numpy as np
 from tqdm import tqdm
 
-import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.grasp.file import record_of

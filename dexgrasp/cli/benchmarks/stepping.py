@@ -15,7 +15,6 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.motion.timing import ramp
 from dexgrasp_env.arrays import AnyArray, Array, Fields
 from dexgrasp_env.poses import rotate

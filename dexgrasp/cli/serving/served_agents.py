@@ -6,7 +6,6 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import Info, renew_report, report_of
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, agent_settings, get_protocol
 from dexgrasp.registry import make_agent

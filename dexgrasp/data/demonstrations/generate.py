@@ -12,7 +12,6 @@ from dexgrasp.data.demonstrations.hdf5_formats import DATA, write_minari, write_
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
 from dexgrasp.data.demonstrations.rollout import Demonstration, Recorder
 from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings
-from dexgrasp.runs.arrays import below
 from dexgrasp.runs.folder import RunFolder, replaced
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
@@ -25,10 +24,12 @@ from dexgrasp.runs.shards import (
     text_of,
     write_shard,
 )
+from dexgrasp.runs.weights import below
 from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, expand, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
+from dexgrasp_env.valid import checked
 
 FORMATS = {
     "minari": (DATA, write_minari), "lerobot": ("lerobot", write_lerobot), "robomimic": ("robomimic", write_robomimic),
@@ -51,6 +52,7 @@ class Job:
         return f"{_PARTS}/{object_name(self.target)}-{self.first:05d}.npz"
 
 
+@checked
 def generate(
     settings: DemoSettings, folder: str | Path, formats: tuple[str, ...] = ("minari",), backend: Backend = Backend(),
     progress: Show = silent,

@@ -6,7 +6,6 @@ from typing import Any
 
 import gymnasium as gym
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.data.demonstrations.generate import read_about
 from dexgrasp.data.demonstrations.hdf5_formats import read_episodes
 from dexgrasp.data.demonstrations.rollout import Demonstration

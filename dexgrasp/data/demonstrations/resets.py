@@ -17,6 +17,7 @@ from dexgrasp.data.demonstrations.settings import ENV_ID, DemoSettings
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import expand
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.constants import GOAL_STEPS
@@ -53,13 +54,14 @@ class DemoResets(ReverseStarts):
             InputError: if there are none, they are damaged, or of sizes that each scene drew.
         """
         super().__init__(whole)
-        self._settings = DemoSettings.of_json(read_about(Path(folder))["settings"])
+        folder = expand(folder)
+        self._settings = DemoSettings.of_json(read_about(folder)["settings"])
         if "size" in ranges(self._settings.randomise):
             raise InputError(
                 f"{folder} has demonstrations at drawn sizes: episodes begin along those made without "
                 "--randomise size alone, whose objects are as large as an environment's"
             )
-        self._demos = [_followed(demo) for demo in islice(read_episodes(Path(folder)), 100)]
+        self._demos = [_followed(demo) for demo in islice(read_episodes(folder), 100)]
         self.states: list[list[EpisodeState]] = []
 
     def attach(self, env: Env | gym.vector.VectorEnv[Any, Any, Any]) -> "DemoResets":

@@ -7,14 +7,13 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import Env, public_info, renew_report, report_of
 from dexgrasp.data.demonstrations.convert import to_action, with_noise
 from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, MODES, DemoSettings
 from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.registry import make_agent
-from dexgrasp.runs.arrays import below
+from dexgrasp.runs.weights import below
 from dexgrasp_env.arrays import Array, Arrays, Fields, Mask, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable

@@ -73,9 +73,10 @@ class DemoSettings:
         """Validate combinations of fields.
 
         Raises:
-            InputError: for an unknown cell or mount, or `observe` without cameras.
+            InputError: for an unknown cell or mount, a quantity that is drawn twice, or `observe` without cameras.
         """
         make_cell(self.robot, self.mount)
+        ranges(self.randomise)
         refuse_idle(self, {"observe": (self.obs_mode != "state", "an obs_mode of cameras")})
 
     @classmethod

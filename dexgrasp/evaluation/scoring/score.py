@@ -19,7 +19,7 @@ from dexgrasp.evaluation.scoring.protocols import get_grasp_protocol
 from dexgrasp.evaluation.scoring.readers import ReadOptions, read_candidates
 from dexgrasp.evaluation.scoring.scene import ContactPhysics, FloatingScene
 from dexgrasp.evaluation.summary import bare_count, count, grouped
-from dexgrasp.grasp.variety import component_shares
+from dexgrasp.grasp.diversity import component_shares
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.arrays import Array, Fields

@@ -12,7 +12,7 @@ import daqp
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Index
+from dexgrasp_env.arrays import Array, Index, grid
 from dexgrasp_env.objects.parts import ContactPart
 from dexgrasp_env.robot.hulls import mesh_of, planes_of
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 FAR = 0.05  # m: distances beyond are not measured
 _TOUCH = 1e-7  # m: hulls that are nearer count as overlapping
-_CUBE = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
+_CUBE = grid(*[(-1.0, 1.0)] * 3)
 _SIDES = np.vstack([np.eye(3), -np.eye(3)])
 
 

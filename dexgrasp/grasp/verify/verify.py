@@ -18,6 +18,7 @@ from dexgrasp.grasp.verify.checks.forces import closure_checks, force_checks, st
 from dexgrasp.grasp.verify.checks.identity import identity_checks
 from dexgrasp.grasp.verify.checks.motion import approach_checks, lift_checks, setpoint_checks
 from dexgrasp.grasp.verify.checks.placing import placing_checks
+from dexgrasp_env.valid import checked
 
 _CHECKS: dict[str, Callable[[Case], list[Check]]] = {
     "conventions": convention_checks,
@@ -42,6 +43,7 @@ UNEXECUTED = tuple(part for part in PARTS if part not in ("conventions", "approa
 """What can be checked of a grasp that was planned without a way to it."""
 
 
+@checked
 def verify(record: GraspRecord, parts: Collection[str] = PARTS) -> list[Check]:
     """Compute every claim of a grasp again, from its joint positions, forces, hull and object alone.
 

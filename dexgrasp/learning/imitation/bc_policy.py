@@ -6,7 +6,7 @@ from dexgrasp.agent import Observation
 from dexgrasp.data.demonstrations.convert import to_action
 from dexgrasp.learning.imitation.policy import Mlp, Policy, Scaling
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.runs.arrays import Weights, relu
+from dexgrasp.runs.weights import Weights, relu
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell

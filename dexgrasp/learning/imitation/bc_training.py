@@ -4,7 +4,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -24,9 +24,11 @@ from dexgrasp.learning.imitation.settings import BcSettings
 from dexgrasp.learning.training.gradient_training import GradientTraining
 from dexgrasp.learning.training.loop import RunOptions
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.runs.arrays import write_policy
+from dexgrasp.runs.weights import write_policy
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
+from dexgrasp_env.files import expand
+from dexgrasp_env.valid import Rule, checked, several
 
 with from_extra():
     import torch
@@ -39,8 +41,13 @@ class BcTraining(GradientTraining):
 
     steps, clip = 200, 1.0
 
+    @checked
     def __init__(
-        self, data: Sequence[Path], settings: BcSettings, out: Path, options: RunOptions = RunOptions()
+        self,
+        data: Annotated[Sequence[Path], several(Rule("a folder", expand))],
+        settings: BcSettings,
+        out: Path,
+        options: RunOptions = RunOptions(),
     ) -> None:
         """Read demonstrations, and hold some out for the test loss.
 

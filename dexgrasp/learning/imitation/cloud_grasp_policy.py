@@ -29,7 +29,7 @@ from dexgrasp.motion.carrying import PickUp
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.move_until_contact import TIP_DEPTH, lag_of, pressing_torques
 from dexgrasp.motion.script import make_script
-from dexgrasp.runs.arrays import Weights, relu
+from dexgrasp.runs.weights import Weights, relu
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell

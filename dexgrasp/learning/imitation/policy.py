@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from dexgrasp.agent import Observation
-from dexgrasp.runs.arrays import Weights, through
+from dexgrasp.runs.weights import Weights, through
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell, default_cell

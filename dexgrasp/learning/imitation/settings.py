@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import Count, Natural, Positive, Share, one_of
+from dexgrasp_env.valid import Count, Natural, Positive, Share, check_fields, one_of
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,13 @@ class BcSettings:
     grasps: GraspNetSizes = field(default_factory=GraspNetSizes)
 
     def __post_init__(self) -> None:
-        """Validate combinations of fields.
+        """Validate the fields and their combinations.
 
         Raises:
-            InputError: if more of a chunk is executed than is predicted, or settings of the other view are given.
+            InputError: for a value that is not valid, if more of a chunk is executed than is predicted, or settings of
+                the other view are given.
         """
+        check_fields(self)
         if self.view != "state" and (self.execute, self.network) != (4, BcNetSizes()):
             raise InputError(
                 "hidden, chunk and execute change nothing here: valid is view state, or leave them out"

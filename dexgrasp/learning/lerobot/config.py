@@ -7,7 +7,6 @@ from typing import Any
 
 import gymnasium as gym
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.evaluation.protocol import get_protocol
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.learning.lerobot.env import LeRobotEnv, obs_mode_of

@@ -10,7 +10,7 @@ from dexgrasp.mechanics.kinematics.damped import damped_step
 from dexgrasp.mechanics.kinematics.forward import empty_frames, forward
 from dexgrasp.mechanics.kinematics.palm_ik import TURN_SCALE, palm_jacobian
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
-from dexgrasp.runs.arrays import Weights, below
+from dexgrasp.runs.weights import Weights, below
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell

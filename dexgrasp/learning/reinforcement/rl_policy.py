@@ -4,7 +4,7 @@ import numpy as np
 
 from dexgrasp.agent import Observation
 from dexgrasp.learning.imitation.policy import Mlp, Policy
-from dexgrasp.runs.arrays import Weights, relu
+from dexgrasp.runs.weights import Weights, relu
 from dexgrasp_env.arrays import Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell

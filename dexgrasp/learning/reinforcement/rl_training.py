@@ -12,9 +12,10 @@ from dexgrasp.learning.reinforcement.rl_policy import RlPolicy
 from dexgrasp.learning.reinforcement.settings import RlSettings
 from dexgrasp.learning.training.checkpoint import Trainables
 from dexgrasp.learning.training.loop import RunOptions, Training
-from dexgrasp.runs.arrays import write_policy
+from dexgrasp.runs.weights import write_policy
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
+from dexgrasp_env.valid import checked
 
 with from_extra():
     import torch
@@ -33,6 +34,7 @@ class RlTraining(Training):
 
     model: Any
 
+    @checked
     def __init__(self, settings: RlSettings, out: Path, options: RunOptions = RunOptions()) -> None:
         """Read demonstrations, where there are any.
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.arrays import AnyArray
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.tasks.infos import of_one

@@ -6,7 +6,6 @@ from typing import Annotated
 
 from gymnasium import registry, spec
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
@@ -14,7 +13,7 @@ from dexgrasp_env.tasks.control import CONTROL_MODES, ONCE_MODES
 from dexgrasp_env.tasks.observations import FLAT
 from dexgrasp_env.tasks.randomisation import Draws, ranges
 from dexgrasp_env.tasks.settings import BACKENDS
-from dexgrasp_env.valid import Count, Natural, Positive, number, one_of
+from dexgrasp_env.valid import Count, Natural, Positive, check_fields, number, one_of
 
 _LIFTS = one_of(sorted(name for name in registry if name.startswith("DexGrasp/Lift")))
 
@@ -75,6 +74,10 @@ class RlSettings:
     learning_starts: Count = 5_000
     gradient_steps: Count = 1
     threads: Count = 1
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_fields(self)
 
     @property
     def env_arguments(self) -> Fields:

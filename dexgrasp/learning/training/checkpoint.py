@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from dexgrasp.runs.arrays import below, read_arrays, write_arrays
+from dexgrasp.runs.weights import below, read_arrays, write_arrays
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra

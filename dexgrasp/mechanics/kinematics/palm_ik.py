@@ -1,4 +1,4 @@
-"""Inverse kinematics of the arm for a palm pose, compiled (damped least squares within the joint range)."""
+"""Inverse kinematics of the arm for a pose or a path of the palm, compiled: damped least squares within the range."""
 
 from collections.abc import Iterator
 
@@ -11,6 +11,7 @@ from dexgrasp.mechanics.kinematics.forward import (
     add_turn_row,
     body_frames,
     empty_frames,
+    forward,
     forward_part,
     to_world,
 )
@@ -23,6 +24,7 @@ TURN_SCALE = 0.15
 PALM_DOWN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """Rotation of a palm whose face looks down, fingers along x."""
 _DAMPING = 1e-3
+_CORRECTIONS = 4  # steps of Newton at every point of a path; two are enough away from singularities
 
 
 @njit
@@ -108,6 +110,56 @@ def _rotation_error(goal: Array, now: Array) -> Array:
         # Half a turn apart, the axis is lost: any axis gets away from there.
         return np.array([0.0, 0.0, 0.5 * angle]) if c < 0.0 else 0.5 * v
     return v * (0.5 * angle / s)
+
+
+def shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array | None = None) -> tuple[Array, float]:
+    """Follow a path of the palm, fingers still, from `q` on.
+
+    Args:
+        q: (n,) rad.
+        tree: the robot.
+        shifts: (m, 3) m, palm positions relative to the one at `q`, about a centimetre from one to the next.
+        turns: (m, 3, 3) its rotations since then, in the world frame; None to keep it as it is.
+
+    Returns:
+        Configurations (m, n) rad, within the joint range, and the largest error of the palm, m (a radian
+        counts as 0.15 m).
+    """
+    shifts = np.ascontiguousarray(shifts, dtype=float)
+    if turns is None:
+        turns = np.repeat(np.eye(3)[None], len(shifts), axis=0)
+    return _shift_palm(
+        np.ascontiguousarray(q, dtype=float), tree, shifts, np.ascontiguousarray(turns, dtype=float)
+    )
+
+
+@njit
+def _shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array) -> tuple[Array, float]:
+    frames, palm = empty_frames(tree), tree.palm
+    R, p = frames.R, frames.p
+    start, point = np.empty(3), np.empty(3)
+    J, e, arm = np.empty((6, tree.arm)), np.empty(6), tree.arm
+    forward(q, tree, frames)
+    to_world(R[palm], p[palm], tree.palm_offset, start)
+    turn = R[palm].copy()
+    path, now, worst = np.empty((shifts.shape[0], q.shape[0])), q.copy(), 0.0
+    for i in range(shifts.shape[0]):
+        error = 0.0
+        for step in range(_CORRECTIONS + 1):
+            forward(now, tree, frames)
+            to_world(R[palm], p[palm], tree.palm_offset, point)
+            e[:3] = start + shifts[i] - point
+            e[3:] = 0.5 * TURN_SCALE * twice_turned(turns[i] @ turn @ R[palm].T)
+            error = np.sqrt((e * e).sum())
+            if error < 1e-6 or step == _CORRECTIONS:
+                break
+            palm_jacobian(tree, frames, J)
+            # No pull to a posture: the path must follow from where it starts, not drift.
+            change = damped_step(J, e, 1e-4, np.zeros(arm), np.inf)
+            now[:arm] = np.minimum(np.maximum(now[:arm] + change, tree.lower[:arm]), tree.upper[:arm])
+        worst = max(worst, error)
+        path[i] = now
+    return path, worst
 
 
 def palm_frame(q: Array, tree: RobotTree) -> tuple[Array, Array]:

@@ -192,14 +192,12 @@ def _followed(model: mujoco.MjModel, robot: Robot) -> Array:
 
 
 def _palm_middle(model: mujoco.MjModel, robot: Robot) -> Array:
-    """Return the middle (3,) m of the box around the palm's shapes, in its frame."""
-    geoms = colliding(model, model.body(robot.hand.palm).id)
-    turns = [rotation_matrix(model.geom_quat[g]) for g in geoms]
-    return middle(
-        np.concatenate(
-            [corners_of(model, g) @ R.T + model.geom_pos[g] for g, R in zip(geoms, turns, strict=True)]
-        )
-    )
+    """Return the middle (3,) m of the box around the palm's shapes, in its frame; the origin of one without."""
+    corners = [
+        corners_of(model, g) @ rotation_matrix(model.geom_quat[g]).T + model.geom_pos[g]
+        for g in colliding(model, model.body(robot.hand.palm).id)
+    ]
+    return middle(np.concatenate(corners or [np.zeros((1, 3))]))
 
 
 def body_pairs(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, int]]:

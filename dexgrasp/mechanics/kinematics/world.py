@@ -69,7 +69,8 @@ def make_world(
     """Return the world of a cell's robot, of an object and of what stands around it; the same at every call.
 
     Args:
-        cell: of the robot; compiled code places it, wherever its base is.
+        cell: of the robot; compiled code places it, wherever its base is: best the one that sees no table, whose worlds
+            serve others too.
         target: the object's convex parts, world frame, m; None for no object.
         beside: its neighbours'.
     """

@@ -1,4 +1,4 @@
-"""Clearances of the true collision shapes, which no claim may exceed."""
+"""Checks of clearances, by the true collision shapes: no claim may exceed them."""
 
 import numpy as np
 

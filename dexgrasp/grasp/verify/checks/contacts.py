@@ -1,4 +1,4 @@
-"""Contacts: where the tips touch, which way they face, and how far the joints are from their limits."""
+"""Checks of contacts: places and directions of the tips, requests, and the joints' distance from their limits."""
 
 import mujoco
 import numpy as np

@@ -1,4 +1,4 @@
-"""Names, units, orders and thresholds: what a file must state in the words that everybody reads it by."""
+"""Checks of conventions: names, units, orders and thresholds as every reader of a file takes them."""
 
 import numpy as np
 
@@ -35,20 +35,20 @@ def _table_checks(table: SeenTable | None) -> list[Check]:
 
 
 def _probability(case: Case) -> Check:
-    """Nothing, or what the shipped model says of this file: that is all that anybody can hold it to."""
+    """Check that the stated probability, if any, is the shipped model's for this file."""
     stated = case.record.holds_probability
     said = None if stated is None else probability_of(case.record, stated.guessed)
     return flag("holds_probability as the model says", stated is None or stated == said)
 
 
 def threshold_checks(case: Case) -> list[Check]:
-    """The file's own thresholds must be no looser than the frozen ones: a grasp cannot move the bar it is held to."""
+    """Check that the file's thresholds are no looser than the frozen ones: no grasp moves the bar it is held to."""
     looser = case.limits.looser(case.robot.hand)
     return [Check("thresholds looser than ours", float(len(looser)), ", ".join(looser) or "none", not looser)]
 
 
 def _exact_thresholds(stated: Thresholds, frozen: Thresholds) -> list[Check]:
-    """All but friction are the frozen ones to the letter, and both coefficients are of one surface."""
+    """Check that all but friction are the frozen ones to the letter, and both coefficients of one surface."""
     others = [
         name
         for name, value in vars(frozen).items()

@@ -1,4 +1,4 @@
-"""Forces: closure, balance, cones, joint torques, and how strong they and any others could be.
+"""Checks of forces: closure, balance, cones, joint torques, and the pushes that they and any others bear.
 
 The planner has a closed form of the margin, minimises over boundary normals for `load`, and cuts planes for `capacity`.
 Here: cone programmes of clarabel, and for `load` rays through the cones, many directions at once.

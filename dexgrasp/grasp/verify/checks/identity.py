@@ -1,4 +1,4 @@
-"""The object: is it the one stated, does it lie under hull and tips, are mass and centre its own or of its shape."""
+"""Checks of the object: the one stated, under hull and tips, with mass and centre its own or of its shape."""
 
 from typing import Any
 
@@ -70,7 +70,7 @@ def _told_checks(case: Case, model: ObjectModel) -> list[Check]:
 
 
 def _pose_checks(case: Case, model: ObjectModel) -> list[Check]:
-    """The pose is rigid, puts the object on the table, and puts it where hull and contacts are."""
+    """Check that the pose is rigid, and puts the object on the table where hull and contacts are."""
     T, offset = case.record.T_world_object, case.record.hull_offset
     if T is None or offset is None:
         return [flag("T_world_object given", False, "where a source is")]

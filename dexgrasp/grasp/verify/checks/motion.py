@@ -1,4 +1,4 @@
-"""Set-points: do they open, touch and press as claimed, and are approach and lift ways that the robot can go."""
+"""Checks of set-points: they open, touch and press as claimed, and the robot can go approach and lift."""
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def _farthest(offsets: Array) -> float:
 
 
 def _press_error(case: Case) -> float:
-    """Position servos whose set-points are J^T f / kp further in press with f; the joint range ends them."""
+    """Return how far, rad, the squeeze is from grasp + J^T f / kp, where servos press with f, in the joint range."""
     record, robot, scene, hand = case.record, case.robot, case.scene, slice(case.robot.arm_dof, None)
     scene.place(record.grasp)
     torque = np.einsum("frj,fr->j", scene.jacobians(record.points, record.normals), record.forces)
@@ -130,7 +130,7 @@ def carried_checks(case: Case, phase: str, rows: Array) -> list[Check]:
 
 
 def phase_checks(phase: Phase, robot: Robot) -> list[Check]:
-    """Times, and the limits of position, velocity and acceleration, from rest to rest."""
+    """Check times, and the limits of position, velocity and acceleration, from rest to rest."""
     name, rows, expected = phase.name, phase.setpoints, np.arange(len(phase.times)) * CONTROL_PERIOD
     room = np.minimum(rows - robot.lower, robot.upper - rows)
     speed, change = limit_shares(rows, CONTROL_PERIOD, robot.velocity, robot.acceleration)

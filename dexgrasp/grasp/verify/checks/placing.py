@@ -1,4 +1,4 @@
-"""Placing: is the object carried to the goal that the file states, set down there, and left untouched."""
+"""Checks of placing: the object is carried to the stated goal, set down there, and left untouched."""
 
 from itertools import pairwise
 

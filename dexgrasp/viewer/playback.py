@@ -1,4 +1,4 @@
-"""Content of a viewer's grasp: states of robot and object over time, the points seen, and texts."""
+"""Playback of a grasp file: states of robot and object over time, the points seen, and texts beside them."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from dexgrasp_env.robot.cell import Cell
 
 @dataclass(frozen=True, eq=False)
 class GraspPlayback:
-    """One grasp as it would be carried out. NB: kinematic, with the object fixed to the palm in the lift.
+    """One grasp as it would be carried out. NB: kinematic, with the object fixed to the palm while it is held.
 
     Attributes:
         record: of the grasp.
@@ -39,14 +39,14 @@ class GraspPlayback:
 
     @property
     def facts(self) -> dict[str, str]:
-        """Layers beside the scene, by name."""
+        """Texts beside the scene, by name: agent, table, figures of the certificate."""
         record = self.record
         table = {} if record.table is None else {"table, as seen": str(record.table)}
         return {"planned by": record.agent or "unknown"} | table | figures_of(record.certificate.as_json())
 
 
-def film_of(record: GraspRecord, cloud: Array | None = None) -> GraspPlayback:
-    """Return the film of a grasp: approach, close, squeeze, lift.
+def playback_of(record: GraspRecord, cloud: Array | None = None) -> GraspPlayback:
+    """Return the playback of a grasp: approach, close, squeeze, lift, and with a goal all until the hand has left.
 
     Args:
         record: of a grasp file; one without approach and lift shows closing alone.
@@ -56,15 +56,19 @@ def film_of(record: GraspRecord, cloud: Array | None = None) -> GraspPlayback:
         InputError: for a grasp of another cell, or one whose object is not here.
     """
     cell, pose = record.check_cell(), record.T_world_object
-    approach, lift = record.pregrasp[None], record.squeeze[None]
+    approach, lift, *placing = record.pregrasp[None], record.squeeze[None]
     if record.script is not None:
-        approach, lift = (phase.setpoints for phase in record.script.phases)
+        approach, lift, *placing = (phase.setpoints for phase in record.script.phases)
     closing = np.linspace(record.pregrasp, record.grasp, 12)
     pressing = np.linspace(record.grasp, record.squeeze, 12)
-    states = np.concatenate([approach, closing, pressing, lift])
-    palms, start, at = palm_poses(states, cell), np.eye(4) if pose is None else pose, len(states) - len(lift)
+    held = [lift, *placing[:2]]  # carried and set down as well
+    states = np.concatenate([approach, closing, pressing, *held, *placing[2:]])
+    start = np.eye(4) if pose is None else pose
+    palms, first = palm_poses(states, cell), len(approach) + len(closing) + len(pressing)
+    last = first + sum(map(len, held))
     poses = np.tile(start, (len(states), 1, 1))
-    poses[at:] = palms[at:] @ np.linalg.inv(palms[at]) @ start
+    poses[first:last] = palms[first:last] @ np.linalg.inv(palms[first]) @ start
+    poses[last:] = poses[last - 1]
     model = None if pose is None else record.object.load()
     return GraspPlayback(record, states, poses, model, cloud)
 

@@ -44,8 +44,8 @@ class ClutterSettings(LiftSettings):
         neighbour_objects: that neighbours are drawn from, each as often as it comes.
         gaps: m, least and most between the outlines, from above, of a neighbour and of the nearest that stood there
             before; None: all are dropped into a heap, the object among them.
-        mask: by which perception finds the object that is meant.
-        bin: whether they stand in a bin; else on the open table.
+        mask: hint by which perception finds the object that is meant: `true`, its pixels; `perceived`, a point on it.
+        bin: whether all stand in a bin; else on the open table.
     """
 
     objects: Objects = OBJECT_SETS["all20"]
@@ -65,6 +65,7 @@ class ClutterSettings(LiftSettings):
             "mask": (self.obs_mode.endswith("pointcloud"), "an obs_mode of clouds"),
             **dict.fromkeys(("neighbour_objects", "bin"), (self.neighbours[1] > 0, "neighbours")),
             "presentation": (self.gaps is not None, "gaps: a heap is dropped"),
+            "starts": (False, "a task of one object"),
         }
 
     @property
@@ -148,7 +149,7 @@ class ClutterEpisodes(Episodes):
                     record["size"][k] = model.extents
                 return simulation
             if not given:
-                pose = self._draw_pose(simulation.object, slot.variation, rng)
+                pose = settings.draw_pose(simulation.object, slot.variation.size, rng)
         raise InputError(
             f"no scene with {self.neighbours} neighbours came to rest in {draws} draws: valid are fewer "
             "neighbours, wider gaps or smaller objects"

@@ -1,4 +1,4 @@
-"""Agents that look at nothing: what an environment gives away, and the floor of what a policy is worth."""
+"""Baselines that ignore the observation: what a policy has to beat."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,11 +1,11 @@
-"""A film on a viser server: meshes of robot, table and object, what was seen, and the grasp's contacts."""
+"""A playback on a viser server: meshes of robot, table and object, what was seen, and the grasp's contacts."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dexgrasp.mechanics.cones import cone_edges
-from dexgrasp.viewer.film import GraspPlayback
+from dexgrasp.viewer.playback import GraspPlayback
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.hulls import colour_of
 from dexgrasp_env.robot.model import compiled_robot
@@ -18,21 +18,23 @@ _COLOURS = ((214, 84, 60), (58, 120, 190), (60, 150, 90), (143, 90, 168), (184, 
 
 
 class ViserScene:
-    """One film in a scene, at an offset so that several stand side by side."""
+    """One playback in a scene, at an offset so that several stand side by side."""
 
-    def __init__(self, server: "viser.ViserServer", film: GraspPlayback, name: str, offset: float) -> None:
-        """Draw everything at the film's first state.
+    def __init__(
+        self, server: "viser.ViserServer", playback: GraspPlayback, name: str, offset: float
+    ) -> None:
+        """Draw everything at the playback's first state.
 
         Args:
             server: where to draw.
-            film: what.
-            name: of the film's nodes.
+            playback: what.
+            name: of the playback's nodes.
             offset: m along y.
         """
         import mujoco
 
-        self.film, self._scene, self._root = film, server.scene, f"/{name}"
-        self._model = compiled_robot(film.record.here)
+        self.playback, self._scene, self._root = playback, server.scene, f"/{name}"
+        self._model = compiled_robot(playback.record.here)
         self._data = mujoco.MjData(self._model)
         self._scene.add_frame(self._root, show_axes=False, position=(0.0, offset, 0.0))
         self._bodies = self._add_robot()
@@ -46,20 +48,20 @@ class ViserScene:
         self.show(0)
 
     def show(self, index: int) -> None:
-        """Put robot and object into one state of the film; its last stays."""
+        """Put robot and object into one state of the playback; its last stays."""
         import mujoco
 
-        index = min(index, len(self.film.states) - 1)
-        self._data.qpos[:] = self.film.states[index]
+        index = min(index, len(self.playback.states) - 1)
+        self._data.qpos[:] = self.playback.states[index]
         mujoco.mj_kinematics(self._model, self._data)
         for body, handle in self._bodies.items():
             handle.position, handle.wxyz = self._data.xpos[body].copy(), self._data.xquat[body].copy()
-        T = self.film.object_poses[index]
+        T = self.playback.object_poses[index]
         self._object.position, self._object.wxyz = T[:3, 3], matrix_to_quat(T[:3, :3])
 
     def _add_robot(self) -> dict[int, Any]:
         """Add every body with a shape to show; returns the handles by body."""
-        from dexgrasp_env.scene.shapes import geom_mesh
+        from dexgrasp_env.scene.geom_mesh import geom_mesh
 
         handles, model = dict[int, Any](), self._model
         for geom in np.flatnonzero(model.geom_group == 2).tolist():  # group of the geoms that are shown
@@ -81,25 +83,27 @@ class ViserScene:
         """The object, or in its place what was planned on; that as a wire frame; neighbours; the cloud."""
         import trimesh
 
-        film, T = self.film, self.film.object_poses[0]
-        seen = trimesh.util.concatenate([trimesh.convex.convex_hull(part) for part in film.record.parts])
-        shape = seen.copy().apply_transform(np.linalg.inv(T)) if film.object is None else film.object.mesh
+        playback, T = self.playback, self.playback.object_poses[0]
+        seen = trimesh.util.concatenate([trimesh.convex.convex_hull(part) for part in playback.record.parts])
+        shape = (
+            seen.copy().apply_transform(np.linalg.inv(T)) if playback.object is None else playback.object.mesh
+        )
         self._mesh(f"{self._root}/object/surface", shape, (222, 168, 84), flat_shading=True)
         self._mesh(
             f"{self._root}/hull planned on",
             seen,
             (90, 90, 110),
             wireframe=True,
-            visible=film.object is not None,
+            visible=playback.object is not None,
         )
-        for k, part in enumerate(film.record.neighbour_parts):
+        for k, part in enumerate(playback.record.neighbour_parts):
             self._mesh(f"{self._root}/neighbours/{k}", trimesh.convex.convex_hull(part), (150, 150, 150))
-        if film.cloud is not None:
-            self._scene.add_point_cloud(f"{self._root}/cloud", film.cloud, (40, 40, 60), point_size=0.002)
+        if playback.cloud is not None:
+            self._scene.add_point_cloud(f"{self._root}/cloud", playback.cloud, (40, 40, 60), point_size=0.002)
 
     def _add_contacts(self) -> None:
         """Contacts, forces, rays and rim of cones that open outside; in the object's frame, to move with it."""
-        record, T = self.film.record, np.linalg.inv(self.film.object_poses[0])
+        record, T = self.playback.record, np.linalg.inv(self.playback.object_poses[0])
         path = f"{self._root}/object/contacts"
         self._scene.add_frame(path, show_axes=False, position=T[:3, 3], wxyz=matrix_to_quat(T[:3, :3]))
         for contact, colour in zip(record.contacts, _COLOURS, strict=False):

@@ -1,4 +1,4 @@
-"""Geoms of a MuJoCo model as triangle meshes, in the geom's frame."""
+"""Geom of a MuJoCo model as a triangle mesh, in the geom's frame."""
 
 from typing import Any
 

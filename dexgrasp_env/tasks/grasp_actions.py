@@ -1,4 +1,4 @@
-"""The grasp space of N episodes side by side; it imports numba."""
+"""Actions and states of the grasp space for N episodes side by side; it imports numba."""
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Physics, Simulation
 
 
-class Grasps:
-    """Actions of the grasp space, each about where the object of its episode lay at first, or all on the table."""
+class GraspActions:
+    """Actions of the grasp space, in a frame where the object of each episode lay at first, or in that of the table."""
 
     def __init__(self, settings: LiftSettings, simulation: Simulation, number: int) -> None:
         """Prepare.

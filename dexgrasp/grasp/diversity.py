@@ -1,4 +1,4 @@
-"""Variety of the grasps of one scene: distances between hands, and principal components as DexGraspBench has them."""
+"""Diversity of the grasps of one scene: distances between hands, and principal components as DexGraspBench has them."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -33,7 +33,7 @@ def grasp_features(grasp: Grasp) -> Array:
 
 
 def hand_points(q: Array, contacts: Array, tree: RobotTree) -> Array:
-    """Return points (g + 3, 3) m that tell where a hand is: its contacts, its palm, and 10 cm along two palm axes.
+    """Return points (g + 3, 3) m that stand for a hand: its contacts, its palm, and 10 cm along two palm axes.
 
     Two grasps are as far apart as the root mean square of these points' distances.
     """

@@ -1,4 +1,4 @@
-"""Networks on disk, nothing that runs when it is read: arrays as safetensors, and the folder of a learned policy."""
+"""Weights of networks on disk, as safetensors, and the folder of a learned policy: no code is stored in either."""
 
 import json
 from collections.abc import Callable, Mapping
