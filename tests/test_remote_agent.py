@@ -169,9 +169,9 @@ def test_a_policy_needs_nothing_of_this_package(tmp_path):
 
 
 def test_a_served_agent_acts_as_in_this_process(tmp_path):
-    from dexgrasp.cli.serving.episodes import Episodes
+    from dexgrasp.cli.serving.served_agents import ServedAgents
 
-    episodes = Episodes("hardcoded", None)
+    episodes = ServedAgents("hardcoded", None)
     metadata = unpack(pack(episodes.metadata()))
     with PolicyServer(lambda message, _: episodes.answer(0, message), metadata) as server:
         _, remote = outcomes(server.name, tmp_path / "remote", trials=2)

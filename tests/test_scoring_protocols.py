@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from refusals import refused
 
-from dexgrasp.evaluation.scoring.hand import Candidate, HandStage, find_hand
+from dexgrasp.evaluation.scoring.hand import FloatingGrasp, HandStage, find_hand
 from dexgrasp.evaluation.scoring.protocols import GRASP_PROTOCOLS, get_grasp_protocol
 from dexgrasp.evaluation.scoring.scene import FloatingScene
 from dexgrasp.evaluation.scoring.score import contact_metrics
@@ -60,7 +60,7 @@ def case(folder, force, pads=2, height=0.04):
     def stage(depth):
         return HandStage(T, np.full(pads, depth))
 
-    return Candidate("case", hand, block(pads), T, stage(-0.005), stage(0.0), stage(force / STIFFNESS))
+    return FloatingGrasp("case", hand, block(pads), T, stage(-0.005), stage(0.0), stage(force / STIFFNESS))
 
 
 def pressed(candidate, protocol):
@@ -118,7 +118,9 @@ def test_every_protocol_tells_a_firm_grip_from_none(tmp_path, name, monkeypatch)
 
 def test_a_pregrasp_inside_the_object_fails(tmp_path):
     deep = case(tmp_path, 15.0)
-    inside = Candidate(**{**vars(deep), "pregrasp": HandStage(deep.pregrasp.T_world_hand, np.full(2, 0.012))})
+    inside = FloatingGrasp(
+        **{**vars(deep), "pregrasp": HandStage(deep.pregrasp.T_world_hand, np.full(2, 0.012))}
+    )
     for name in ("dgb_fc", "dgb_tabletop"):
         assert get_grasp_protocol(name).judge(inside, 0).reason == "start_penetration"
 
@@ -128,7 +130,7 @@ def test_metrics_of_a_known_case(tmp_path):
 
     def at(*depths):
         grasp = HandStage(apart.grasp.T_world_hand, np.array(depths))
-        return contact_metrics(Candidate(**{**vars(apart), "grasp": grasp}))
+        return contact_metrics(FloatingGrasp(**{**vars(apart), "grasp": grasp}))
 
     found = at(-0.004, 0.001)
     assert found["penetration_m"] == pytest.approx(0.001, abs=1e-5)

@@ -10,10 +10,8 @@ from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import hints, one_of
 
-Rows = list[Fields]
 
-
-def list_objects() -> Rows:
+def list_objects() -> list[Fields]:
     """Return the catalogue: name, sets, shape, size [mm], mass [g], and a flag for approximate ones."""
     from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
     from dexgrasp_env.objects.load import load_object
@@ -31,7 +29,7 @@ def list_objects() -> Rows:
     ]
 
 
-def list_envs() -> Rows:
+def list_envs() -> list[Fields]:
     """Return the registered environments, the choices of their arguments, and published results on them."""
     import gymnasium as gym
 
@@ -58,14 +56,14 @@ def _modes(env: Any) -> Fields:
     return {name: rule.choices for name in names if (rule := known[name].rule)}
 
 
-def list_agents() -> Rows:
+def list_agents() -> list[Fields]:
     """Return the agents: name, observation and control mode, and summary."""
     from dexgrasp.registry import AGENTS
 
     return [{"name": name, **_describe(spec)} for name, spec in AGENTS.items()]
 
 
-def list_protocols() -> Rows:
+def list_protocols() -> list[Fields]:
     """Return the protocols: name, environment, description, and published results."""
     from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, SHOWN
     from dexgrasp.evaluation.scoring.protocols import GRASP_PROTOCOLS

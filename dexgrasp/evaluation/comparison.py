@@ -9,7 +9,7 @@ from typing import Any
 from dexgrasp.evaluation.protocol import AGENT_KEYS
 from dexgrasp.evaluation.statistics import paired_comparison
 from dexgrasp.evaluation.store import Trials, read_rows
-from dexgrasp.evaluation.summary import grouped, judged, present_sets, scene_of
+from dexgrasp.evaluation.summary import grouped, judged, present_sets, scene_key
 from dexgrasp.runs.text import text_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
@@ -124,7 +124,7 @@ def _statistics(pairs: Trials) -> Fields:
     n = max(len(pairs), 1)
     counts, drawn = (
         paired_comparison((unit(row), row["success"], row["other"]["success"]) for row in pairs)
-        for unit in (scene_of, itemgetter("object"))
+        for unit in (scene_key, itemgetter("object"))
     )
     return {
         "rate_a": (counts["both"] + counts["only_a"]) / n,

@@ -11,7 +11,7 @@ from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_tri
 from dexgrasp.evaluation.store import TrialStore, check_folder, failed_or_disturbed
 from dexgrasp.evaluation.summary import bare_count, grouped, summarise
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.evaluation.video import VideoSettings, check_rendering
+from dexgrasp.evaluation.video import VideoSettings, require_rendering
 from dexgrasp.runs.interrupt import held
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import progress_bar, warn
@@ -55,9 +55,9 @@ def evaluate(
     runner, planned = TrialRunner(settings), plan_trials(settings)
     _check(planned, runner)
     if videos:
-        check_rendering()
+        require_rendering()
     robot = settings.robot and whole_path(settings.robot)
-    run = _Run(planned, TrialStore(folder, identity, robot=robot), runner, backend, progress)
+    run = _EvaluationRun(planned, TrialStore(folder, identity, robot=robot), runner, backend, progress)
     run.check_rows()
     try:
         run.play()
@@ -86,7 +86,7 @@ def _check(planned: Sequence[TrialSpec], runner: TrialRunner) -> None:
 
 
 @dataclass
-class _Run:
+class _EvaluationRun:
     """Evaluation in progress."""
 
     planned: Sequence[TrialSpec]

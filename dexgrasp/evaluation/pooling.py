@@ -10,11 +10,11 @@ from dexgrasp.evaluation.summary import grouped, judged
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 
-Rows = dict[str, list[Fields]]
+TrialsByAgent = dict[str, list[Fields]]
 """Agent, as a report calls it -> its trials."""
 
 
-def rows_by_agent(folders: Sequence[Path]) -> Rows:
+def rows_by_agent(folders: Sequence[Path]) -> TrialsByAgent:
     """Return the trials of every agent, judged by their protocols.
 
     An agent of several evaluations that differ only in the seed is one agent; otherwise its label has the folder's
@@ -23,7 +23,7 @@ def rows_by_agent(folders: Sequence[Path]) -> Rows:
     Raises:
         InputError: if a folder holds no evaluation.
     """
-    found: Rows = {}
+    found: TrialsByAgent = {}
     samples: dict[str, str] = {}  # label -> what its evaluations have in common
     seeds: set[tuple[str, Any]] = set()
     for folder in folders:

@@ -20,7 +20,7 @@ AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode", "frame_skip"
 
 
 @dataclass(frozen=True)
-class Figure:
+class PublishedResult:
     """Published successes of agents on the same trials of a protocol.
 
     Attributes:
@@ -60,7 +60,7 @@ class Protocol:
     description: str
     scene: Fields = field(default_factory=dict)
     env_id: str = "DexGrasp/Lift-v2"
-    figures: tuple[Figure, ...] = ()
+    figures: tuple[PublishedResult, ...] = ()
 
     @property
     def places(self) -> bool:
@@ -93,8 +93,8 @@ _CONTENT = read_yaml(asset_path("protocols.yaml"))
 _FIGURES = read_yaml(asset_path("figures.yaml"))
 
 
-def _figures(name: str) -> tuple[Figure, ...]:
-    return tuple(Figure(**figure) for figure in _FIGURES.get(name, ()))
+def _figures(name: str) -> tuple[PublishedResult, ...]:
+    return tuple(PublishedResult(**figure) for figure in _FIGURES.get(name, ()))
 
 
 PROTOCOLS: dict[str, Protocol] = {

@@ -8,7 +8,7 @@ from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_tri
 from dexgrasp.evaluation.store import Key, Trials, read_rows, read_run, row_key, trial_name
 from dexgrasp.evaluation.summary import grouped
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.evaluation.video import VideoSettings, check_rendering
+from dexgrasp.evaluation.video import VideoSettings, require_rendering
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import Show, warn
 from dexgrasp_env.arrays import Fields
@@ -66,7 +66,7 @@ def replay(
     settings = EvaluationSettings.of_run({**run, "robot": robot or _robot(run)})
     spec, path = _specs([row], settings)[row_key(row)], None
     if film:
-        check_rendering()
+        require_rendering()
         path = video_path(folder, row)
         spec = replace(spec, video=path, film=film)
     runner = TrialRunner(settings)

@@ -61,7 +61,7 @@ def judged(rows: Trials) -> list[Fields]:
     ]
 
 
-def scene_of(row: Fields) -> tuple[Any, ...]:
+def scene_key(row: Fields) -> tuple[Any, ...]:
     """Return the key of a trial's scene, which trials under other protocols share."""
     return row["object"], row["trial"], row.get("scene_seed")
 
@@ -151,7 +151,7 @@ def pooled(parts: Iterable[tuple[Trials, float]]) -> Fields:
         own = k / n if n else 0.0
         total, wins = total + n, wins + k
         rate += weight * own
-        moved += [(scene_of(row), weight / n * (bool(row["success"]) - own)) for row in rows]
+        moved += [(scene_key(row), weight / n * (bool(row["success"]) - own)) for row in rows]
     ends = list(cluster_interval(rate, moved, total))
     return {"trials": total, "successes": wins, "rate": rate, "ci95": ends}
 

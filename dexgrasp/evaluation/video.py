@@ -93,7 +93,7 @@ class Video:
             self._part.unlink(missing_ok=True)
 
 
-def check_rendering() -> None:
+def require_rendering() -> None:
     """Check that videos can be rendered, before the first trial.
 
     Raises:

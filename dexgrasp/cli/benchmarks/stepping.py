@@ -24,7 +24,7 @@ _ID = "DexGrasp/Lift-v2"
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordedRun:
     """Recorded run of an environment, single or vector.
 
     Attributes:
@@ -77,7 +77,7 @@ def run(quick: bool = False) -> Fields:
     }
 
 
-def _record_random(name: str, steps: int) -> Recording:
+def _record_random(name: str, steps: int) -> RecordedRun:
     env = gym.make(_ID, objects=name, control_mode="joint_delta", disable_env_checker=True)
     return _record(env, _random(steps))
 
@@ -87,7 +87,7 @@ def _random(*shape: int) -> Array:
     return np.random.default_rng(0).uniform(-0.3, 0.3, (*shape, 23))
 
 
-def _record_grasp(name: str, steps: int) -> Recording | None:
+def _record_grasp(name: str, steps: int) -> RecordedRun | None:
     """Record the motion of the hard-coded agent, planned from the true surface; None where it finds no grasp."""
     from dexgrasp.agents.hardcoded import HardcodedAgent
 
@@ -110,7 +110,7 @@ def _surface(env: Any) -> Array:
     return rotate(pose[3:], np.asarray(points)) + pose[:3]
 
 
-def _record(env: Any, actions: Array, seed: int = 0) -> Recording:
+def _record(env: Any, actions: Array, seed: int = 0) -> RecordedRun:
     """Run an environment, single or vector, until an episode ends; record initial states and set-points."""
     env.reset(seed=seed)
     inner, many = env.unwrapped, actions.ndim == 3
@@ -124,7 +124,9 @@ def _record(env: Any, actions: Array, seed: int = 0) -> Recording:
         if not many and terminated:
             break
     controls = np.array([list(map(_ramp, a, b)) for a, b in itertools.pairwise(targets)])
-    return Recording(env, seed, actions[: len(contacts)], models, states, controls, float(np.mean(contacts)))
+    return RecordedRun(
+        env, seed, actions[: len(contacts)], models, states, controls, float(np.mean(contacts))
+    )
 
 
 def _states(env: Any, count: int) -> list[Array]:
@@ -143,7 +145,7 @@ def _ramp(start: Array, end: Array) -> Array:
 class _Loop:
     """Loop of physics alone over simulations, from the initial states of a recording."""
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: RecordedRun) -> None:
         self.models = recording.models
         self.datas = [mujoco.MjData(model) for model in self.models]
         for model, data, state in zip(self.models, self.datas, recording.states, strict=True):
@@ -170,7 +172,7 @@ class _Loop:
                 raise RuntimeError("the raw loop and the environment do not end in the same state")
 
 
-def _compare(recording: Recording, rounds: int) -> dict[str, float]:
+def _compare(recording: RecordedRun, rounds: int) -> dict[str, float]:
     times = np.array([_round(recording) for _ in range(rounds)])
     env, loop = np.median(times, axis=0)
     steps = len(recording.actions) * len(recording.models)
@@ -182,7 +184,7 @@ def _compare(recording: Recording, rounds: int) -> dict[str, float]:
     }
 
 
-def _round(recording: Recording) -> list[float]:
+def _round(recording: RecordedRun) -> list[float]:
     """Return seconds of the environment and of physics alone over one run, in turns of a few control steps."""
     env, actions, raw = recording.env, recording.actions, _Loop(recording)
     env.reset(seed=recording.seed)

@@ -33,7 +33,7 @@ class _Service:
         from dexgrasp_env import __version__
 
         robot, agent = settings["robot"], settings["agent"]
-        self._robot, self._episodes = robot, None
+        self._robot, self._agents = robot, None
         answer(
             {"request": "plan_cloud", "points": _box(robot)}, robot
         )  # compiled code and weights are loaded
@@ -44,10 +44,10 @@ class _Service:
             "code": code_hash([agent] if agent else []),
         }
         if agent:
-            from dexgrasp.cli.serving.episodes import Episodes
+            from dexgrasp.cli.serving.served_agents import ServedAgents
 
-            self._episodes = Episodes(agent, robot)
-            self.metadata |= self._episodes.metadata()
+            self._agents = ServedAgents(agent, robot)
+            self.metadata |= self._agents.metadata()
 
     def reply(self, connection: int, waited: float, data: bytes) -> Fields:
         """Return the answer to a packed message that waited for so many seconds."""
@@ -56,16 +56,16 @@ class _Service:
         message = unpack(data)
         if "request" in message:
             return answer(message, self._robot, waited)
-        if self._episodes is None:
+        if self._agents is None:
             raise InputError(
                 "a message has a request: plan, plan_cloud, objects or verify (no agent is served)"
             )
-        return self._episodes.answer(connection, message)
+        return self._agents.answer(connection, message)
 
     def end(self, connection: int) -> None:
         """End the episode of a closed connection."""
-        if self._episodes is not None:
-            self._episodes.end(connection)
+        if self._agents is not None:
+            self._agents.end(connection)
 
 
 def _box(robot: str | None) -> Any:

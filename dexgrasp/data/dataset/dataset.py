@@ -77,7 +77,7 @@ def read_checked(path: Path, key: str | None = None, hashed: str | None = None) 
     return arrays
 
 
-def complete(path: Path, key: str, hashed: str | None = None) -> bool:
+def is_complete(path: Path, key: str, hashed: str | None = None) -> bool:
     """Return True for a complete file of this dataset, unchanged where its hash is known."""
     try:
         return bool(read_checked(path, key, hashed))

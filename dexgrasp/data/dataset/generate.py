@@ -7,8 +7,8 @@ from pathlib import Path
 
 from dexgrasp.data.dataset.dataset import (
     MANIFEST,
-    complete,
     fields_of,
+    is_complete,
     pose_arrays,
     read_manifest,
     shard_arrays,
@@ -73,7 +73,11 @@ def generate(
         ]
         work = partial(make, settings=settings, folder=folder.resolve(), key=key)
         make_missing(
-            work, jobs, lambda job: complete(folder / job.file, key, hashes.get(job.file)), backend, progress
+            work,
+            jobs,
+            lambda job: is_complete(folder / job.file, key, hashes.get(job.file)),
+            backend,
+            progress,
         )
         manifest = about | {
             "complete": True,

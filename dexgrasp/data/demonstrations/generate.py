@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dexgrasp.data.demonstrations.hdf5_formats import DATA, write_minari, write_robomimic
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
-from dexgrasp.data.demonstrations.rollout import Episode, Recorder
+from dexgrasp.data.demonstrations.rollout import Demonstration, Recorder
 from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings
 from dexgrasp.runs.folder import RunFolder, replaced
 from dexgrasp.runs.pool import Backend
@@ -142,7 +142,7 @@ def _converted(
     }  # fmt: skip
 
 
-def _part_arrays(episodes: Sequence[Episode], failures: Sequence[str]) -> Arrays:
+def _part_arrays(episodes: Sequence[Demonstration], failures: Sequence[str]) -> Arrays:
     """Return demonstrations, and the reasons of failed ones, as arrays for `write_shard`."""
     note = {"about": [episode.about for episode in episodes], "failures": failures}
     arrays: Arrays = {"note": bytes_of(json.dumps(note))}
@@ -155,7 +155,7 @@ def _note(arrays: Arrays) -> Fields:
     return json.loads(text_of(arrays["note"]))
 
 
-def _episodes(parts: Iterable[Path], key: str) -> Iterator[Episode]:
+def _episodes(parts: Iterable[Path], key: str) -> Iterator[Demonstration]:
     """Yield the demonstrations of files.
 
     Raises:
@@ -164,4 +164,4 @@ def _episodes(parts: Iterable[Path], key: str) -> Iterator[Episode]:
     for path in parts:
         arrays = read_shard(path, key)
         for i, about in enumerate(_note(arrays)["about"]):
-            yield Episode.of_arrays(below(arrays, f"{i}/"), about)
+            yield Demonstration.of_arrays(below(arrays, f"{i}/"), about)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from dexgrasp.data.demonstrations.rollout import Episode
+from dexgrasp.data.demonstrations.rollout import Demonstration
 from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, DemoSettings
 from dexgrasp_env import __version__
 from dexgrasp_env.arrays import Arrays
@@ -21,7 +21,7 @@ DATA = "data"
 _FILE = "main_data.hdf5"
 
 
-def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
+def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Demonstration]) -> None:
     """Write a Minari data set into a new folder.
 
     In the HDF5 file an episode has a group `once` with the observations of cameras at reset, and an attribute `about`,
@@ -64,7 +64,7 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
     })  # fmt: skip
 
 
-def read_episodes(folder: Path) -> Iterator[Episode]:
+def read_episodes(folder: Path) -> Iterator[Demonstration]:
     """Yield the demonstrations of a folder, one at a time.
 
     Raises:
@@ -84,13 +84,13 @@ def read_episodes(folder: Path) -> Iterator[Episode]:
         raise InputError(f"{path} is damaged ({' '.join(str(error).split())[:80]})") from None
 
 
-def _episode(group: Any) -> Episode:
+def _episode(group: Any) -> Demonstration:
     arrays: Arrays = {}
     group.visititems(lambda name, item: arrays.update({name: item[()]}) if hasattr(item, "dtype") else None)
-    return Episode.of_arrays(arrays, json.loads(group.attrs["about"]))
+    return Demonstration.of_arrays(arrays, json.loads(group.attrs["about"]))
 
 
-def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
+def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Demonstration]) -> None:
     """Write `demos.hdf5` of robomimic into a new folder.
 
     Each `data/demo_K` has `actions`, `rewards`, `dones`, and `obs` and `next_obs` by key, with pictures as
@@ -125,7 +125,7 @@ def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Epi
             file.create_dataset(f"mask/{mask}", data=np.array(chosen, dtype="S"))
 
 
-def _seen(episode: Episode) -> Arrays:
+def _seen(episode: Demonstration) -> Arrays:
     """Return the observations (T + 1, ...) by key; those stored once are repeated at every step."""
     steps = len(episode) + 1
     seen = episode.observations | {

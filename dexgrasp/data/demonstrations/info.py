@@ -8,7 +8,7 @@ import gymnasium as gym
 
 from dexgrasp.data.demonstrations.generate import read_about
 from dexgrasp.data.demonstrations.hdf5_formats import read_episodes
-from dexgrasp.data.demonstrations.rollout import Episode
+from dexgrasp.data.demonstrations.rollout import Demonstration
 from dexgrasp.data.demonstrations.settings import ENV_ID, DemoSettings
 from dexgrasp.runs.progress import Show, silent
 from dexgrasp_env.arrays import Fields
@@ -71,7 +71,7 @@ def replay_all(
     return {"schema": 1, "replayed": total, "successes": total - len(failed), "failed": failed}
 
 
-def _succeeds(env: gym.Env[Any, Any], episode: Episode) -> bool:
+def _succeeds(env: gym.Env[Any, Any], episode: Demonstration) -> bool:
     env.reset(seed=episode.about["scene_seed"])
     for action in episode.actions:
         _, _, terminated, truncated, info = env.step(action)

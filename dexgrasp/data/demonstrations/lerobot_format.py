@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.data.demonstrations.rollout import Episode
+from dexgrasp.data.demonstrations.rollout import Demonstration
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp_env.arrays import AnyArray, Arrays, Fields
 from dexgrasp_env.extras import from_extra
@@ -29,7 +29,7 @@ _PICTURES = 4
 _QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
 
 
-def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
+def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Demonstration]) -> None:
     """Write a data set of LeRobot into a new folder."""
     with from_extra():
         import pyarrow as pa
@@ -87,7 +87,7 @@ def object_keys(keys: Iterable[str]) -> list[str]:
     return sorted(key for key in keys if key.startswith("object_"))
 
 
-def _columns(episode: Episode, number: int, start: int, task: int) -> Arrays:
+def _columns(episode: Demonstration, number: int, start: int, task: int) -> Arrays:
     count = len(episode)
     steps = np.arange(count)
     seen = {key: array[:-1] for key, array in episode.observations.items()}
@@ -128,7 +128,7 @@ def _array(pa: Any, values: AnyArray) -> Any:
 
 
 def _episode_row(
-    episode: Episode, number: int, start: int, task: str, statistics: dict[str, Fields]
+    episode: Demonstration, number: int, start: int, task: str, statistics: dict[str, Fields]
 ) -> Fields:
     row = {
         "episode_index": number, "tasks": [task], "length": len(episode),

@@ -12,7 +12,7 @@ import numpy as np
 from dexgrasp.agent import Env
 from dexgrasp.data.demonstrations.generate import read_about
 from dexgrasp.data.demonstrations.hdf5_formats import read_episodes
-from dexgrasp.data.demonstrations.rollout import Episode, follow
+from dexgrasp.data.demonstrations.rollout import Demonstration, follow_set_points
 from dexgrasp.data.demonstrations.settings import ENV_ID, DemoSettings
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array, Fields, Single
@@ -117,7 +117,7 @@ class DemoResets(ReverseStarts):
         states = self.states[way]
         return {"state": states[min(int(share * len(states)), len(states) - 1)]}
 
-    def _follow(self, env: LiftEnv, demo: Episode) -> list[EpisodeState]:
+    def _follow(self, env: LiftEnv, demo: Demonstration) -> list[EpisodeState]:
         """Return the states up to success, every fourth step; none where it is not reached."""
         states: list[EpisodeState] = []
         for step, (_, result) in enumerate(self._play(env, demo)):
@@ -127,7 +127,7 @@ class DemoResets(ReverseStarts):
                 states.append(_lean(env, states[-1].view if states else None))
         return []
 
-    def _play(self, env: LiftEnv, demo: Episode) -> Iterator[tuple[Single | None, tuple[Any, ...]]]:
+    def _play(self, env: LiftEnv, demo: Demonstration) -> Iterator[tuple[Single | None, tuple[Any, ...]]]:
         """Yield each action and what `step` returned along a demonstration; first None and the reset."""
         target = demo.about["target"]
         if target not in env.settings.objects:
@@ -144,7 +144,7 @@ class DemoResets(ReverseStarts):
         first, info = env.reset(seed=demo.about["scene_seed"], options=where)
         yield None, (first, 0.0, False, False, {**info, "is_success": False})
         path = demo.observations["joint_targets"].astype(float)
-        yield from follow(env, path, robot_tree(env.settings.cell))
+        yield from follow_set_points(env, path, robot_tree(env.settings.cell))
 
     def transitions(self, env: LiftEnv) -> Iterator[tuple[Any, Any, Single, float, bool]]:
         """Yield the steps of all demonstrations that succeed in an environment, followed in its own actions.
@@ -174,7 +174,7 @@ class DemoResets(ReverseStarts):
                     yield from steps
                     break
 
-    def _pose(self, demo: Episode) -> Array:
+    def _pose(self, demo: Demonstration) -> Array:
         """Return the initial pose (7,) of the object of a demonstration."""
         if "object_pose" in demo.observations:
             return demo.observations["object_pose"][0].astype(float)
@@ -183,7 +183,7 @@ class DemoResets(ReverseStarts):
         return np.array(seen["object_pose"], dtype=float)
 
 
-def _followed(demo: Episode) -> Episode:
+def _followed(demo: Demonstration) -> Demonstration:
     """Return a demonstration with only the observations that replaying it takes."""
     seen = {key: array for key, array in demo.observations.items() if key in ("joint_targets", "object_pose")}
     return replace(demo, observations=seen, once={})

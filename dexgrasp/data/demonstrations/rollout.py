@@ -30,7 +30,7 @@ Step = tuple[Single, Any]
 
 
 @dataclass
-class Episode:
+class Demonstration:
     """Demonstration of T steps.
 
     Attributes:
@@ -62,7 +62,7 @@ class Episode:
         return whole
 
     @classmethod
-    def of_arrays(cls, arrays: Arrays, about: Fields) -> "Episode":
+    def of_arrays(cls, arrays: Arrays, about: Fields) -> "Demonstration":
         """Return the demonstration of `arrays()`, which may have others besides.
 
         Raises:
@@ -98,7 +98,7 @@ class Recorder:
         cell = self._env.unwrapped.settings.cell  # type: ignore[attr-defined]
         self._robot, self._tree = cell.robot, robot_tree(cell)
 
-    def record(self, trial: int) -> tuple[Episode | None, str]:
+    def record(self, trial: int) -> tuple[Demonstration | None, str]:
         """Record the demonstration of a scene.
 
         Returns:
@@ -111,7 +111,7 @@ class Recorder:
         if self._demo_env is None:
             _, (*_, truncated, _) = steps[-1]
             if not truncated:
-                steps += follow(self._env, path[-1:], self._tree)
+                steps += follow_set_points(self._env, path[-1:], self._tree)
             episode = _episode(first, steps, CAMERA_KEYS)
         else:
             episode = replay(self._demo_env, seeds.scene, path, self._tree)
@@ -162,7 +162,7 @@ class Recorder:
             self._demo_env.close()
 
 
-def intended(episode: Episode, noise: float, robot: Robot) -> Array:
+def intended(episode: Demonstration, noise: float, robot: Robot) -> Array:
     """Return the set-points that an agent of a joint mode intended: without the noise on its commands.
 
     Args:
@@ -181,14 +181,16 @@ def intended(episode: Episode, noise: float, robot: Robot) -> Array:
     return np.concatenate([targets[:1], targets[1:] - noise * drawn * max_step(robot)])
 
 
-def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Episode | None:
+def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Demonstration | None:
     """Replay set-points (T + 1, n) in another control mode from the same scene; None if that fails."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     first, _ = env.reset(seed=seed)
-    return _episode(first, list(follow(env, path, tree)), CAMERA_KEYS if settings.observe == "reset" else ())
+    return _episode(
+        first, list(follow_set_points(env, path, tree)), CAMERA_KEYS if settings.observe == "reset" else ()
+    )
 
 
-def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
+def follow_set_points(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
     """Yield the steps of set-points (T + 1, n), 50 ms apart, in a running episode; the last is held for ten more."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     path, scale = path[:: settings.hold], settings.action_scale * settings.hold
@@ -201,7 +203,7 @@ def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
             return
 
 
-def _episode(first: Arrays, steps: Sequence[Step], still: Sequence[str]) -> Episode | None:
+def _episode(first: Arrays, steps: Sequence[Step], still: Sequence[str]) -> Demonstration | None:
     """Return the demonstration of some steps, None where none is a success; keys `still` are stored once."""
     actions, results = zip(*steps, strict=True)
     observations, rewards, terminated, truncated, infos = zip(*results, strict=True)
@@ -213,7 +215,7 @@ def _episode(first: Arrays, steps: Sequence[Step], still: Sequence[str]) -> Epis
     ends = *truncated[:-1], not terminated[-1]
     rest = (np.array(part) for part in (actions, rewards, terminated, ends))
     whole: Fields = dict(zip(_STEPS, rest, strict=True))
-    return Episode(moving, **whole, once=once, about={"solved": solved.index(True)})
+    return Demonstration(moving, **whole, once=once, about={"solved": solved.index(True)})
 
 
 def _targets(env: Env) -> Array:

@@ -32,16 +32,16 @@ def write_report(folders: Sequence[Path], out: Path) -> str:
         InputError: if a folder holds no evaluation.
     """
     content = contents(folders)
-    text = render("markdown", content)
+    text = render_report("markdown", content)
     for figure in chain(*content["figures"].values()):
         write_atomically(out / f"{figure.name}.png", figure.draw("png"))
-    for name, page in (("report.html", render("html", content)), ("report.md", text)):
+    for name, page in (("report.html", render_report("html", content)), ("report.md", text)):
         # Names from files of others may hold what UTF-8 cannot.
         write_atomically(out / name, page.encode(errors="backslashreplace"))
     return text
 
 
-def render(form: str, content: Fields) -> str:
+def render_report(form: str, content: Fields) -> str:
     """Return a report as "html", one page with its plots in it, or "markdown"."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 

@@ -17,7 +17,7 @@ Points = Mapping[str, Sequence[float]]
 SUCCESS = "success, % (95 % interval)"
 
 
-class Figure(NamedTuple):
+class IntervalPlot(NamedTuple):
     """Plot of intervals.
 
     Attributes:
@@ -40,11 +40,11 @@ class Figure(NamedTuple):
 
     def draw(self, kind: str) -> bytes:
         """Return the plot as "svg" or "png", the same bytes for the same content."""
-        from matplotlib.figure import Figure as Canvas
+        from matplotlib.figure import Figure
 
         rows = self.rows
         height = 1.0 + 0.34 * len(rows) * (0.55 + 0.45 * len(self.agents))  # inches
-        figure = Canvas(figsize=(8.2, max(2.0, height)), layout="constrained")
+        figure = Figure(figsize=(8.2, max(2.0, height)), layout="constrained")
         style = {"fmt": "o", "ms": 5, "capsize": 3, "lw": 1.3}
         hollow = {"fmt": "D", "mfc": "none", "ms": 6.5, "zorder": 3}
         axes = figure.add_subplot()
@@ -89,15 +89,15 @@ def _finished(figure: Any, axes: Any, kind: str) -> bytes:
     return buffer.getvalue()
 
 
-def success(key: str, words: str, agents: Agents, rows: Sequence[str]) -> Figure:
+def success(key: str, words: str, agents: Agents, rows: Sequence[str]) -> IntervalPlot:
     """Return the plot of success rates of one breakdown (`by_set`, `by_object`, ...), the paper's beside ours."""
     ours = {name: _rates({**agent[key], "all": agent}, rows) for name, agent in agents.items()}
     printed = {name: _rates(paper.successes(name), rows) for name in agents}
     shown = {row: row.replace("_", " ") for row in rows}
-    return Figure(f"success_{key}", f"Success by {words}", SUCCESS, ours, printed, shown)
+    return IntervalPlot(f"success_{key}", f"Success by {words}", SUCCESS, ours, printed, shown)
 
 
-def planning_times(agents: Agents) -> list[Figure]:
+def planning_times(agents: Agents) -> list[IntervalPlot]:
     """Return the plot of planning times by stage, if an agent reports any."""
     shown = {}
     # Stages as Table 6 has them -> what they are here.
@@ -121,7 +121,7 @@ def planning_times(agents: Agents) -> list[Figure]:
         "seconds: median, 25th and 75th percentile",
         {PLANNER: paper.PRINTED["seconds"]["overall"]},
     )
-    return [Figure("planning_times", caption, label, shown, printed, rows, log=True)] if shown else []
+    return [IntervalPlot("planning_times", caption, label, shown, printed, rows, log=True)] if shown else []
 
 
 def _rates(cells: Mapping[Any, Fields], keys: Iterable[Any]) -> Points:

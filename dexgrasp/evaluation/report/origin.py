@@ -18,7 +18,7 @@ _Names = tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class _Run:
+class _RunFile:
     """Content of run.json, as far as a report shows it."""
 
     seed: Any
@@ -40,9 +40,9 @@ class _Run:
         return None if str(self.cell).startswith(SIMULATED) else str(self.cell)
 
 
-def _run(folder: Path) -> _Run | None:
+def _run(folder: Path) -> _RunFile | None:
     try:
-        return read(_Run, read_run(folder), more=True)
+        return read(_RunFile, read_run(folder), more=True)
     except InputError:
         return None
 
@@ -66,7 +66,7 @@ def commands(folder: Path) -> list[str]:
     words += ["--trials", run.trials, "--seed", run.seed, "--protocol", *run.protocol.split("+")]
     for name in ("mount", "friction", "mesh_mass", "mesh_scale"):
         value = getattr(run, name)
-        if value not in (None, getattr(_Run, name)):
+        if value not in (None, getattr(_RunFile, name)):
             words += [f"--{name.replace('_', '-')}", value]
     words += ["--robot", run.robot] if run.robot else []
     return [_typed(*words, "--out", folder), _typed("report", folder)]

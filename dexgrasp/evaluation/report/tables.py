@@ -5,7 +5,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 from dexgrasp.evaluation.comparison import compare_rows, difference_words
-from dexgrasp.evaluation.pooling import Rows
+from dexgrasp.evaluation.pooling import TrialsByAgent
 from dexgrasp.evaluation.reasons import sentence
 from dexgrasp.evaluation.report import paper
 from dexgrasp.runs.text import seconds_words, text_table
@@ -126,7 +126,7 @@ def object_tables(agents: Agents) -> list[tuple[str, Table]]:
     ]
 
 
-def paired_table(rows: Rows) -> Table:
+def paired_table(rows: TrialsByAgent) -> Table:
     """Return the paired comparison of every two agents on their common scenes."""
     body = []
     for a, b in combinations(rows, 2):

@@ -137,8 +137,8 @@ class HandStage:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """Grasp to be scored.
+class FloatingGrasp:
+    """Grasp of a floating hand on an object, to be scored.
 
     Attributes:
         source: path of its file, with the index where the file holds several.
@@ -168,7 +168,7 @@ class Candidate:
         press = (self.squeeze.joints - self.grasp.joints) * (self.servo_kp / servo_kp)
         return replace(self.squeeze, joints=self.grasp.joints + press)
 
-    def displaced(self, T: Array) -> "Candidate":
+    def displaced(self, T: Array) -> "FloatingGrasp":
         """Return the grasp with the hand displaced by `T` (4, 4) in its own frame at every stage."""
         stages = {name: getattr(self, name) for name in ("pregrasp", "grasp", "squeeze")}
         moved = {name: replace(own, T_world_hand=own.T_world_hand @ T) for name, own in stages.items()}

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.evaluation.scoring.hand import Candidate, HandStage
+from dexgrasp.evaluation.scoring.hand import FloatingGrasp, HandStage
 from dexgrasp.evaluation.scoring.scene import BASE, ContactPhysics, FloatingScene, displacement
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
@@ -73,15 +73,15 @@ class GraspProtocol(ABC):
     density: float = 0.0
     fixed_mass: float | None = None
 
-    def mass(self, candidate: Candidate) -> float:
+    def mass(self, candidate: FloatingGrasp) -> float:
         """Return the mass of the object, kg."""
         return self.fixed_mass or self.density * float(candidate.object.mesh.volume)
 
     @abstractmethod
-    def judge(self, candidate: Candidate, seed: int) -> Verdict:
+    def judge(self, candidate: FloatingGrasp, seed: int) -> Verdict:
         """Score a grasp; `seed` is of the protocol's own draws."""
 
-    def _scene(self, candidate: Candidate) -> FloatingScene:
+    def _scene(self, candidate: FloatingGrasp) -> FloatingScene:
         """Return the scene with the hand in the pregrasp."""
         scene = FloatingScene(candidate, self.physics, self.mass(candidate))
         scene.reset(candidate.pregrasp)
@@ -140,7 +140,7 @@ class DexGraspBenchForceClosure(DexGraspBench):
     )
     physics = ContactPhysics()
 
-    def judge(self, candidate: Candidate, seed: int) -> Verdict:
+    def judge(self, candidate: FloatingGrasp, seed: int) -> Verdict:
         """Push along each direction; the first that the grasp does not resist fails it."""
         scene, worst = self._scene(candidate), Verdict(True, 1.0)
         for name, axis in AXES.items():
@@ -166,7 +166,7 @@ class DexGraspBenchTabletop(DexGraspBench):
     physics = ContactPhysics(table_friction=0.6)
     _lift = 0.10  # m
 
-    def judge(self, candidate: Candidate, seed: int) -> Verdict:
+    def judge(self, candidate: FloatingGrasp, seed: int) -> Verdict:
         """Close under the object's weight and lift."""
         scene = self._scene(candidate)
         if failed := self._penetrates(scene):
@@ -196,7 +196,7 @@ class FroggerPick(GraspProtocol):
     _shake_start, _shake = 0.25, 0.003  # s into the lift, m
     _period = 0.01  # s between set-points
 
-    def judge(self, candidate: Candidate, seed: int) -> Verdict:
+    def judge(self, candidate: FloatingGrasp, seed: int) -> Verdict:
         """Lift and hold; judged after every set-point."""
         scene = self._scene(candidate)
         squeeze = self._close_under_weight(scene)
@@ -240,7 +240,7 @@ class GetAGrip(GraspProtocol):
     _lift, _shake = 0.20, 0.03  # m
     _beat = 325 / 60 / 38  # s: 38 targets in what 400 steps of 1/60 s leave after settling and closing
 
-    def judge(self, candidate: Candidate, seed: int) -> Verdict:
+    def judge(self, candidate: FloatingGrasp, seed: int) -> Verdict:
         """Score each draw; all of them must hold for a success."""
         rng, scene = np.random.default_rng(seed), self._scene(candidate)
         verdicts = []
@@ -253,7 +253,7 @@ class GetAGrip(GraspProtocol):
         text = f"{held} of {self._draws} draws held" + ("" if worst.success else f"; {worst.sentence}")
         return replace(worst, score=held / self._draws, sentence=text)
 
-    def _draw(self, scene: FloatingScene, candidate: Candidate) -> Verdict:
+    def _draw(self, scene: FloatingScene, candidate: FloatingGrasp) -> Verdict:
         scene.candidate = candidate
         scene.reset(candidate.pregrasp)
         squeeze = self._close_under_weight(scene)

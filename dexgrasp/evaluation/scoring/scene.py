@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.evaluation.scoring.hand import Candidate, HandModel, HandStage
+from dexgrasp.evaluation.scoring.hand import FloatingGrasp, HandModel, HandStage
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.objects.mjcf import add_to_spec
@@ -84,7 +84,7 @@ def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: ContactPhysics) -> 
 class FloatingScene:
     """Simulation of one grasp."""
 
-    def __init__(self, candidate: Candidate, physics: ContactPhysics, mass: float) -> None:
+    def __init__(self, candidate: FloatingGrasp, physics: ContactPhysics, mass: float) -> None:
         """Build it.
 
         Args:

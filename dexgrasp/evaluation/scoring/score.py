@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.evaluation.scoring.hand import Candidate
+from dexgrasp.evaluation.scoring.hand import FloatingGrasp
 from dexgrasp.evaluation.scoring.protocols import get_grasp_protocol
 from dexgrasp.evaluation.scoring.readers import ReadOptions, read_candidates
 from dexgrasp.evaluation.scoring.scene import ContactPhysics, FloatingScene
@@ -79,7 +79,9 @@ def score_files(
     }
 
 
-def score_grasp(numbered: tuple[int, Candidate], protocols: Sequence[str], seed: int) -> tuple[int, Scored]:
+def score_grasp(
+    numbered: tuple[int, FloatingGrasp], protocols: Sequence[str], seed: int
+) -> tuple[int, Scored]:
     """Return the number of a grasp, and its rows and metrics."""
     number, candidate = numbered
     about = {"grasp": candidate.source, "object": candidate.object.name}
@@ -102,7 +104,7 @@ def _summary(rows: Sequence[Fields]) -> Fields:
     }
 
 
-def contact_metrics(candidate: Candidate) -> dict[str, float]:
+def contact_metrics(candidate: FloatingGrasp) -> dict[str, float]:
     """Return metrics of the grasp stage, against the convex parts that the simulator collides.
 
     Returns:
@@ -136,7 +138,7 @@ def contact_metrics(candidate: Candidate) -> dict[str, float]:
     }
 
 
-def diversity(candidates: Sequence[Candidate]) -> list[float]:
+def diversity(candidates: Sequence[FloatingGrasp]) -> list[float]:
     """Return the share of variance that the first 1 to 5 principal components explain; lower is more varied.
 
     Features: hand's position in the object frame, m, its rotation vector, rad, joints; as DexGraspBench, unscaled.
@@ -147,7 +149,7 @@ def diversity(candidates: Sequence[Candidate]) -> list[float]:
     return component_shares(np.array([_features(c) for c in candidates]))
 
 
-def _features(candidate: Candidate) -> Array:
+def _features(candidate: FloatingGrasp) -> Array:
     T = np.linalg.inv(candidate.T_world_object) @ candidate.grasp.T_world_hand
     return np.concatenate([T[:3, 3], Rotation.from_matrix(T[:3, :3]).as_rotvec(), candidate.grasp.joints])
 

@@ -24,7 +24,7 @@ NUMBERS = 7 + len(_LEVEL)
 """Number of features of a scene beside its points."""
 
 
-class ObjectCloud(NamedTuple):
+class ObservedCloud(NamedTuple):
     """Observed cloud of an object.
 
     Attributes:
@@ -38,7 +38,7 @@ class ObjectCloud(NamedTuple):
     seen: Single
 
 
-def observed_cloud(first: Observation) -> ObjectCloud:
+def observed_cloud(first: Observation) -> ObservedCloud:
     """Return the object's cloud in the first observation of an episode.
 
     Raises:
@@ -55,11 +55,11 @@ def observed_cloud(first: Observation) -> ObjectCloud:
     points, normals = points[there], normals[there]
     middle, chosen = points.mean(axis=0), np.linspace(0, len(points) - 1, _KEPT).round().astype(int)
     seen = np.concatenate([METRES * (points - middle), normals], axis=1)[chosen]
-    return ObjectCloud(points, middle, seen.astype(np.float32))
+    return ObservedCloud(points, middle, seen.astype(np.float32))
 
 
 def grip_features(
-    cloud: ObjectCloud, azimuths: Array, rng: np.random.Generator | None = None
+    cloud: ObservedCloud, azimuths: Array, rng: np.random.Generator | None = None
 ) -> tuple[Any, Any]:
     """Return points (m, POINTS, 6) and features (m, NUMBERS) in the frames of grips of azimuths (m,) rad.
 

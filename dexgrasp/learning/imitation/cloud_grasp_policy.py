@@ -14,7 +14,7 @@ from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.grasp.trajectory import ActionScript
-from dexgrasp.learning.imitation.cloud_features import NUMBERS, ObjectCloud, grip_features, observed_cloud
+from dexgrasp.learning.imitation.cloud_features import NUMBERS, ObservedCloud, grip_features, observed_cloud
 from dexgrasp.learning.imitation.demonstrated_grasp import (
     DemonstratedGrasp,
     grasp_from_row,
@@ -63,14 +63,14 @@ class CloudGraspPolicy(Policy):
         """
         return CloudGraspRun(self, first, cell)
 
-    def predict(self, cloud: ObjectCloud, azimuths: Array) -> tuple[Array, Array]:
+    def predict(self, cloud: ObservedCloud, azimuths: Array) -> tuple[Array, Array]:
         """Return logits (m, modes) and rows (m, modes, R) of grasps along grips of azimuths (m,) rad."""
         points, numbers = grip_features(cloud, azimuths)
         seen = np.concatenate([relu(self._encoder(points)).max(axis=1), self._scaling(numbers)], axis=1)
         out = self._trunk(seen).reshape(len(azimuths), self._modes, 1 + self.row).astype(float)
         return out[..., 0], self._rows.mean + self._rows.scale * out[..., 1:]
 
-    def grasps(self, cloud: ObjectCloud, tree: RobotTree) -> Iterator[DemonstratedGrasp]:
+    def grasps(self, cloud: ObservedCloud, tree: RobotTree) -> Iterator[DemonstratedGrasp]:
         """Yield grasps of an object, the likeliest first."""
         logits, rows = self.predict(cloud, _AZIMUTHS)
         for flat in np.argsort(-logits, axis=None):
@@ -99,7 +99,7 @@ class CloudGraspRun:
 
 
 def _first(
-    grasps: Iterator[DemonstratedGrasp], cloud: ObjectCloud, start: Array, cell: Cell
+    grasps: Iterator[DemonstratedGrasp], cloud: ObservedCloud, start: Array, cell: Cell
 ) -> tuple[ActionScript, Grasp]:
     """Return the script of the first grasp that the arm can execute, and that grasp.
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.data.demonstrations.rollout import Episode, intended
+from dexgrasp.data.demonstrations.rollout import Demonstration, intended
 from dexgrasp.mechanics.kinematics.forward import fingertips, hand_contact_jacobian
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
@@ -44,7 +44,7 @@ class DemonstratedGrasp(NamedTuple):
         return float(np.arctan2(y, x))
 
 
-def demonstrated_grasp(episode: Episode, noise: float, cell: Cell) -> DemonstratedGrasp | None:
+def demonstrated_grasp(episode: Demonstration, noise: float, cell: Cell) -> DemonstratedGrasp | None:
     """Return the grasp of a demonstration in which the arm stands still once while the hand closes; else None."""
     tree, meant = robot_tree(cell), intended(episode, noise, cell.robot)
     waits = _waits(meant[: episode.about["solved"], : tree.arm])

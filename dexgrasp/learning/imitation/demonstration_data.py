@@ -9,9 +9,9 @@ import numpy as np
 
 from dexgrasp.data.demonstrations.generate import read_about
 from dexgrasp.data.demonstrations.hdf5_formats import read_episodes
-from dexgrasp.data.demonstrations.rollout import Episode, intended
+from dexgrasp.data.demonstrations.rollout import Demonstration, intended
 from dexgrasp.data.demonstrations.settings import MODES
-from dexgrasp.learning.imitation.cloud_features import ObjectCloud, grip_features, observed_cloud
+from dexgrasp.learning.imitation.cloud_features import ObservedCloud, grip_features, observed_cloud
 from dexgrasp.learning.imitation.demonstrated_grasp import demonstrated_grasp, grasp_to_row
 from dexgrasp.learning.imitation.settings import BcSettings
 from dexgrasp_env.arrays import Array, Index, Single
@@ -104,7 +104,7 @@ def read_steps(folders: Sequence[Path]) -> ControlSteps:
     return ControlSteps(*arrays, control_mode=mode, key=content_hash(*arrays))
 
 
-def _parts(episode: Episode, noise: float, robot: Robot) -> tuple[Single, ...]:
+def _parts(episode: Demonstration, noise: float, robot: Robot) -> tuple[Single, ...]:
     seen = episode.observations
     scene = initial_scene({key: array[0] for key, array in seen.items()})
     inputs = features(scene, {key: array[:-1] for key, array in seen.items()}, np.arange(len(episode)))
@@ -123,7 +123,7 @@ class Grips:
         key: hash of the arrays.
     """
 
-    clouds: tuple[ObjectCloud, ...]
+    clouds: tuple[ObservedCloud, ...]
     azimuths: Array
     rows: Single
     key: str
@@ -194,7 +194,7 @@ def demonstrated_cell(folders: Sequence[Path]) -> Cell:
     return cell
 
 
-def _shown(folders: Sequence[Path], part: str, key: str) -> Iterator[tuple[Episode, float]]:
+def _shown(folders: Sequence[Path], part: str, key: str) -> Iterator[tuple[Demonstration, float]]:
     """Yield demonstrations, and the noise that they were recorded with.
 
     Raises:

@@ -10,7 +10,7 @@ import numpy as np
 from dexgrasp.data.demonstrations.resets import DemoResets
 from dexgrasp.learning.reinforcement.rl_policy import RlPolicy
 from dexgrasp.learning.reinforcement.settings import RlSettings
-from dexgrasp.learning.training.checkpoint import Parts
+from dexgrasp.learning.training.checkpoint import Trainables
 from dexgrasp.learning.training.loop import RunOptions, Training
 from dexgrasp.runs.weights import write_policy
 from dexgrasp_env.arrays import Fields
@@ -82,7 +82,7 @@ class RlTraining(Training):
         if self._envs:
             self._envs.close()
 
-    def parts(self) -> Parts:
+    def parts(self) -> Trainables:
         """Return networks, optimisers and single tensors of the algorithm, and its replay buffer."""
         modules, tensors = self.model._get_torch_save_params()
         learned = {name: attrgetter(name)(self.model) for name in (*modules, *tensors)}

@@ -12,12 +12,12 @@ with from_extra():
     import torch
     from torch.optim import Optimizer
 
-Part = torch.nn.Module | Optimizer | torch.Tensor
-Parts = Mapping[str, Part]
-"""Name -> trainable state: a network, an optimiser or a tensor."""
+Trainable = torch.nn.Module | Optimizer | torch.Tensor
+Trainables = Mapping[str, Trainable]
+"""Trainable state by name."""
 
 
-def write_state(path: Path, parts: Parts, note: Fields) -> None:
+def write_state(path: Path, parts: Trainables, note: Fields) -> None:
     """Write trainable state, and a note, which is JSON."""
     write_tensors(
         path, {f"{name}/{key}": t for name, part in parts.items() for key, t in _tensors(part).items()}, note
@@ -29,7 +29,7 @@ def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], note: Fields)
     write_arrays(path, {name: tensor.detach().cpu().numpy() for name, tensor in tensors.items()}, note)
 
 
-def read_state(path: Path, parts: Parts) -> Fields | None:
+def read_state(path: Path, parts: Trainables) -> Fields | None:
     """Restore trainable state from a file of `write_state`; return its note, None without a file.
 
     Raises:
@@ -51,7 +51,7 @@ def damaged(path: Path) -> InputError:
     return InputError(f"{path} is damaged, or of another training: remove it to train from the start")
 
 
-def _tensors(part: Part) -> dict[str, torch.Tensor]:
+def _tensors(part: Trainable) -> dict[str, torch.Tensor]:
     if isinstance(part, torch.Tensor):
         return {"": part}
     if isinstance(part, Optimizer):
@@ -63,7 +63,7 @@ def _tensors(part: Part) -> dict[str, torch.Tensor]:
     return part.state_dict()
 
 
-def _fill(part: Part, tensors: dict[str, torch.Tensor]) -> None:
+def _fill(part: Trainable, tensors: dict[str, torch.Tensor]) -> None:
     if isinstance(part, torch.Tensor):
         part.data.copy_(tensors[""])
     elif isinstance(part, Optimizer):

@@ -15,7 +15,7 @@ _PANELS = {
 """Title of a panel -> figures that are drawn in it."""
 
 
-def numbers(row: Fields) -> Iterator[tuple[str, str, float]]:
+def scalars(row: Fields) -> Iterator[tuple[str, str, float]]:
     """Yield name, split and value of the numbers of a row; the split is "" for figures without splits."""
     for key, value in row.items():
         for name, number in value.items() if isinstance(value, Mapping) else [("", value)]:
@@ -37,7 +37,7 @@ def draw_curves(curve: Sequence[Fields], path: Path, best: int) -> None:
     for axis, (title, names) in zip(figure.subplots(1, len(_PANELS)), _PANELS.items(), strict=True):
         lines: dict[str, list[tuple[int, float]]] = {}
         for row in curve:
-            for name, split, number in numbers(row):
+            for name, split, number in scalars(row):
                 if name in names:
                     lines.setdefault(split or name, []).append((row["epoch"], number))
         for label, points in lines.items():
@@ -64,7 +64,7 @@ class TensorBoardWriter:
         from torch.utils.tensorboard import SummaryWriter
 
         self._writer = self._writer or SummaryWriter(str(self._folder))
-        for name, split, number in numbers(row):
+        for name, split, number in scalars(row):
             self._writer.add_scalar(f"{name}/{split}".rstrip("/"), number, step)
 
     def close(self) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.learning.training.checkpoint import Parts
+from dexgrasp.learning.training.checkpoint import Trainables
 from dexgrasp.learning.training.loop import CHECKPOINT, RunOptions, Training
 from dexgrasp_env.arrays import AnyArray, Fields
 from dexgrasp_env.extras import from_extra
@@ -57,7 +57,7 @@ class GradientTraining(Training):
         self.net = self.network().to(self.device)
         self._adam = torch.optim.Adam(self.net.parameters(), lr=self.settings.learning_rate)
 
-    def parts(self) -> Parts:
+    def parts(self) -> Trainables:
         """Return network and optimiser."""
         return {"net": self.net, "adam": self._adam}
 

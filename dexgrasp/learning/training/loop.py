@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dexgrasp.learning.training.checkpoint import Parts, damaged, read_state, write_state
+from dexgrasp.learning.training.checkpoint import Trainables, damaged, read_state, write_state
 from dexgrasp.learning.training.curves import TensorBoardWriter
 from dexgrasp.learning.training.trials import PeriodicTrials
 from dexgrasp.runs.folder import RunFolder
@@ -92,7 +92,7 @@ class Training(ABC):
         """Make the trainable parts, initialised."""
 
     @abstractmethod
-    def parts(self) -> Parts:
+    def parts(self) -> Trainables:
         """Return the trainable parts by name."""
 
     @abstractmethod

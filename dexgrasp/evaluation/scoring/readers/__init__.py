@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dexgrasp.evaluation.scoring.hand import Candidate
+from dexgrasp.evaluation.scoring.hand import FloatingGrasp
 from dexgrasp.evaluation.scoring.readers.dexgraspbench import read_dexgraspbench
 from dexgrasp.evaluation.scoring.readers.frogger import read_frogger
 from dexgrasp.evaluation.scoring.readers.json_files import FORMAT, read_ours, read_plain
@@ -15,7 +15,7 @@ __all__ = ["ReadOptions", "read_candidates"]
 _BY_SUFFIX = {".npy": read_dexgraspbench, ".pkl": read_dexgraspbench, ".npz": read_frogger}
 
 
-def read_candidates(path: Path, options: ReadOptions) -> list[Candidate]:
+def read_candidates(path: Path, options: ReadOptions) -> list[FloatingGrasp]:
     """Return the grasps of a file of any known format; nothing in it is executed.
 
     Raises:

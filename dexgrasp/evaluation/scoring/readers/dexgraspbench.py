@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dexgrasp.evaluation.scoring.hand import ALLEGRO, Candidate, HandModel, HandStage, find_hand
+from dexgrasp.evaluation.scoring.hand import ALLEGRO, FloatingGrasp, HandModel, HandStage, find_hand
 from dexgrasp.evaluation.scoring.readers.fields import FileFields, as_pose
-from dexgrasp.evaluation.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
+from dexgrasp.evaluation.scoring.readers.objects import ReadOptions, named_object, pose_of_centre
 from dexgrasp.runs.pickles import unpickle
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
@@ -26,7 +26,7 @@ _ROOT_TO_PALM = pose_matrix(np.zeros(3), np.array([0.0, 0.5**0.5, 0.0, 0.5**0.5]
 """Pose of the palm in the root frame of its Allegro file; in BODex's own layout poses are of the palm already."""
 
 
-def read_dexgraspbench(path: Path, options: ReadOptions) -> list[Candidate]:
+def read_dexgraspbench(path: Path, options: ReadOptions) -> list[FloatingGrasp]:
     """Return the grasps of a file.
 
     Raises:
@@ -36,7 +36,7 @@ def read_dexgraspbench(path: Path, options: ReadOptions) -> list[Candidate]:
     rows, to_hand = _configurations(data, hand)
     scale = data.numbers("obj_scale").item(0) if "obj_scale" in data else 1.0
     named = (data.get(key) for key in ("obj_path", "obj_code", "object") if key in data)
-    target = find_object(str(next(filter(None, named), path.parent.name)), scale, options, path)
+    target = named_object(str(next(filter(None, named), path.parent.name)), scale, options, path)
     T_file = as_pose(data.numbers("obj_pose").ravel()[:7], f"{path}: obj_pose")
     T_world_object = pose_of_centre(T_file, target)
 
@@ -46,7 +46,7 @@ def read_dexgraspbench(path: Path, options: ReadOptions) -> list[Candidate]:
 
     sources = [f"{path}[{number}]" for number in range(len(rows))] if len(rows) > 1 else [str(path)]
     return [
-        Candidate(source, hand, target, T_world_object, stage(first), stage(middle), stage(last))
+        FloatingGrasp(source, hand, target, T_world_object, stage(first), stage(middle), stage(last))
         for source, (first, middle, last) in zip(sources, rows, strict=True)
     ]
 

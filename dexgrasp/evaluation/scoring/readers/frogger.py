@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dexgrasp.evaluation.scoring.hand import ALLEGRO, Candidate
+from dexgrasp.evaluation.scoring.hand import ALLEGRO, FloatingGrasp
 from dexgrasp.evaluation.scoring.readers.fields import FileFields, as_pose
 from dexgrasp.evaluation.scoring.readers.json_files import read_plain
 from dexgrasp.evaluation.scoring.readers.objects import ReadOptions
@@ -29,7 +29,7 @@ JOINTS = {
 """FRoGGeR's joint names -> ours; angles, axes and zeros are the same."""
 
 
-def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
+def read_frogger(path: Path, options: ReadOptions) -> list[FloatingGrasp]:
     """Return the grasp of a file, converted to the plain JSON layout.
 
     Raises:

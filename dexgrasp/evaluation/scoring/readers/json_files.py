@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dexgrasp.evaluation.scoring.closing import SERVO_KP, close_around
-from dexgrasp.evaluation.scoring.hand import ALLEGRO, Candidate, HandModel, HandStage, find_hand
+from dexgrasp.evaluation.scoring.hand import ALLEGRO, FloatingGrasp, HandModel, HandStage, find_hand
 from dexgrasp.evaluation.scoring.readers.fields import FileFields
-from dexgrasp.evaluation.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
+from dexgrasp.evaluation.scoring.readers.objects import ReadOptions, named_object, pose_of_centre
 from dexgrasp.grasp.file import record_of
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
@@ -18,7 +18,7 @@ from dexgrasp_env.robot.cell import Cell, make_cell
 FORMAT = "dexgrasp-floating-grasps-1"
 
 
-def read_plain(content: Fields, path: Path, options: ReadOptions) -> list[Candidate]:
+def read_plain(content: Fields, path: Path, options: ReadOptions) -> list[FloatingGrasp]:
     """Return the grasps of a file in the plain format.
 
     Raises:
@@ -33,9 +33,11 @@ def read_plain(content: Fields, path: Path, options: ReadOptions) -> list[Candid
     for number, value in enumerate(grasps):
         grasp = FileFields(value, f"{path}[{number}]")
         scale = grasp.numbers("object_scale").item(0) if "object_scale" in grasp else 1.0
-        target = find_object(str(grasp.get("object")), scale, options, path)
+        target = named_object(str(grasp.get("object")), scale, options, path)
         pose = pose_of_centre(grasp.pose("T_world_object"), target)
-        found.append(Candidate(grasp.source, hand, target, pose, *_stages(grasp, hand, names, pose[:3, 3])))
+        found.append(
+            FloatingGrasp(grasp.source, hand, target, pose, *_stages(grasp, hand, names, pose[:3, 3]))
+        )
     return found
 
 
@@ -86,7 +88,7 @@ def joints_in_order(hand: HandModel, names: Sequence[str], values: Array, source
     return values[..., [names.index(name) for name in hand.joint_names]]
 
 
-def read_ours(content: Fields, path: Path, options: ReadOptions) -> list[Candidate]:
+def read_ours(content: Fields, path: Path, options: ReadOptions) -> list[FloatingGrasp]:
     """Return the grasp of a file of ours, which must have the object's true pose.
 
     Raises:
@@ -102,11 +104,11 @@ def read_ours(content: Fields, path: Path, options: ReadOptions) -> list[Candida
             f"{path}: T_world_object is missing: a grasp planned on a cloud alone cannot be simulated"
         )
     identity = record.object
-    target = find_object(identity.source or identity.name, identity.scale, options, path)
+    target = named_object(identity.source or identity.name, identity.scale, options, path)
     first, middle, last = (_stage(cell, q) for q in (record.pregrasp, record.grasp, record.squeeze))
     gains = cell.robot.stiffness[cell.robot.hand_columns]
     hand = find_hand(cell.robot.hand)
-    return [Candidate(str(path), hand, target, record.T_world_object, first, middle, last, gains)]
+    return [FloatingGrasp(str(path), hand, target, record.T_world_object, first, middle, last, gains)]
 
 
 def _stage(cell: Cell, q: Array) -> HandStage:

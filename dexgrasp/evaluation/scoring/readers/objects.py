@@ -32,7 +32,7 @@ class ReadOptions:
     robot: str | None = None
 
 
-def find_object(name: str, scale: float, options: ReadOptions, source: Path) -> ObjectModel:
+def named_object(name: str, scale: float, options: ReadOptions, source: Path) -> ObjectModel:
     """Return the object that a file names.
 
     Args:

@@ -15,7 +15,7 @@ from dexgrasp_env.files import jsonable
 from dexgrasp_env.valid import NATURAL, check
 
 
-class Episodes:
+class ServedAgents:
     """Agents of one name, an instance for each connection."""
 
     def __init__(self, name: str, robot: str | None) -> None:
