@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from refusals import refused
 from robots import HOME, UPPER
 
+from dexgrasp_env.assets import asset_path
 from dexgrasp_env.tasks.starts import PreGrasps
 
 ID = "DexGrasp/LiftFromGrasp-v0"
@@ -72,9 +73,11 @@ def test_starts_move_back_as_episodes_succeed():
 def test_files_that_are_none_are_refused(tmp_path):
     with refused("does not exist"):
         gym.make(ID, starts=str(tmp_path / "none.npz"))
-    (tmp_path / "text.npz").write_text("no arrays")
-    with refused("holds no pre-grasps"):
-        gym.make(ID, starts=str(tmp_path / "text.npz"))
+    whole = asset_path("pregrasps.npz").read_bytes()
+    for content in (b"no arrays", whole[:3000]):
+        (tmp_path / "other.npz").write_bytes(content)
+        with refused("holds no pre-grasps"):
+            gym.make(ID, starts=str(tmp_path / "other.npz"))
     with refused("valid is that one"):
         gym.make(ID, mount="fingers_along")
     with refused("of none of these objects: valid are .*sugar_box"):

@@ -1,7 +1,7 @@
 """From what is seen to a plan: the one way of agents, of `dexgrasp plan`, and of point clouds of one's own."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -93,6 +93,10 @@ def start_of(observation: Observation, robot: Robot) -> Array:
     Raises:
         InputError: where the robot cannot be there: planning from such a start takes minutes to fail.
     """
+    if not isinstance(observation, Mapping) or "joint_targets" not in observation:
+        raise InputError(
+            "the observation has no joint_targets: make the environment with the agent's env_settings"
+        )
     start = np.asarray(observation["joint_targets"], dtype=float)
     beyond = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
     low, high = robot.lower - beyond, robot.upper + beyond

@@ -1,15 +1,16 @@
 """Poses of cameras in the robot's base as people have them: matrices, ROS's quaternions, files of either."""
 
+import os
 import re
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import check_file, parse_json, readable
+from dexgrasp_env.files import expand, parse_json
+from dexgrasp_env.perception.cloud_files import check_scan, understood
 from dexgrasp_env.poses import inverse, quat_to_matrix, rigid
 from dexgrasp_env.texts import plain_text, without_decimal_commas
 from dexgrasp_env.valid import Rule, check
@@ -89,23 +90,18 @@ def read_pose(given: str) -> Array:
     Raises:
         InputError: one line that says what is wrong with it.
     """
-    path, numbers = Path(given).expanduser(), _numbers(given)
-    if numbers is not None and not path.exists():
+    path, numbers = expand(given), _numbers(given)
+    if numbers is not None and not os.path.exists(path):  # sixteen numbers are longer than a name may be
         return check("--camera-pose", numbers, POSE)
-    with readable(path):
-        check_file(path)
+    check_scan(path)
     kind = path.suffix.lower()
     if kind in YAML_SUFFIXES:
         return check(str(path), read_yaml(path), POSE)
-    try:
+    with understood(path, f"numbers: valid is {_WORDS}"):
         if kind == ".npy":
             return check(str(path), np.load(path, allow_pickle=False), POSE)
         text = plain_text(path.read_bytes()).decode()
         return check(str(path), parse_json(text) if kind == ".json" else _numbers(text), POSE)
-    except ValueError as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path} is no file of numbers: valid is {_WORDS}") from None
 
 
 def _numbers(text: str) -> list[float] | None:

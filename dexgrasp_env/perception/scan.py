@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import LARGEST, Array
 from dexgrasp_env.arrays import unit as unit_vectors
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.bag_file import BAGS, bag_of, read_bag
@@ -113,7 +113,7 @@ def cloud_of(points: Any, source: str = "points") -> Cloud:
         raise
     except (TypeError, ValueError):
         raise InputError(f"{source}: a cloud is an array of numbers, (N, 3) in metres") from None
-    known = np.flatnonzero(np.isfinite(rows).all(1)).astype(np.int32)
+    known = np.flatnonzero((np.abs(rows) < LARGEST).all(1)).astype(np.int32)
     n = len(known)
     if not n:
         raise InputError(f"{source} holds no finite point")

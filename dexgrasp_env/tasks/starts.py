@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from dexgrasp_env.arrays import Fields
+from dexgrasp_env.arrays import Fields, array
 from dexgrasp_env.assets import asset_path
-from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import expand
+from dexgrasp_env.errors import InputError, first_line
+from dexgrasp_env.files import expand, read_npz
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.valid import check, number
@@ -99,18 +99,19 @@ class PreGrasps(ReverseStarts):
         super().__init__(**more)
         path = asset_path("pregrasps.npz") if file is None else expand(file)
         try:
-            with np.load(path, allow_pickle=False) as kept:
-                names, poses, ways = (kept[key] for key in ("objects", "poses", "ways"))
+            kept = read_npz(path)
+            names = kept["objects"]
+            poses = array(len(names), 7).validate(kept["poses"])
+            ways = array(len(names), None, None).validate(kept["ways"])
         except FileNotFoundError:
             raise InputError(f"{path} does not exist: valid is a file of scripts/pregrasps.py") from None
-        except (OSError, ValueError, KeyError) as error:
-            raise InputError(f"{path} holds no pre-grasps ({error})") from None
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{path} holds no pre-grasps ({first_line(error)})") from None
         wanted = np.isin(names, list(objects)) if objects is not None else np.ones(len(names), bool)
         if not wanted.any():
             known = ", ".join(sorted(set(names.tolist())))
             raise InputError(f"{path} has pre-grasps of none of these objects: valid are {known}")
-        self.names, self.poses = names[wanted].tolist(), poses[wanted].astype(float)
-        self.ways_joints = ways[wanted].astype(float)
+        self.names, self.poses, self.ways_joints = names[wanted].tolist(), poses[wanted], ways[wanted]
 
     @property
     def ways(self) -> int:
