@@ -257,14 +257,14 @@ def _fetch(root: Element, message: str, path: Path, meshes: dict[str, bytes]) ->
         return f"{file} is not there: {found} is taken"
     if "decoder" not in message:
         return None
-    folder, suffix, found = file.removesuffix(str(element.get(key))), Path(file).suffix, dict[Path, str]()
+    folder, suffix, converted = file.removesuffix(str(element.get(key))), Path(file).suffix, dict[Path, str]()
     for own, key in owners:
         place = Path(folder + str(own.get(key)))
         if place.suffix == suffix and place.is_file():
             if root.tag == "mujoco" and not own.get("name"):
                 own.set("name", place.stem)
-            found[place] = found.get(place) or _convert(place, path, meshes)
-            own.set(key, found[place])
+            converted[place] = converted.get(place) or _convert(place, path, meshes)
+            own.set(key, converted[place])
     return f"meshes that MuJoCo cannot read are converted: {suffix}"
 
 
