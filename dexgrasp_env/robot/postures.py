@@ -89,28 +89,32 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
 def free_asides(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> dict[str, list[float]]:
     """Return the postures (k,) rad of idle fingers, by their names, spread so far that they touch nothing.
 
+    Where no spread alone will do, the nearest of drawn ones to straight is taken.
+
     Args:
         hand: whose fingers state `aside`, straight but for a spread.
         model: of the hand alone, frames as here.
         open_at: (h,) rad, of the others.
     """
     wide = copy.copy(model)
-    wide.geom_margin[:] = 0.0015  # m: what is nearer than both add up to counts as touching
-    idle = [finger for finger in hand.fingers if finger.aside]
-    of_idle = {model.body(name).id for finger in idle for name in finger.bodies}
-    (low, high), q = hand.joints.ranges, np.array(open_at)
-    for share in (1.0, 0.5, 0.25, 0.0):
-        found = dict[str, list[float]]()
-        for finger in idle:
-            columns = [hand.joints.names.index(name) for name in finger.joints]
-            straight = np.clip(0.0, low, high)[columns]
-            q[columns] = straight + share * (np.array(finger.aside) - straight)
-            found[finger.name] = q[columns].round(6).tolist()
+    wide.geom_margin[:] = 0.0022  # m: two are more than the 4 mm that an open hand keeps from itself
+    idle = {f.name: [hand.joints.names.index(j) for j in f.joints] for f in hand.fingers if f.aside}
+    if not idle:
+        return {}
+    bodies = {model.body(name).id for finger in hand.fingers if finger.aside for name in finger.bodies}
+    (low, high), columns = hand.joints.ranges, [column for own in idle.values() for column in own]
+    straight = np.clip(0.0, low, high)[columns]
+    spread = np.concatenate([finger.aside for finger in hand.fingers if finger.aside]) - straight
+    drawn = np.random.default_rng(0).normal(0.0, 0.2, (500, len(columns))) * (high - low)[columns]
+    drawn = drawn[np.argsort(np.linalg.norm(drawn, axis=1))]
+    for way in (*np.outer((1.0, 0.5, 0.25, 0.0), spread), *drawn, 0.0 * spread):
+        q = np.array(open_at)
+        q[columns] = np.clip(straight + way, low[columns], high[columns])
         data = posed(wide, np.clip(hand.free[0] @ q + hand.free[1], low, high))
         mujoco.mj_collision(wide, data)
-        if not any(of_idle & {*wide.geom_bodyid[contact.geom].tolist()} for contact in data.contact):
+        if not any(bodies & {*wide.geom_bodyid[contact.geom].tolist()} for contact in data.contact):
             break
-    return found
+    return {name: q[own].round(6).tolist() for name, own in idle.items()}
 
 
 def overlapping_links(model: mujoco.MjModel, q: Array) -> tuple[tuple[str, str], ...]:
