@@ -1,6 +1,7 @@
 """Convex parts of the neighbours of a target: hulls of objects, columns of walls."""
 
 from contextlib import suppress
+from functools import lru_cache
 
 import numpy as np
 
@@ -45,6 +46,7 @@ def points_around(scene: Scene) -> Array:
     return found[:: max(1, -(-len(found) // 5000))]
 
 
+@lru_cache(maxsize=1)  # of a scene it is asked for twice
 def _beside(scene: Scene) -> Array:
     """Return the points (N, 3) m of what is no object, without splinters of the target: those within its hull."""
     rest = scene.rest.points

@@ -26,7 +26,7 @@ class Reserve(NamedTuple):
     turn: float  # rad, of the palm from the edge of its cone
 
 
-AIMED, LEAST = Reserve(0.006, 0.010, 0.02), Reserve(1e-4, 0.004, 1e-3)
+AIMED, LEAST = Reserve(0.006, 0.010, 0.02), Reserve(1e-4, 0.004, 2e-4)
 
 
 def with_request(now: Evaluation, q: Array, problem: GraspProblem, reserve: Reserve) -> Evaluation:

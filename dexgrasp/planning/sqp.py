@@ -77,6 +77,7 @@ def solve(q: Array, problem: GraspProblem, *, with_margin: bool = True) -> Solut
 class _Goal(NamedTuple):
     bounds: Bounds
     reserve: Reserve
+    end: int  # of the steps, by when it is to be reached
 
 
 class _Solver:
@@ -89,13 +90,13 @@ class _Solver:
         self._with_margin, self._shape, self._unit = with_margin, problem.shape, tree.unit[tree.moved]
         self._low = tree.lower[tree.moved] + settings.joint_margin * self._unit
         self._high = tree.upper[tree.moved] - settings.joint_margin * self._unit
+        self._narrowed = with_margin and problem.target.narrowed
         aimed = bounds_of(problem, settings.closure_aim, slack=1e-4)
         modest = bounds_of(problem, settings.closure_margin + 0.02, slack=1e-4)
-        self._narrowed = with_margin and problem.target.narrowed
-        self._goals = [_Goal(aimed, AIMED), _Goal(modest, LEAST)]
-        if self._narrowed:
-            self._goals.insert(1, _Goal(aimed, LEAST))
-        self._least = _Goal(bounds_of(problem, settings.closure_margin), LEAST)
+        self._goals = [_Goal(aimed, LEAST, self._budget), _Goal(modest, LEAST, self._budget)]
+        if self._narrowed:  # more than is asked for is tried for half of the steps
+            self._goals.insert(0, _Goal(aimed, AIMED, self._budget // 2))
+        self._least = _Goal(bounds_of(problem, settings.closure_margin), LEAST, 0)
 
     def evaluate(self, q: Array, goal: _Goal) -> Evaluation:
         """Return constraints and their gradients at `q` (n,) rad."""
@@ -109,7 +110,7 @@ class _Solver:
         q[self._moved] = np.clip(q[self._moved], self._low, self._high)
         steps = 0
         for goal in self._goals:
-            q, now, used = self._descend(q, goal, self._budget - steps)
+            q, now, used = self._descend(q, goal, goal.end - steps)
             steps += used
             follow(q, self._tree)
             solution = self._solution(q, now, goal.bounds, steps)
