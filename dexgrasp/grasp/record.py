@@ -258,7 +258,7 @@ class GraspRecord:
     @property
     def neighbour_parts(self) -> list[Array]:
         """Corners (V, 3) m of the convex parts of all neighbours, world frame."""
-        return [part @ n.pose[:3, :3].T + n.pose[:3, 3] for n in self.neighbours for part in n.parts]
+        return [placed(n.pose, part) for n in self.neighbours for part in n.parts]
 
     @property
     def stated_cell(self) -> Cell:

@@ -7,7 +7,7 @@ whose table is lower plans the grasp, and its certificate says that the hand kee
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from itertools import islice, product
+from itertools import islice
 
 import numpy as np
 from numpy.random import Generator
@@ -19,7 +19,7 @@ from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, grid
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 
 _INSIDE = 0.016  # m inside the edge that the centre of mass stays
@@ -97,7 +97,7 @@ def slid(target: GraspTarget, shift: Array) -> GraspTarget:
     by = [*shift, _FLOOR]
     level = zip(_MIDDLE - _HALF, _MIDDLE + _HALF, strict=True)
     # The table is taken to be 2 mm lower than it is: the object lies on it.
-    table = np.array(list(product(*level, (_FLOOR - TABLE_SIZE[2], _FLOOR - 0.002))))
+    table = grid(*level, (_FLOOR - TABLE_SIZE[2], _FLOOR - 0.002))
     moved = GraspTarget.of_corners(
         [part + by for part in target.distance.corners], target.mass, target.centre + by
     )

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Collection, Iterator
 from copy import copy
 from dataclasses import replace
-from itertools import islice, product
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from dexgrasp.planning.set_down import OUT_OF_REACH, GoalPoses, goal_poses, reac
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.runs.compiling import compiling
-from dexgrasp_env.arrays import Array, array
+from dexgrasp_env.arrays import Array, array, grid
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.robot.table import SeenTable
@@ -391,4 +391,4 @@ def compile_ahead(cell: Cell, source: ProposalSource | None = None) -> None:
 
 def small_box() -> GraspTarget:
     """Return a box of 5 x 7 x 6 cm in front of the robot."""
-    return GraspTarget.of_corners([np.array(list(product((0.475, 0.525), (-0.035, 0.035), (0.0, 0.06))))])
+    return GraspTarget.of_corners([grid((0.475, 0.525), (-0.035, 0.035), (0.0, 0.06))])

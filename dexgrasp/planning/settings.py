@@ -1,6 +1,6 @@
 """Settings of the planner, and the problem that every step of planning takes: object, robot and settings."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from dexgrasp.geometry.convex_parts import MOST_PARTS
@@ -124,17 +124,16 @@ class GraspProblem:
         target: the object.
         cell: of the robot.
         settings: the limits.
-        tree: kinematics of the robot.
     """
 
     target: GraspTarget
     cell: Cell
     settings: PlannerSettings
-    tree: RobotTree = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Look the kinematics up, once a problem."""
-        object.__setattr__(self, "tree", robot_tree(self.cell))
+    @cached_property
+    def tree(self) -> RobotTree:
+        """Kinematics of the robot."""
+        return robot_tree(self.cell)
 
     @property
     def shape(self) -> Shape:

@@ -1,6 +1,5 @@
 """Control modes: what actions in [-1, 1] mean for the set-points of a robot's servos; `set_points` computes them."""
 
-from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -10,7 +9,7 @@ from dexgrasp_env.arrays import AnyArray, Array, Single, numbers
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
-from dexgrasp_env.valid import Rule, check
+from dexgrasp_env.valid import check
 
 DIRECT_MODES = ("joint_position", "joint_delta", "ee_delta")
 """Those whose actions say at once where set-points go."""
@@ -77,15 +76,11 @@ def check_actions(action: Single, shape: tuple[int, ...] | None) -> Array:
     Raises:
         InputError: if they are no numbers, or their shape is wrong.
     """
-    actions = check("action", action, _numbers(shape))
-    if actions.shape != shape:
-        raise InputError(f"action has shape {actions.shape}: valid is {shape}")
-    return np.array(actions, np.float64)
-
-
-@cache
-def _numbers(shape: tuple[int, ...] | None) -> Rule:
-    return numbers(f"numbers of shape {shape}")
+    if not (isinstance(action, np.ndarray) and action.dtype.kind == "f"):
+        action = check("action", action, numbers(f"numbers of shape {shape}"))
+    if action.shape != shape:
+        raise InputError(f"action has shape {action.shape}: valid is {shape}")
+    return np.array(action, np.float64)
 
 
 def check_finite(actions: AnyArray) -> None:

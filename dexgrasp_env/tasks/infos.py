@@ -31,13 +31,13 @@ class EpisodeInfos:
     records: AnyArray
     info_fields: AnyArray
     starts: Starts | None
+    _named = {key: names for key, (_, names) in INFOS.items() if names}  # noqa: RUF012  (never written to)
 
     def info(self, i: int) -> Fields:
         """Return the info of episode `i` alone, plain values; `infos` of one takes a tenth of a step."""
-        columns: Fields = {
-            key: names[value] if names else value
-            for (key, (_, names)), value in zip(INFOS.items(), self.info_fields[i].item(), strict=True)
-        }
+        columns: Fields = dict(zip(INFOS, self.info_fields[i].item(), strict=True))
+        for key, names in self._named.items():
+            columns[key] = names[columns[key]]
         columns["held_seconds"] *= self.settings.period
         slot = self.slots[i]
         columns["object"] = self.simulations[slot.target].object.name if slot.target else ""
