@@ -99,10 +99,14 @@ def are_two(one: Array, other: Array, everything: Array) -> bool:
     """
     if is_handle(one, other) or is_handle(other, one):
         return False
+    lower, upper, over = in_order(one, other)
+    return has_foot(upper, lower) if over else not in_the_air(upper, everything)
+
+
+def in_order(one: Array, other: Array) -> tuple[Array, Array, bool]:
+    """Return the lower and the upper of points (N, 3) m and (M, 3) m, and true where that begins above most of it."""
     lower, upper = sorted((one, other), key=lambda part: low_and_high(part)[0])
-    if low_and_high(upper)[0] > 0.8 * low_and_high(lower)[1]:
-        return has_foot(upper, lower)
-    return not in_the_air(upper, everything)
+    return lower, upper, low_and_high(upper)[0] > 0.8 * low_and_high(lower)[1]
 
 
 def is_handle(one: Array, other: Array) -> bool:
