@@ -54,7 +54,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     labels = with_splinters(points, with_rims(points, segment_instances(cloud, plane).labels), seen)
     _, labels = np.unique(labels, return_inverse=True)
     for k in objects_in(points, labels):
-        if is_odd(points[labels == k], 0.07):
+        if is_odd(points[labels == k]):
             labels = _by_level(points, labels, labels == k)
     joined = set[int]()
     if not pointed:
@@ -66,7 +66,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     for k, own in things.items():
         low, high = low_and_high(own)[0], own[:, 2].max()
         said = {
-            MAY_BE_TWO: k in joined or (is_odd(own, 0.07) and may_be_two(own, seen)),
+            MAY_BE_TWO: k in joined or (is_odd(own) and may_be_two(own, seen)),
             TOUCHES: any(_touch(own, other) for j, other in things.items() if j != k),
             HIDDEN: k in hidden,
             TOP_ONLY: low > max(HIGH, 0.5 * high),  # half of its sides was not seen
