@@ -82,6 +82,11 @@ def grid(*axes: ArrayLike) -> Array:
     return np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(axes))
 
 
+def box_corners(low: ArrayLike, high: ArrayLike) -> Array:
+    """Return the corners (8, 3) of a box between its lowest and its highest (3,)."""
+    return np.array(np.meshgrid(*np.transpose([low, high]))).reshape(3, 8).T
+
+
 def cube_directions() -> Array:
     """Return the 26 unit directions (26, 3) to the faces, edges and corners of a cube."""
     points = grid(*[[-1.0, 0.0, 1.0]] * 3)

@@ -8,7 +8,7 @@ import numpy as np
 from dexgrasp.geometry.completion import completed_corners
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.target import PART_FACES, Parts
-from dexgrasp_env.arrays import Array, middle
+from dexgrasp_env.arrays import Array, box_corners, middle
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import cells_of, thinned
 from dexgrasp_env.perception.neighbourhoods import linked
@@ -107,7 +107,7 @@ def _boxes(points: Array, side: float, foot: float | None = None) -> Parts:
         centre, half = middle(held), np.maximum(0.5 * np.ptp(held, axis=0) + SEEN, _THICK)
         low, high = centre - half, centre + half
         low[2] = low[2] if foot is None else foot
-        boxes.append(np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T)
+        boxes.append(box_corners(low, high))
     return tuple(boxes)
 
 

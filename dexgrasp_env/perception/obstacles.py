@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.arrays import Array, Index, Mask, box_corners
 from dexgrasp_env.perception.levels import CELL, Level, Raster, cells_at, over
 from dexgrasp_env.perception.neighbourhoods import gaps_between, linked
 
@@ -113,4 +113,4 @@ def _boxes(cells: Index, side: float, lows: Array, tops: Array, alike: float) ->
     for run in np.split(np.arange(len(cells)), np.flatnonzero(apart) + 1):
         low = [*(side * cells[run[0]]), lows[run].min()]
         high = [*(side * (cells[run[-1]] + 1)), tops[run].max() + _MORE]
-        yield np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T
+        yield box_corners(low, high)

@@ -28,6 +28,7 @@ from dexgrasp_env.perception.standing import (
     are_two,
     can_stand,
     has_foot,
+    in_order,
     is_odd,
     may_be_two,
     overhang,
@@ -53,7 +54,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     labels = with_splinters(points, with_rims(points, segment_instances(cloud, plane).labels), seen)
     _, labels = np.unique(labels, return_inverse=True)
     for k in objects_in(points, labels):
-        if is_odd(points[labels == k], 0.07):
+        if is_odd(points[labels == k]):
             labels = _by_level(points, labels, labels == k)
     joined = set[int]()
     if not pointed:
@@ -65,7 +66,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     for k, own in things.items():
         low, high = low_and_high(own)[0], own[:, 2].max()
         said = {
-            MAY_BE_TWO: k in joined or (is_odd(own, 0.07) and may_be_two(own, seen)),
+            MAY_BE_TWO: k in joined or (is_odd(own) and may_be_two(own, seen)),
             TOUCHES: any(_touch(own, other) for j, other in things.items() if j != k),
             HIDDEN: k in hidden,
             TOP_ONLY: low > max(HIGH, 0.5 * high),  # half of its sides was not seen
@@ -122,8 +123,7 @@ def _with_parts(points: Array, labels: Index, everything: Array) -> tuple[Index,
 
 def _is_part(one: Array, two: Array) -> bool:
     """Return true for points (N, 3) m that are small beside what they touch (M, 3) m, among it, or run on in it."""
-    lower, upper = sorted((one, two), key=lambda part: low_and_high(part)[0])
-    over = low_and_high(upper)[0] > 0.8 * low_and_high(lower)[1]
+    lower, upper, over = in_order(one, two)
     if over and can_stand(upper, lower):
         return False
     least, most, whole = (volume_of(some) for some in (one, two, np.concatenate([one, two])))
@@ -134,13 +134,15 @@ def _is_part(one: Array, two: Array) -> bool:
 
 
 def _run_together(one: Array, two: Array) -> bool:
-    """Return true for points (N, 3) m that meet others (M, 3) m in a band: things that touch meet in lines."""
+    """Return true for points (N, 3) m beside others (M, 3) m that meet them in a band: what touches meets in a line."""
     few, many = sorted((points[thinned(points, THIN)] for points in (one, two)), key=len)
     near = 0.006  # m
     wide = (gaps_between(few, many) < near).mean() * longest_side(
         few
     )  # m, of the band were it as long as the thing
-    return bool(wide > 2.0 * near)
+    return bool(
+        wide > 2.0 * near and not in_order(one, two)[2]
+    )  # what is low and stands on another does, too
 
 
 def _with_hanging(points: Array, labels: Index, everything: Array) -> Index:

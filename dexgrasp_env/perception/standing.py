@@ -66,9 +66,9 @@ class Cut(NamedTuple):
         return bool(tops and np.ptp(tops) < min(0.003, 0.2 * points[:, 2].max()))
 
 
-def is_odd(points: Array, most: float) -> bool:
-    """Return true for points (N, 3) m of which more than a share lie deep in their hull, though it is not hollow."""
-    return deep_share(points) > most and not is_hollow(points)
+def is_odd(points: Array) -> bool:
+    """Return true for points (N, 3) m of which more than 7 % lie deep in their hull, though it is not hollow."""
+    return deep_share(points) > 0.07 and not is_hollow(points)
 
 
 def may_be_two(points: Array, everything: Array) -> bool:
@@ -89,7 +89,7 @@ def may_be_two(points: Array, everything: Array) -> bool:
 def _halves_are_two(points: Array, cut: Cut, everything: Array, by: float) -> bool:
     part = points @ cut.across >= cut.place + by
     one, other = points[part], points[~part]
-    return not is_odd(one, 0.07) and not is_odd(other, 0.07) and are_two(one, other, everything)
+    return not is_odd(one) and not is_odd(other) and are_two(one, other, everything)
 
 
 def are_two(one: Array, other: Array, everything: Array) -> bool:
@@ -99,10 +99,14 @@ def are_two(one: Array, other: Array, everything: Array) -> bool:
     """
     if is_handle(one, other) or is_handle(other, one):
         return False
+    lower, upper, over = in_order(one, other)
+    return has_foot(upper, lower) if over else not in_the_air(upper, everything)
+
+
+def in_order(one: Array, other: Array) -> tuple[Array, Array, bool]:
+    """Return the lower and the upper of points (N, 3) m and (M, 3) m, and true where that begins above most of it."""
     lower, upper = sorted((one, other), key=lambda part: low_and_high(part)[0])
-    if low_and_high(upper)[0] > 0.8 * low_and_high(lower)[1]:
-        return has_foot(upper, lower)
-    return not in_the_air(upper, everything)
+    return lower, upper, low_and_high(upper)[0] > 0.8 * low_and_high(lower)[1]
 
 
 def is_handle(one: Array, other: Array) -> bool:

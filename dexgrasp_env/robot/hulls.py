@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, box_corners
 
 
 def mesh_of(model: Any, geom: int) -> tuple[Array, Any]:
@@ -21,7 +21,7 @@ def corners_of(model: Any, geom: int) -> Array:
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         return mesh_of(model, geom)[0]
     middle, half = np.split(model.geom_aabb[geom], 2)
-    return middle + half * np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
+    return middle + box_corners(-half, half)
 
 
 def colour_of(model: Any, geom: int) -> Array:
