@@ -102,6 +102,7 @@ def free_asides(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> dict
     if not idle:
         return {}
     bodies = {model.body(name).id for finger in hand.fingers if finger.aside for name in finger.bodies}
+    first = {model.body(finger.bodies[0]).id for finger in hand.fingers}  # may be as near as in a grasp
     (low, high), columns = hand.joints.ranges, [column for own in idle.values() for column in own]
     straight = np.clip(0.0, low, high)[columns]
     spread = np.concatenate([finger.aside for finger in hand.fingers if finger.aside]) - straight
@@ -112,7 +113,8 @@ def free_asides(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> dict
         q[columns] = np.clip(straight + way, low[columns], high[columns])
         data = posed(wide, np.clip(hand.free[0] @ q + hand.free[1], low, high))
         mujoco.mj_collision(wide, data)
-        if not any(bodies & {*wide.geom_bodyid[contact.geom].tolist()} for contact in data.contact):
+        near = [({*wide.geom_bodyid[contact.geom].tolist()}, contact.dist) for contact in data.contact]
+        if not any(pair & bodies and not (pair <= first and apart > 0.003) for pair, apart in near):
             break
     return {name: q[own].round(6).tolist() for name, own in idle.items()}
 
