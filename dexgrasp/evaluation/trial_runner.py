@@ -45,7 +45,9 @@ class TrialRunner:
             "protocol": spec.protocol, "agent": spec.agent, "object": spec.label, "trial": spec.trial,
             "scene_seed": seeds.scene, "agent_seed": seeds.agent, "env": self._env_arguments(spec),
         }  # fmt: skip
-        if late and ":" in spec.agent and not is_server(spec.agent):  # an agent of the user's, which reads when it acts
+        if (
+            late and ":" in spec.agent and not is_server(spec.agent)
+        ):  # an agent of the user's, which reads when it acts
             row["files"] = hashes_by_name(late)
         return jsonable(row | asdict(outcome)), grasp
 
