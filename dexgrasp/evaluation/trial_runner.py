@@ -45,9 +45,8 @@ class TrialRunner:
             "protocol": spec.protocol, "agent": spec.agent, "object": spec.label, "trial": spec.trial,
             "scene_seed": seeds.scene, "agent_seed": seeds.agent, "env": self._env_arguments(spec),
         }  # fmt: skip
-        if (
-            late and ":" in spec.agent and not is_server(spec.agent)
-        ):  # an agent of the user's, which reads when it acts
+        # An agent of the user's reads when it acts; a served one does so elsewhere.
+        if late and ":" in spec.agent and not is_server(spec.agent):
             row["files"] = hashes_by_name(late)
         return jsonable(row | asdict(outcome)), grasp
 
