@@ -12,7 +12,7 @@ from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_see
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, hashes_by_name
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.evaluation.video import Video, VideoSettings
-from dexgrasp.registry import make_agent, placing_agent
+from dexgrasp.registry import is_server, make_agent, placing_agent
 from dexgrasp.runs.reading import files_read
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -45,7 +45,8 @@ class TrialRunner:
             "protocol": spec.protocol, "agent": spec.agent, "object": spec.label, "trial": spec.trial,
             "scene_seed": seeds.scene, "agent_seed": seeds.agent, "env": self._env_arguments(spec),
         }  # fmt: skip
-        if late and ":" in spec.agent:  # an agent of the user's, which reads when it acts
+        # An agent of the user's reads when it acts; a served one does so elsewhere.
+        if late and ":" in spec.agent and not is_server(spec.agent):
             row["files"] = hashes_by_name(late)
         return jsonable(row | asdict(outcome)), grasp
 
