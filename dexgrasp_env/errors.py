@@ -45,6 +45,6 @@ def unknown_argument(name: str, valid: object) -> UnknownArgumentError:
     return UnknownArgumentError(f"got an unexpected keyword argument {name!r}: valid are {words}")
 
 
-def first_line(error: Exception) -> str:
+def first_line(error: BaseException) -> str:
     """Return the first line of what an error says, its kind where it says nothing."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
