@@ -137,9 +137,7 @@ def test_poses_in_numbers(tmp_path):
     place = " ".join(map(str, POSE[:3, 3]))
     assert_allclose(read_pose(f"{place} {w} {x} {y} {z}"), POSE, atol=1e-9)
     assert_allclose(read_pose(f"[{place}] {x}, {y}, {z}, {w} xyzw"), POSE, atol=1e-9)
-    assert_allclose(
-        read_pose(" ".join(f"{x:.17f}" for x in POSE.ravel())), POSE
-    )  # no file has so long a name
+    assert_allclose(read_pose(" ".join(f"{x:.17f}" for x in POSE.ravel())), POSE)
     np.save(tmp_path / "a.npy", POSE)
     assert_array_equal(read_pose(str(tmp_path / "a.npy")), POSE)
     for wrong, words in mistakes("poses_in_numbers").items():

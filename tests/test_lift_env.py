@@ -216,10 +216,8 @@ def test_wrong_actions_and_options():
     for action, word in ((np.zeros(22), "shape"), (np.full(23, np.nan), "NaN"), (["1"] * 23, "numbers")):
         with refused(word):
             env.step(action)
-    places = {"object_pose": [0, 0, 1]}, {"object_pose": [0] * 7}
-    options = {"colour": 1}, {"object": "soda"}, {"object": ["soda"]}, ["object"], *places
-    for wrong in ({"seed": -1}, {"seed": 1.0}, *({"options": own} for own in options)):
-        with refused():
+    for wrong, words in mistakes("single_resets"):
+        with refused(words):
             env.reset(**wrong)
     with refused("a list of names"):
         LiftEnv(objects={"pear"})  # another order in another process
@@ -240,7 +238,7 @@ def test_impossible_poses_are_refused(position, word):
         env.step(np.zeros(23))
 
 
-@pytest.mark.parametrize("name", ["Lift-v0", "Lift-v1", "LiftPushed-v1", "Place-v1"])
+@pytest.mark.parametrize("name", mistakes("withdrawn"))
 def test_withdrawn_ids_say_what_follows_them(name):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

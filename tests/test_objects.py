@@ -81,7 +81,7 @@ def test_bad_targets_are_refused_in_one_line(target, options, message):
 
 
 def test_bad_lists_of_targets_are_refused():
-    for targets in ([], ["all21"], ["seen", "missing.stl"]):
+    for targets in mistakes("lists"):
         with refused():
             resolve_targets(targets)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from processes import typed
+from tables import mistakes
 from trial_rows import row as trial_row
 from trial_rows import write_run
 
@@ -111,7 +112,7 @@ def test_commands_are_those_that_made_it(folder):
     assert "in our lab-8b8c9eba" in describe_run(folder)
 
 
-@pytest.mark.parametrize("wrong", [{"versions": 3}, {"agents": "bilevel"}, {"objects": [1]}], ids=str)
+@pytest.mark.parametrize("wrong", mistakes("settings_of_runs"), ids=str)
 def test_settings_that_no_evaluation_writes_are_unknown(folder, wrong):
     run = json.loads((folder / "run.json").read_text())
     (folder / "run.json").write_text(json.dumps(run | wrong))

@@ -1,6 +1,7 @@
 """Requests: where contacts lie, which way the palm faces, which fingers; met by construction, and judged."""
 
 import json
+import pkgutil
 import time
 from dataclasses import replace
 
@@ -22,15 +23,11 @@ from dexgrasp.geometry.request import (
     Region,
     relaxations,
 )
-from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
-from dexgrasp.learning.imitation.bc_training import VIEWS
-from dexgrasp.learning.imitation.settings import BcSettings
 from dexgrasp.mechanics.kinematics.clearance import OBJECT, clearances
 from dexgrasp.planning.asked_rows import AIMED, with_request
 from dexgrasp.planning.constraints import evaluate
-from dexgrasp.planning.diverse import plan_many
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import bounds_of
@@ -143,12 +140,9 @@ def test_too_gentle_is_said():
     heavy = plan_cloud(block(), seed=2, planner=hasty, request=GraspRequest(mass=0.6, max_force=3.0))
     assert not heavy.success or not heavy.grasp.certificate.holds
     assert heavy.relaxation.startswith("none with at most 3 N a finger; one with ")
-    gentle = {"request": {"max_force": 2.0}}  # as GraspRequest(max_force=2.0)
-    for wrong, words in (
-        (gentle, "fingers press with 2.5 N"),
-        ({"seed": -1}, "seed"),
-        ({"label": 1}, "mask"),
-    ):
+    with refused("start is"):
+        hasty.plan(heavy.target, start=np.zeros(22))
+    for wrong, words in mistakes("clouds"):
         with refused(words):
             plan_cloud(block(), **wrong)
 
@@ -231,21 +225,10 @@ def test_what_is_known_of_the_object_is_of_the_request_and_judged():
     assert sure.relaxation.startswith("none held with probability 0.9999; one with 0.")
 
 
-def test_what_programs_call_refuses_what_is_of_another_kind():
-    planner, target = Planner(), GraspTarget.of(trimesh.creation.box([0.05] * 3))
-    for name, wrong in (
-        ("cell", lambda: Planner(cell="panda_allegro")),
-        ("patience", lambda: Planner(PlannerSettings(patience="x"))),
-        ("target", lambda: planner.plan(block())),
-        ("start", lambda: planner.plan(target, start=[0.0] * 22)),
-        ("seed", lambda: plan_many(planner, target, seed=-1)),
-        ("request", lambda: planner.asking(3)),
-        ("record", lambda: verify("grasp.json")),
-        ("epochs", lambda: BcSettings(epochs="5")),
-        ("data", lambda: VIEWS["state"]("demos", BcSettings(), "out")),
-    ):
-        with refused(f"{name} is .*: valid is"):
-            wrong()
+@pytest.mark.parametrize(("name", "wrong"), mistakes("calls"))
+def test_what_programs_call_refuses_what_is_of_another_kind(name, wrong):
+    with refused(f"{[*wrong][-1]} is .*: valid is"):
+        pkgutil.resolve_name(name)(**wrong)
 
 
 @pytest.mark.parametrize("wrong", mistakes("request_settings"))

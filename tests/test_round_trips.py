@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gymnasium import wrappers as gw
 from refusals import refused
-from tables import table
+from tables import mistakes, table
 
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.protocol import trial_seeds
@@ -49,7 +49,7 @@ def stacked_env(**settings):
 
 
 def timed_env(**settings):
-    return gw.TimeAwareObservation(flat_env(**settings), normalize_time=True)
+    return gw.TimeAwareObservation(gw.DtypeObservation(flat_env(**settings), np.float64), normalize_time=True)
 
 
 def sticky_env(**settings):
@@ -196,7 +196,7 @@ def test_what_contradicts_the_record_is_refused(tmp_path):
     assert make_agent(path, env_kwargs=["frame_skip=5e1"]).assumed == ""
     with refused("was trained with mount palm_normal: here it is fingers_along"):
         scores(path, tmp_path, mount="fingers_along")
-    for words in (["frame_skip=50", "frame_skip=25"], ["frame_skip"], ["frame_skip=["]):
+    for words in mistakes("env_kwargs"):
         with refused("--env-kwargs 'frame_skip"):
             make_agent(path, env_kwargs=words)
     with refused("is of checkpoints"):
@@ -220,9 +220,7 @@ def test_a_foreign_checkpoint_is_played_as_the_user_says(tmp_path, capsys):
     assert "says no more of what it was trained in" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    "word", ["os.system('true')", "RescaleAction(-1, 1)", "Nothing(", "Absent(a=1)", "F(a=b)"]
-)
+@pytest.mark.parametrize("word", mistakes("wrappers"))
 def test_wrappers_are_read_and_never_run(word, tmp_path):
     quick_ppo(DummyVecEnv([dict_env]), tmp_path / "p.zip")
     with refused("wrapper"):

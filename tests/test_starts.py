@@ -40,7 +40,7 @@ def test_joints_that_cannot_be_are_refused(options, word):
 
 
 def test_episodes_begin_on_the_way_to_pre_grasps():
-    objects = ["sugar_box", "mustard_bottle"]  # which lies on parts that are 1 mm within its surface
+    objects = ["sugar_box", "mustard_bottle"]
     starts = PreGrasps(objects=objects)
     assert starts.ways >= 4
     assert [*dict.fromkeys(starts.names)] == objects

@@ -182,8 +182,6 @@ def test_wrong_use_is_named_in_one_line():
     envs = native(2, objects="sugar_box", autoreset_mode="Disabled", max_episode_steps=1)
     with refused("reset"):
         envs.step(np.zeros((2, 23)))
-    with refused("seeds"):
-        envs.reset(seed=[1])
     with refused("reset_mask"):
         envs.reset(options={"reset_mask": np.zeros(2, bool)})
     envs.reset(seed=0)

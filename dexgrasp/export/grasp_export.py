@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -13,13 +14,13 @@ from dexgrasp.mechanics.kinematics.forward import hand_contact_jacobian
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array, Fields
-from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, jsonable
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat, placed, rigid
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.valid import POSITIVE, check, checked
+from dexgrasp_env.valid import Positive, checked, one_of
 
 _PRESSING = (
     "each of these presses in full, so send one: `closed` to the servos that were planned with, or `touching` plus "
@@ -31,8 +32,8 @@ _PRESSING = (
 def export_grasp(
     record: GraspRecord,
     folder: str | Path,
-    kind: str,
-    stiffness: float | None = None,
+    kind: Annotated[str, one_of(("csv", "json", "ros2", "mjcf"))],
+    stiffness: Positive | None = None,
     rejected: Sequence[str] = (),
 ) -> list[Path]:
     """Write a grasp's trajectory, or its scene, into a folder.
@@ -40,7 +41,7 @@ def export_grasp(
     Args:
         record: of a grasp file.
         folder: made if it is not there.
-        kind: one of `FORMATS`; `mjcf` and `ros2` have the csv beside them, so that it can be checked and, with a scene,
+        kind: of the files; `mjcf` and `ros2` have the csv beside them, so that it can be checked and, with a scene,
             replayed. Where only a cloud was seen, the scene's object is what was planned on.
         stiffness: Nm/rad of the hand's joint servos, for the squeeze as position offsets; None for the cell's.
         rejected: checks that the grasp fails, which the files are to say.
@@ -52,12 +53,8 @@ def export_grasp(
         InputError: for an unknown format, a file without approach and lift, ways that cannot be timed within the
             limits, or a mesh that is not here any more.
     """
-    formats = ("csv", "json", "ros2", "mjcf")
-    if kind not in formats:
-        raise unknown_name("format", kind, formats)
     cell, folder = record.check_cell(), expand(folder)
     stiffness = cell.robot.hand.joints.stiffness[0] if stiffness is None else stiffness
-    check("stiffness", stiffness, POSITIVE)
     if record.script is None:
         raise InputError(
             "this grasp file has no approach and no lift: plan it again with `dexgrasp plan --out`"

@@ -27,11 +27,12 @@ from dexgrasp_env.objects.sets import (
     set_member,
     set_targets,
 )
-from dexgrasp_env.valid import MASS, NAMED, Rule, check, number
+from dexgrasp_env.valid import NAMED, Mass, Positive, Rule, check, checked
 
 
+@checked
 def load_object(
-    target: str | os.PathLike[str], *, scale: float = 1.0, mass: float | None = None
+    target: str | os.PathLike[str], *, scale: Positive = 1.0, mass: Mass | None = None
 ) -> ObjectModel:
     """Return an object of the catalogue, or a user's mesh made fit for use.
 
@@ -45,8 +46,6 @@ def load_object(
         InputError: for an unknown name, a file that cannot be used, a scale or a mass that is not positive.
     """
     target = str(check("object", target, NAMED))
-    scale = check("scale", scale, number(gt=0))
-    mass = None if mass is None else check("mass", mass, MASS)
     if is_ours(target):
         model = (catalogue_object if target in CATALOGUE else varied_object)(target).scaled(scale)
         return model if mass is None else model.with_mass(mass)

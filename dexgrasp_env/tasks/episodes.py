@@ -106,16 +106,6 @@ class Episodes(EpisodeInfos):
         """Return an observation as agents are given it."""
         return observation if self._features is None else observation[FLAT]
 
-    def start_from(self, starts: Starts | None) -> None:
-        """Set the source of options for resets that are given none.
-
-        Raises:
-            InputError: for what cannot be asked for them.
-        """
-        if starts is not None and (isinstance(starts, type) or not callable(starts)):
-            raise InputError(f"starts is {starts!r}: valid is what returns a reset's options, as PreGrasps()")
-        self.starts = starts
-
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> tuple[Simulation, Arrays]:
         """Start episode `i`: draw what it is of and let its object settle, or go on from a state.
 

@@ -15,6 +15,7 @@ from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.files import expand, read_npz
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.settings import LiftSettings
+from dexgrasp_env.tasks.slots import Starts
 from dexgrasp_env.valid import check, number
 
 _LATEST, _BACK = 0.9, 0.1  # shares of a way: where episodes begin at first, what is won at a time
@@ -125,6 +126,19 @@ class PreGrasps(ReverseStarts):
         k = min(int(at), len(joints) - 2)
         posture = joints[k] + (at - k) * (joints[k + 1] - joints[k])
         return {"object": self.names[way], "object_pose": self.poses[way], "joints": posture}
+
+
+def some_starts(starts: Starts | None) -> Starts | None:
+    """Return what gives resets their options, as it is.
+
+    Raises:
+        InputError: for what cannot be asked for them.
+    """
+    if starts is not None and (isinstance(starts, type) or not callable(starts)):
+        raise InputError(
+            f"starts is {starts!r}: valid is what is called for a reset's options, as PreGrasps()"
+        )
+    return starts
 
 
 def pre_grasps(settings: LiftSettings) -> PreGrasps | None:

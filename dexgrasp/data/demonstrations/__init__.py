@@ -1,5 +1,10 @@
 """Demonstrations: rollouts of agents, converted, replayed, and stored as data sets that other libraries read."""
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dexgrasp.data.demonstrations.resets import DemoResets
+
 __all__ = ["DemoResets"]
 
 

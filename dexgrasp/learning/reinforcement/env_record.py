@@ -172,13 +172,17 @@ def record_environment(env: Any, path: str | Path) -> Path:
 
 
 def _packed(array: Any) -> Fields:
+    if isinstance(array, type) and issubclass(array, np.generic):
+        return {"dtype": array.__name__}
     return {"array": array.tolist(), "dtype": str(array.dtype)}
 
 
 def array_of(value: Any) -> Any:
-    """Return an argument from its JSON: an array, or the value as it is."""
-    packed = isinstance(value, Mapping) and value.keys() == {"array", "dtype"}
-    return np.array(value["array"], dtype=str(value["dtype"]))[()] if packed else value
+    """Return an argument from its JSON: an array, a type of arrays, or the value as it is."""
+    if not isinstance(value, Mapping) or "dtype" not in value or value.keys() - {"array", "dtype"}:
+        return value
+    dtype = np.dtype(str(value["dtype"]))
+    return np.array(value["array"], dtype=dtype)[()] if "array" in value else dtype.type
 
 
 def _acting(records: Sequence[WrapperRecord | None]) -> tuple[WrapperRecord, ...]:
