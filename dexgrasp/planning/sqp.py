@@ -8,14 +8,13 @@ constraint that blocks and by how much.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import daqp
 import numpy as np
 
 from dexgrasp.mechanics.kinematics.clearance import KINDS
 from dexgrasp.mechanics.kinematics.forward import follow
-from dexgrasp.planning.asked_rows import AIMED, ASKED_KINDS, LEAST, Reserve, with_request
+from dexgrasp.planning.asked_rows import ASKED_KINDS, with_request
 from dexgrasp.planning.constraints import MARGIN_SCALE, Bounds, Evaluation, evaluate, fixed_rows
 from dexgrasp.planning.settings import GraspProblem
 from dexgrasp_env.arrays import Array, Index
@@ -74,12 +73,6 @@ def solve(q: Array, problem: GraspProblem, *, with_margin: bool = True) -> Solut
     return _Solver(problem, with_margin).run(np.array(q, dtype=float))
 
 
-class _Goal(NamedTuple):
-    bounds: Bounds
-    reserve: Reserve
-    end: int  # of the steps, by when it is to be reached
-
-
 class _Solver:
     def __init__(self, problem: GraspProblem, with_margin: bool) -> None:
         tree, settings = problem.tree, problem.settings
@@ -91,34 +84,31 @@ class _Solver:
         self._low = tree.lower[tree.moved] + settings.joint_margin * self._unit
         self._high = tree.upper[tree.moved] - settings.joint_margin * self._unit
         self._narrowed = with_margin and problem.target.narrowed
-        aimed = bounds_of(problem, settings.closure_aim, slack=1e-4)
-        modest = bounds_of(problem, settings.closure_margin + 0.02, slack=1e-4)
-        self._goals = [_Goal(aimed, LEAST, self._budget), _Goal(modest, LEAST, self._budget)]
-        if self._narrowed:  # more than is asked for is tried for half of the steps
-            self._goals.insert(0, _Goal(aimed, AIMED, self._budget // 2))
-        self._least = _Goal(bounds_of(problem, settings.closure_margin), LEAST, 0)
+        self._goals = [
+            bounds_of(problem, margin, slack=1e-4)
+            for margin in (settings.closure_aim, settings.closure_margin + 0.02)
+        ]
+        self._least = bounds_of(problem, settings.closure_margin)
 
-    def evaluate(self, q: Array, goal: _Goal) -> Evaluation:
+    def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
         """Return constraints and their gradients at `q` (n,) rad."""
-        now = evaluate(
-            q, self._tree, self._obstacle, self._world, goal.bounds, self._shape, self._with_margin
-        )
-        return with_request(now, q, self._problem, goal.reserve) if self._narrowed else now
+        now = evaluate(q, self._tree, self._obstacle, self._world, bounds, self._shape, self._with_margin)
+        return with_request(now, q, self._problem) if self._narrowed else now
 
     def run(self, q: Array) -> Solution:
-        """Work towards what is aimed at; where that is too much, towards the least."""
+        """Work towards the margin aimed at; where that is too much, towards the least one."""
         q[self._moved] = np.clip(q[self._moved], self._low, self._high)
         steps = 0
         for goal in self._goals:
-            q, now, used = self._descend(q, goal, goal.end - steps)
+            q, now, used = self._descend(q, goal, self._budget - steps)
             steps += used
             follow(q, self._tree)
-            solution = self._solution(q, now, goal.bounds, steps)
+            solution = self._solution(q, now, goal, steps)
             if solution.feasible or not self._with_margin:
                 break
         return solution
 
-    def _descend(self, q: Array, goal: _Goal, budget: int) -> tuple[Array, Evaluation, int]:
+    def _descend(self, q: Array, goal: Bounds, budget: int) -> tuple[Array, Evaluation, int]:
         now, trust, steps = self.evaluate(q, goal), _TRUST, 0
         merit = _total_violation(now.values)
         while steps < budget and merit > TOLERANCE and trust > _LEAST_TRUST:
@@ -151,18 +141,15 @@ class _Solver:
             return np.zeros(n)
         return x if flag > 0 else np.clip(x, lower, upper) * 0.5
 
-    def _solution(self, q: Array, now: Evaluation, bounds: Bounds, steps: int) -> Solution:
+    def _solution(self, q: Array, now: Evaluation, goal: Bounds, steps: int) -> Solution:
         """Judge by the least that is accepted, not by what was aimed at."""
-        least, values, g = self._least.bounds, now.values.copy(), self._shape.contacts
+        least, values, g = self._least, now.values.copy(), self._shape.contacts
         closure, *_, fixed = fixed_rows(g)
-        values[:g] += bounds.low - least.low
-        values[g:closure] += least.high - bounds.high
+        values[:g] += goal.low - least.low
+        values[g:closure] += least.high - goal.high
         if self._with_margin:
-            values[closure] += MARGIN_SCALE * (bounds.margin - least.margin)
-        values[fixed:] += bounds.clearance - least.clearance
-        if self._narrowed:
-            now = self.evaluate(q, self._least)
-            values = now.values
+            values[closure] += MARGIN_SCALE * (goal.margin - least.margin)
+        values[fixed:][now.labels[fixed:, 0] < len(KINDS)] += goal.clearance - least.clearance
         worst = np.argmin(values)
         violation = max(0.0, -float(values[worst]))
         feasible = violation <= TOLERANCE and bool(np.isfinite(values).all())

@@ -15,7 +15,7 @@ from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.member import EpisodeAccess
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
-from dexgrasp_env.tasks.starts import some_starts
+from dexgrasp_env.tasks.starts import valid_starts
 from dexgrasp_env.valid import NATURAL, check
 
 
@@ -106,7 +106,7 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
 
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none."""
-        self._episodes.starts = some_starts(starts)
+        self._episodes.starts = valid_starts(starts)
 
     def _look(self, observed: Arrays, begins: bool = False) -> tuple[Arrays, Fields]:
         self._episodes.look(0, self.data.qpos, lambda: self.simulation, self.np_random, begins)

@@ -128,7 +128,7 @@ class PreGrasps(ReverseStarts):
         return {"object": self.names[way], "object_pose": self.poses[way], "joints": posture}
 
 
-def some_starts(starts: Starts | None) -> Starts | None:
+def valid_starts(starts: Starts | None) -> Starts | None:
     """Return what gives resets their options, as it is.
 
     Raises:
@@ -136,7 +136,7 @@ def some_starts(starts: Starts | None) -> Starts | None:
     """
     if starts is not None and (isinstance(starts, type) or not callable(starts)):
         raise InputError(
-            f"starts is {starts!r}: valid is what is called for a reset's options, as PreGrasps()"
+            f"starts is {starts!r}: valid is what returns a reset's options, as PreGrasps()"
         )
     return starts
 

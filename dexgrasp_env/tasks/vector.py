@@ -29,7 +29,7 @@ from dexgrasp_env.tasks.place import GoalRewards, PlaceEnv
 from dexgrasp_env.tasks.settings import PICTURES
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
-from dexgrasp_env.tasks.starts import some_starts
+from dexgrasp_env.tasks.starts import valid_starts
 from dexgrasp_env.valid import COUNT, NATURAL, Rule, check, instance, number
 
 
@@ -283,7 +283,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
 
     def start_from(self, starts: Starts | None) -> None:
         """Set the source of options for resets that are given none, those within `step` too."""
-        self._episodes.starts = some_starts(starts)
+        self._episodes.starts = valid_starts(starts)
 
     def __getstate__(self) -> Fields:
         """The constructor's arguments and the episodes: compiled models and threads are made anew."""
