@@ -1,7 +1,7 @@
 """PPO of Stable-Baselines3 on `LiftStaged`: six looks an episode, each a set-point in the grasp space.
 
-`python examples/train_ppo_lift_staged.py --objects all20 --episodes 20000` writes `out/ppo.zip`, an agent by its path
-(`dexgrasp evaluate --agents ppo:out/ppo.zip --objects all20`), and `out/ppo_curve.json`.
+`python examples/train_ppo_lift_staged.py --demos runs/demos` writes `out/ppo.zip`, an agent by its path
+(`dexgrasp evaluate --agents ppo:out/ppo.zip --objects tomato_soup_can`), and `out/ppo_curve.json`.
 """
 
 import argparse
@@ -14,12 +14,14 @@ import torch
 from stable_baselines3 import PPO
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.data.demonstrations.resets import DemoResets
 
 PARSER = argparse.ArgumentParser(description=__doc__)
 PARSER.add_argument("--objects", nargs="+", default=["tomato_soup_can"], help="names, sets, mesh files")
 PARSER.add_argument("--episodes", type=int, default=5000, help="six actions each")
 PARSER.add_argument("--every", type=int, default=500, help="episodes from one look to the next")
 PARSER.add_argument("--trials", type=int, default=100, help="fresh scenes in the end")
+PARSER.add_argument("--demos", type=Path, help="of `dexgrasp demos generate`: episodes begin along them")
 PARSER.add_argument("--seed", type=int, default=0)
 PARSER.add_argument("--out", type=Path, default=Path("out/ppo"))
 LOOKS, BATCH = 6, 100  # actions an episode; episodes from one update to the next
@@ -42,6 +44,8 @@ def main() -> None:
     args, curve, minutes = PARSER.parse_args(), [], 0.0
     torch.set_num_threads(1)
     env, other = (gym.make("DexGrasp/LiftStaged-v0", objects=args.objects) for _ in range(2))
+    if args.demos:
+        DemoResets(args.demos).attach(env)
     steps = LOOKS * min(args.every, BATCH)
     model = PPO("MlpPolicy", env, n_steps=steps, batch_size=min(60, steps), seed=args.seed, device="cpu")
     args.out.parent.mkdir(parents=True, exist_ok=True)
@@ -55,8 +59,8 @@ def main() -> None:
     model.save(args.out)
     fresh = held(model, other, range(1000, 1000 + args.trials))
     print(fresh, "of", args.trials, "fresh scenes held")
-    told = {"settings": vars(args) | {"out": str(args.out)}, "curve": curve, "fresh": fresh}
-    args.out.with_name(f"{args.out.name}_curve.json").write_text(json.dumps(told, indent=1))
+    told = {"settings": vars(args), "curve": curve, "fresh": fresh}
+    args.out.with_name(f"{args.out.name}_curve.json").write_text(json.dumps(told, indent=1, default=str))
 
 
 if __name__ == "__main__":

@@ -137,12 +137,9 @@ def _run_together(one: Array, two: Array) -> bool:
     """Return true for points (N, 3) m beside others (M, 3) m that meet them in a band: what touches meets in a line."""
     few, many = sorted((points[thinned(points, THIN)] for points in (one, two)), key=len)
     near = 0.006  # m
-    wide = (gaps_between(few, many) < near).mean() * longest_side(
-        few
-    )  # m, of the band were it as long as the thing
-    return bool(
-        wide > 2.0 * near and not in_order(one, two)[2]
-    )  # what is low and stands on another does, too
+    width = (gaps_between(few, many) < near).mean() * longest_side(few)  # m, of a band as long as the thing
+    upper_over_lower = in_order(one, two)[2]  # what is low and stands on another meets it in a band as well
+    return bool(width > 2.0 * near and not upper_over_lower)
 
 
 def _with_hanging(points: Array, labels: Index, everything: Array) -> Index:

@@ -135,9 +135,7 @@ def valid_starts(starts: Starts | None) -> Starts | None:
         InputError: for what cannot be asked for them.
     """
     if starts is not None and (isinstance(starts, type) or not callable(starts)):
-        raise InputError(
-            f"starts is {starts!r}: valid is what returns a reset's options, as PreGrasps()"
-        )
+        raise InputError(f"starts is {starts!r}: valid is what returns a reset's options, as PreGrasps()")
     return starts
 
 
