@@ -12,7 +12,7 @@ from dexgrasp_env.arrays import Array
 ASKED_KINDS = "contact_outside_request", "palm_direction"
 
 _CONTACT = 1e-4  # m, of contacts from the edge of where they may be
-_LINK = 0.010  # m, of links that are not to touch the object from it: it turns in the hand when it is squeezed
+_LINK = 0.010  # m, of links that are not to touch the object from it: it turns when it is squeezed
 _TURN = 2e-4  # rad, of the palm from the edge of its cone
 
 
