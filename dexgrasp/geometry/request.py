@@ -290,6 +290,11 @@ class Demand:
         """Take the request and the pose (4, 4) of the world in the base's frame."""
         self.request, self._pose = request, T_base_world
 
+    @property
+    def degrees(self) -> float:
+        """Half-angle of the cone that palms are to face in; 180 where none is asked for."""
+        return 180.0 if self.request.approach is None else self.request.approach.degrees
+
     def allows(self, contacts: Array, margin: float = 0.0) -> Mask:
         """Return which contacts (..., 3) m, world frame, are where they may be, `margin` m from the edge (...)."""
         flat = placed(self._pose, np.reshape(contacts, (-1, 3)))
@@ -303,8 +308,7 @@ class Demand:
 
     def turned(self, face: Array) -> tuple[float, Array]:
         """Return how far a palm that faces a way (3,), world frame, is outside what is asked, rad; its slope (3,)."""
-        most = 180.0 if self.request.approach is None else self.request.approach.degrees
-        off = np.radians(self.off(face + np.vstack([np.zeros(3), _STEP * np.eye(3)])) - most)
+        off = np.radians(self.off(face + np.vstack([np.zeros(3), _STEP * np.eye(3)])) - self.degrees)
         return float(off[0]), (off[1:] - off[0]) / _STEP
 
     def off(self, faces: Array) -> Array:
@@ -314,8 +318,7 @@ class Demand:
 
     def faces(self, faces: Array) -> Mask:
         """Return which palms that face the ways (N, 3), world frame, do as is asked."""
-        approach = self.request.approach
-        return self.off(faces) <= (180.0 if approach is None else approach.degrees)
+        return self.off(faces) <= self.degrees
 
 
 def relaxations(request: GraspRequest) -> dict[str, list[GraspRequest]]:
