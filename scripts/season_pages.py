@@ -107,7 +107,7 @@ def rewritten(text: str, root: Path = ROOT) -> str:
         name, row = found["name"], found["row"]
         agent = agents_of(name, root)[0][found["agent"]]
         cell = {**agent["by_set"], **_cells(agent, "by_protocol")}[row]
-        words = f"{cell['successes']:,} of {cell['trials']:,}, {rate_words(cell)}"
+        words = f"{rate_words(cell)}, {cell['successes']:,} of {cell['trials']:,}"
         return f"<!-- rate:{name} {found['agent']} {row} -->{words}<!-- /rate -->"
 
     return _RATES.sub(rate, _MARKS.sub(table, text))

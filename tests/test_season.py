@@ -95,7 +95,7 @@ def test_a_season_is_played_once_shown_by_its_trials_and_verified(house):
     )
     shown = pages.rewritten(page, root)
     assert "| 2 | 0.0 [0, 66] |" in shown
-    assert "0 of 2, 0.0 % [0, 66]<!-- /rate -->" in shown
+    assert "0.0 % [0, 66], 0 of 2<!-- /rate -->" in shown
     assert "python scripts/season.py show 2027-01/small" in shown
     found = list(season.verify(commitment.read_season(path), 2, 0, root))
     assert [right for right, _ in found] == [True] * 4
