@@ -10,7 +10,7 @@ import numpy as np
 
 from dexgrasp.agent import Agent, Info, Observation, Report, cell_of
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.geometry.neighbours import neighbours_of
+from dexgrasp.geometry.neighbours import neighbours_of, without_splinters
 from dexgrasp.geometry.target import PART_FACES
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
@@ -178,7 +178,9 @@ class ClearingAgent(PlacingAgent):
             if self.report.failure is None:
                 self._idle, self._size = False, np.ptp(things[k].points, axis=0)
                 self._over = max([0.0, *(one.points[:, 2].max() for one in others)])
-                self._around = neighbours_of(replace(scene, target=things[k], neighbours=others))
+                self._around = neighbours_of(
+                    without_splinters(replace(scene, target=things[k], neighbours=others))
+                )
                 return
 
     def _order(self, things: list[ObjectCloud]) -> list[int]:

@@ -159,7 +159,7 @@ def chosen_line(seen: "list[DetectedObject]") -> str:
 
 def blocking_lines(scene: "Scene", seen: "list[DetectedObject]", found: "PlanResult") -> list[str]:
     """Return a line for each object that blocks every lift; where none does, for each that may be too near."""
-    from dexgrasp.geometry.neighbours import neighbours_of
+    from dexgrasp.geometry.neighbours import neighbours_of, without_splinters
     from dexgrasp.grasp.grasp import RAISED
     from dexgrasp.motion.collision import raised_into
     from dexgrasp_env.perception.scene import ObjectCloud
@@ -171,7 +171,10 @@ def blocking_lines(scene: "Scene", seen: "list[DetectedObject]", found: "PlanRes
         for own, cloud in zip(seen[1:], scene.neighbours, strict=True)
     ]
     over, beside = list[str](), list[str]()
-    for words, alone, apart in (*around, ("what is no object", replace(scene, neighbours=()), inf)):
+    for words, alone, apart in (
+        *around,
+        ("what is no object", replace(without_splinters(scene), neighbours=()), inf),
+    ):
         if raised_into(replace(found.target, neighbours=neighbours_of(alone)), RAISED) > 0.0:
             over.append(f"in the way of lifting it straight up: {words}: take that away first")
         elif apart < 0.04:  # m beside the object that fingers need

@@ -1,7 +1,7 @@
 """Convex parts of the neighbours of a target: hulls of objects, columns of walls."""
 
 from contextlib import suppress
-from functools import lru_cache
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,32 +28,32 @@ def neighbours_of(scene: Scene, give: float = 0.0) -> tuple[Parts, ...]:
     hollow or reaches around it, and the columns that its points stand in take the hull's place.
 
     Args:
-        scene: what is seen.
+        scene: what is seen, `without_splinters`.
         give: m that neighbours, which are loose, may be pushed: by so much they are taken for smaller. What is no
             object stays as it is.
     """
     found = [tuple(_smaller(part, give) for part in _parts(one, scene)) for one in scene.neighbours]
-    found.append(columns(_beside(scene)) + scene.boxes)
+    found.append(columns(scene.rest.points) + scene.boxes)
     most = 60  # parts of a neighbour, as a grasp file takes them
     return tuple(parts[k : k + most] for parts in found for k in range(0, len(parts), most))
 
 
 def points_around(scene: Scene) -> Array:
     """Return points (N, 3) m, one a centimetre and 5000 at most, that the parts of neighbours are made to hold."""
-    clouds = [*(one.points for one in scene.neighbours), _beside(scene)]
-    found = np.concatenate([_together(points, _SIDE) for points in clouds])
+    clouds = *scene.neighbours, scene.rest
+    found = np.concatenate([_together(one.points, _SIDE) for one in clouds])
     found = found[thinned(found, 0.01)]
     return found[:: max(1, -(-len(found) // 5000))]
 
 
-@lru_cache(maxsize=1)  # of a scene it is asked for twice
-def _beside(scene: Scene) -> Array:
-    """Return the points (N, 3) m of what is no object, without splinters of the target: those within its hull."""
-    rest = scene.rest.points
+def without_splinters(scene: Scene) -> Scene:
+    """Return a scene of whose points of no object those within the target's hull are left out."""
+    rest = scene.rest
     hull = completed_corners(scene.target, scene.plane)[0] if len(rest) >= _LEAST else None
     if hull is None:
-        return rest
-    return rest[ConvexDistance.from_points(hull, PART_FACES).distance(rest) > SEEN]
+        return scene
+    outside = ConvexDistance.from_points(hull, PART_FACES).distance(rest.points) > SEEN
+    return replace(scene, rest=ObjectCloud(rest.points[outside], rest.normals[outside]))
 
 
 def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dexgrasp.agent import Observation
 from dexgrasp.geometry.completion import NoTarget, target_of
-from dexgrasp.geometry.neighbours import neighbours_of, points_around
+from dexgrasp.geometry.neighbours import neighbours_of, points_around, without_splinters
 from dexgrasp.geometry.request import ANYHOW, Demand, GraspRequest
 from dexgrasp.planning.cvae_source import make_source
 from dexgrasp.planning.diverse import plan_many, with_success_probability
@@ -49,7 +49,10 @@ def plan_scene(
         neighbour_margin: m that neighbours may be pushed, see `neighbours_of`.
         relax: where what the planner is asked for cannot be had, say in `relaxation` what can.
     """
-    began, planner = time.perf_counter(), planner.seeing(_table_of(scene, planner.cell, neighbour_margin))
+    began = time.perf_counter()
+    if scene.reason is None:
+        scene = without_splinters(scene)
+    planner = planner.seeing(_table_of(scene, planner.cell, neighbour_margin))
     request = planner.request
     count = request.count
     try:
