@@ -19,10 +19,10 @@ from dexgrasp_env.robot.model import posed, swept
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.postures import (
     always_near,
-    free_asides,
     home_posture,
     open_posture,
     overlapping_links,
+    put_aside,
 )
 from dexgrasp_env.robot.rebuilt import FLANGE, about, compiled, frame_entry, matrix
 from dexgrasp_env.robot.recipes import Recipe
@@ -76,9 +76,11 @@ def hand_entry(
         pairs = ", ".join(" and ".join(pair) for pair in touching)
         maker.notes.append(f"hand excluded: {pairs} overlap as they are joined, and do not collide")
         near += touching
-    asides = free_asides(value, model, open_at)
+    open_at = put_aside(value, model, open_at)
+    places = dict(zip(value.joints.names, open_at, strict=True))
     for finger in entry["fingers"]:
-        finger |= stated({"aside": asides.get(finger["name"], ())})
+        if "aside" in finger:
+            finger["aside"] = [places[joint] for joint in finger["joints"]]
     position = entry["mounts"]["palm_normal"]["position"]
     if arm is None:
         behind = FLANGE + PLATE + _behind(model, np.array(open_at), position)

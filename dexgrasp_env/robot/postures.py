@@ -10,7 +10,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.model import bodies_apart, joints_between, posed, swept
 from dexgrasp_env.robot.rebuilt import FLANGE
-from dexgrasp_env.robot.robot import Arm, Hand
+from dexgrasp_env.robot.robot import Arm, Finger, Hand
 
 
 def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
@@ -86,37 +86,52 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
     return tuple(sorted(found))
 
 
-def free_asides(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> dict[str, list[float]]:
-    """Return the postures (k,) rad of idle fingers, by their names, spread so far that they touch nothing.
+def put_aside(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> list[float]:
+    """Return an open posture (h,) rad with idle fingers spread so far that they are in nobody's way.
 
-    Where no spread alone will do, the nearest of drawn ones to straight is taken.
+    Where neither a spread alike nor a fan of them will do, the nearest of drawn postures to straight is taken.
 
     Args:
         hand: whose fingers state `aside`, straight but for a spread.
         model: of the hand alone, frames as here.
         open_at: (h,) rad, of the others.
     """
+    idle = [finger for finger in hand.fingers if finger.aside]
+    if not idle:
+        return open_at
     wide = copy.copy(model)
     wide.geom_margin[:] = 0.0022  # m: two are more than the 4 mm that an open hand keeps from itself
-    idle = {f.name: [hand.joints.names.index(j) for j in f.joints] for f in hand.fingers if f.aside}
-    if not idle:
-        return {}
-    bodies = {model.body(name).id for finger in hand.fingers if finger.aside for name in finger.bodies}
+    bodies = {model.body(name).id for finger in idle for name in finger.bodies}
+    still = bodies | {model.body(hand.palm).id}  # no grasp moves them
     first = {model.body(finger.bodies[0]).id for finger in hand.fingers}  # may be as near as in a grasp
-    (low, high), columns = hand.joints.ranges, [column for own in idle.values() for column in own]
+    low, high = hand.joints.ranges
+    columns = [hand.joints.names.index(joint) for finger in idle for joint in finger.joints]
     straight = np.clip(0.0, low, high)[columns]
-    spread = np.concatenate([finger.aside for finger in hand.fingers if finger.aside]) - straight
+    spread = np.concatenate([finger.aside for finger in idle]) - straight
+    fan = np.repeat(_fan(hand, model, idle), [len(finger.joints) for finger in idle]) * spread
     drawn = np.random.default_rng(0).normal(0.0, 0.2, (500, len(columns))) * (high - low)[columns]
     drawn = drawn[np.argsort(np.linalg.norm(drawn, axis=1))]
-    for way in (*np.outer((1.0, 0.5, 0.25, 0.0), spread), *drawn, 0.0 * spread):
+    spreads = [share * way for share in (1.0, 0.5, 0.25, 0.0) for way in (spread, fan)]
+    for way in (*spreads, *drawn, 0.0 * spread):
         q = np.array(open_at)
         q[columns] = np.clip(straight + way, low[columns], high[columns])
         data = posed(wide, np.clip(hand.free[0] @ q + hand.free[1], low, high))
         mujoco.mj_collision(wide, data)
         near = [({*wide.geom_bodyid[contact.geom].tolist()}, contact.dist) for contact in data.contact]
-        if not any(pair & bodies and not (pair <= first and apart > 0.003) for pair, apart in near):
+        if not any(
+            pair & bodies and apart < (0.0015 if pair <= still else 0.003 if pair <= first else 1.0)
+            for pair, apart in near
+        ):
             break
-    return {name: q[own].round(6).tolist() for name, own in idle.items()}
+    return q.round(6).tolist()
+
+
+def _fan(hand: Hand, model: mujoco.MjModel, idle: list[Finger]) -> Array:
+    """Return by which share each of idle fingers spreads in a fan: the farther from those that grasp, the more."""
+    data = posed(model, np.clip(0.0, *hand.joints.ranges))
+    others = [data.body(hand.finger(name).bodies[0]).xpos for name in hand.grasp[1:]]
+    away = [np.linalg.norm(data.body(finger.bodies[0]).xpos - np.mean(others, axis=0)) for finger in idle]
+    return np.array(away) / max(away)
 
 
 def overlapping_links(model: mujoco.MjModel, q: Array) -> tuple[tuple[str, str], ...]:
