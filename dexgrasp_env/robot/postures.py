@@ -37,9 +37,7 @@ def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, boo
     """Return the best of postures (k, h) rad in which nothing touches, and whether there is one; or the best of all."""
     (low, high), (C, c) = hand.joints.ranges, hand.free
     drawn = np.clip(drawn @ C.T + c, low, high)
-    merits = np.array(
-        [_dexterity(hand, data) - 2.0 * _strain(data.qpos, low, high).mean() for data in swept(model, drawn)]
-    )
+    merits = _dexterity(hand, model, drawn) - 2.0 * _strain(drawn, low, high).mean(1)
     for k in np.argsort(-merits)[:200]:
         data = posed(model, drawn[k])
         mujoco.mj_forward(model, data)
@@ -157,20 +155,23 @@ def _strain(q: Array, low: Array, high: Array) -> Array:
     return ((q - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2
 
 
-def _dexterity(hand: Hand, data: mujoco.MjData) -> float:
-    sites = [data.site(hand.finger(name).tip) for name in hand.grasp]
-    tips, frames = np.array([s.xpos for s in sites]), np.array([s.xmat.reshape(3, 3) for s in sites])
-    between = tips[1:].mean(0) - tips[0]
-    span = float(np.linalg.norm(between))
-    pads = frames[:, :, 0] @ (between / max(span, 1e-6))
-    facing = pads[0] - pads[1:].mean()
+def _dexterity(hand: Hand, model: mujoco.MjModel, drawn: Array) -> Array:
+    """Return how well tips face each other in front of the palm in postures (k, h) rad."""
+    sites = [model.site(hand.finger(name).tip).id for name in hand.grasp]
+    tips, frames = np.empty((len(drawn), len(sites), 3)), np.empty((len(drawn), len(sites), 9))
+    for k, data in enumerate(swept(model, drawn)):
+        tips[k], frames[k] = data.site_xpos[sites], data.site_xmat[sites]
+    between = tips[:, 1:].mean(1) - tips[:, 0]
+    span = np.linalg.norm(between, axis=1)
+    pads = (frames[..., 0::3] * (between / np.maximum(span, 1e-6)[:, None])[:, None]).sum(2)
+    facing = pads[:, 0] - pads[:, 1:].mean(1)
     # Opposing tips 9 cm apart are best; 3 cm of a miss count as one.
-    return float(
+    return (
         facing
-        + frames[:, 0, 2].min()
-        - abs(span - 0.09) / 0.03
-        - np.ptp(tips[:, 0]) / 0.03
-        - 20.0 * (tips[:, 0].min() < 0.02)
+        + frames[..., 2].min(1)
+        - np.abs(span - 0.09) / 0.03
+        - np.ptp(tips[..., 0], axis=1) / 0.03
+        - 20.0 * (tips[..., 0].min(1) < 0.02)
     )
 
 
