@@ -286,7 +286,7 @@ def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
 @lru_cache(maxsize=2)
 def _palms_down(cell: Cell, nearer: float = 0.0) -> dict[tuple[float, ...], Array]:
     """Postures (n,) rad of palms that look down on the middle of the table, or so much nearer to the base, m."""
-    tree, found = robot_tree(cell), {}
+    tree, found = robot_tree(cell), dict[tuple[float, ...], Array]()
     for x, y, yaw in _PALMS:
         q = tree.home.copy()
         reached = reach_palm(q, about_z(yaw) @ PALM_DOWN, np.array([x - nearer, y, 0.2]), tree)
