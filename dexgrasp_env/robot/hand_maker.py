@@ -11,7 +11,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.robot.couplings import couplings, led_by, narrow, share
 from dexgrasp_env.robot.description import bearers
 from dexgrasp_env.robot.gripper import Jaws, find_jaws, like_reach
-from dexgrasp_env.robot.hulls import cut
+from dexgrasp_env.robot.hulls import cut, hull_of
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.rebuilt import FLANGE, about, frame_entry
 from dexgrasp_env.robot.source import WRIST, branching, limb
@@ -251,7 +251,7 @@ class HandMaker(Part):
         """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
         j = self.model.body_jntadr[chain[-1]]
         axis, anchor = self.data.xaxis[j], self.data.xanchor[j]
-        points, radius = self.points(chain[-1]) - anchor, 0.01
+        points, radius = hull_of(self.points(chain[-1]))[0] - anchor, 0.01
         along = points - np.outer(points @ axis, axis)
         way = along[np.argmax(np.linalg.norm(along, axis=1))]
         flexing = self._flexing(chain, way)

@@ -19,12 +19,12 @@ from dexgrasp_env.robot.model import posed, swept
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.postures import (
     always_near,
-    free_asides,
     home_posture,
     open_posture,
     overlapping_links,
+    put_aside,
 )
-from dexgrasp_env.robot.rebuilt import FLANGE, about, compiled, frame_entry, matrix
+from dexgrasp_env.robot.rebuilt import FLANGE, about, base_frame, compiled, frame_entry, matrix
 from dexgrasp_env.robot.recipes import Recipe
 from dexgrasp_env.robot.robot import Frame
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
@@ -76,9 +76,11 @@ def hand_entry(
         pairs = ", ".join(" and ".join(pair) for pair in touching)
         maker.notes.append(f"hand excluded: {pairs} overlap as they are joined, and do not collide")
         near += touching
-    asides = free_asides(value, model, open_at)
+    open_at = put_aside(value, model, open_at)
+    places = dict(zip(value.joints.names, open_at, strict=True))
     for finger in entry["fingers"]:
-        finger |= stated({"aside": asides.get(finger["name"], ())})
+        if "aside" in finger:
+            finger["aside"] = [places[joint] for joint in finger["joints"]]
     position = entry["mounts"]["palm_normal"]["position"]
     if arm is None:
         behind = FLANGE + PLATE + _behind(model, np.array(open_at), position)
@@ -164,11 +166,16 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         part.notes.append("arm frame: the flange's z is no axis of the last joint, which is taken")
     outwards = flange[:3, 2] @ axis or (flange[:3, 3] - anchor) @ axis
     flange = about(flange[:3, 3], axis if outwards >= -1e-9 else -axis, flange[:3, 0])
-    shoulder = m.joint(joints[1]).id
+    shoulder, base = m.joint(joints[1]).id, base_frame(data, joints)
+    if base[2, 2] < 1.0:
+        part.notes.append(
+            f"arm base: {joints[0]!r} turns about a level axis in the file: it stands upright here"
+        )
+    height = data.xanchor[shoulder] @ base[:3, 2]
     entry: Fields = {
         **part.head(), "bodies": [m.body(root[0]).name, *bodies], "joints": joints,
         "frame": frame_entry(part.pose(chain[-1]), flange),
-        **part.limits(joints, "arm"), "shoulder": np.round([0.0, 0.0, data.xanchor[shoulder, 2]], 4).tolist(),
+        **part.limits(joints, "arm"), "shoulder": np.round([0.0, 0.0, height], 4).tolist(),
         "reach": round(_reach(part, flange, chain[-1], shoulder), 3), "shaken": [0, (len(joints) - 1) // 2],
     }  # fmt: skip
     value = make_arm({**entry, "home": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})

@@ -11,10 +11,9 @@ from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.couplings import DRIVES_JOINT, wrapped_joints
 from dexgrasp_env.robot.description import Description
-from dexgrasp_env.robot.robot import SLIDE, Coupling
+from dexgrasp_env.robot.robot import SLIDE, STRONGEST, Coupling
 from dexgrasp_env.robot.source import below
 
-_STRONGEST = 8.0  # Nm: a joint of a finger has less
 _RATES = {
     "hand": {"velocity": 7.0, "acceleration": 60.0, "jerk": 3000.0},
     "gripper": {"velocity": 1.0, "acceleration": 20.0, "jerk": 1000.0},
@@ -178,13 +177,13 @@ class Part(Description):
     def _bounded(self, torque: list[float], units: Array, kind: str) -> list[float]:
         """Return torques of joints, those of jaws no larger than fingers have; say so of placeholders."""
         most = float(max(torque * units))
-        if kind == "arm" or most <= _STRONGEST:
+        if kind == "arm" or most <= STRONGEST:
             return torque
         self.notes.append(f"{kind} torque: {most:g} Nm is stated, more than fingers have: put in the maker's")
         if kind == "hand":
             return torque
-        self.notes.append(f"{kind} torque: {_STRONGEST:g} Nm are taken, of slides {_STRONGEST / SLIDE:g} N")
-        return list(np.minimum(torque, _STRONGEST / units).tolist())
+        self.notes.append(f"{kind} torque: {STRONGEST:g} Nm are taken, of slides {STRONGEST / SLIDE:g} N")
+        return list(np.minimum(torque, STRONGEST / units).tolist())
 
     def _gains(self, numbers: list[int], torque: list[float], kind: str) -> list[float]:
         """Return stiffnesses Nm/rad or N/m of joints: those stated, where they are of use here."""
@@ -196,7 +195,7 @@ class Part(Description):
         if min(gains) > 0 and max(np.divide(torque, gains)) <= 0.2 and len(set(gains)) == 1:
             return gains
         # Set-points that press in full are 0.2 rad ahead of a finger at most.
-        assumed = 2000.0 if kind == "arm" else max(10.0, min(max(torque), _STRONGEST) / 0.2)
+        assumed = 2000.0 if kind == "arm" else max(10.0, min(max(torque), STRONGEST) / 0.2)
         self.notes.append(f"{kind} stiffness: {assumed} Nm/rad assumed")
         return [assumed] * len(numbers)
 

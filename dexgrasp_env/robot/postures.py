@@ -10,7 +10,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.model import bodies_apart, joints_between, posed, swept
 from dexgrasp_env.robot.rebuilt import FLANGE
-from dexgrasp_env.robot.robot import Arm, Hand
+from dexgrasp_env.robot.robot import Arm, Finger, Hand
 
 
 def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
@@ -37,9 +37,7 @@ def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, boo
     """Return the best of postures (k, h) rad in which nothing touches, and whether there is one; or the best of all."""
     (low, high), (C, c) = hand.joints.ranges, hand.free
     drawn = np.clip(drawn @ C.T + c, low, high)
-    merits = np.array(
-        [_dexterity(hand, data) - 2.0 * _strain(data.qpos, low, high).mean() for data in swept(model, drawn)]
-    )
+    merits = _dexterity(hand, model, drawn) - 2.0 * _strain(drawn, low, high).mean(1)
     for k in np.argsort(-merits)[:200]:
         data = posed(model, drawn[k])
         mujoco.mj_forward(model, data)
@@ -86,37 +84,52 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
     return tuple(sorted(found))
 
 
-def free_asides(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> dict[str, list[float]]:
-    """Return the postures (k,) rad of idle fingers, by their names, spread so far that they touch nothing.
+def put_aside(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> list[float]:
+    """Return an open posture (h,) rad with idle fingers spread so far that they are in nobody's way.
 
-    Where no spread alone will do, the nearest of drawn ones to straight is taken.
+    Where neither a spread alike nor a fan of them will do, the nearest of drawn postures to straight is taken.
 
     Args:
         hand: whose fingers state `aside`, straight but for a spread.
         model: of the hand alone, frames as here.
         open_at: (h,) rad, of the others.
     """
+    idle = [finger for finger in hand.fingers if finger.aside]
+    if not idle:
+        return open_at
     wide = copy.copy(model)
     wide.geom_margin[:] = 0.0022  # m: two are more than the 4 mm that an open hand keeps from itself
-    idle = {f.name: [hand.joints.names.index(j) for j in f.joints] for f in hand.fingers if f.aside}
-    if not idle:
-        return {}
-    bodies = {model.body(name).id for finger in hand.fingers if finger.aside for name in finger.bodies}
+    bodies = {model.body(name).id for finger in idle for name in finger.bodies}
+    still = bodies | {model.body(hand.palm).id}  # no grasp moves them
     first = {model.body(finger.bodies[0]).id for finger in hand.fingers}  # may be as near as in a grasp
-    (low, high), columns = hand.joints.ranges, [column for own in idle.values() for column in own]
+    low, high = hand.joints.ranges
+    columns = [hand.joints.names.index(joint) for finger in idle for joint in finger.joints]
     straight = np.clip(0.0, low, high)[columns]
-    spread = np.concatenate([finger.aside for finger in hand.fingers if finger.aside]) - straight
+    spread = np.concatenate([finger.aside for finger in idle]) - straight
+    fan = np.repeat(_fan(hand, model, idle), [len(finger.joints) for finger in idle]) * spread
     drawn = np.random.default_rng(0).normal(0.0, 0.2, (500, len(columns))) * (high - low)[columns]
     drawn = drawn[np.argsort(np.linalg.norm(drawn, axis=1))]
-    for way in (*np.outer((1.0, 0.5, 0.25, 0.0), spread), *drawn, 0.0 * spread):
+    spreads = [share * way for share in (1.0, 0.5, 0.25, 0.0) for way in (spread, fan)]
+    for way in (*spreads, *drawn, 0.0 * spread):
         q = np.array(open_at)
         q[columns] = np.clip(straight + way, low[columns], high[columns])
         data = posed(wide, np.clip(hand.free[0] @ q + hand.free[1], low, high))
         mujoco.mj_collision(wide, data)
         near = [({*wide.geom_bodyid[contact.geom].tolist()}, contact.dist) for contact in data.contact]
-        if not any(pair & bodies and not (pair <= first and apart > 0.003) for pair, apart in near):
+        if not any(
+            pair & bodies and apart < (0.0015 if pair <= still else 0.003 if pair <= first else 1.0)
+            for pair, apart in near
+        ):
             break
-    return {name: q[own].round(6).tolist() for name, own in idle.items()}
+    return q.round(6).tolist()
+
+
+def _fan(hand: Hand, model: mujoco.MjModel, idle: list[Finger]) -> Array:
+    """Return by which share each of idle fingers spreads in a fan: the farther from those that grasp, the more."""
+    data = posed(model, np.clip(0.0, *hand.joints.ranges))
+    others = [data.body(hand.finger(name).bodies[0]).xpos for name in hand.grasp[1:]]
+    away = [np.linalg.norm(data.body(finger.bodies[0]).xpos - np.mean(others, axis=0)) for finger in idle]
+    return np.array(away) / max(away)
 
 
 def overlapping_links(model: mujoco.MjModel, q: Array) -> tuple[tuple[str, str], ...]:
@@ -142,20 +155,23 @@ def _strain(q: Array, low: Array, high: Array) -> Array:
     return ((q - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2
 
 
-def _dexterity(hand: Hand, data: mujoco.MjData) -> float:
-    sites = [data.site(hand.finger(name).tip) for name in hand.grasp]
-    tips, frames = np.array([s.xpos for s in sites]), np.array([s.xmat.reshape(3, 3) for s in sites])
-    between = tips[1:].mean(0) - tips[0]
-    span = float(np.linalg.norm(between))
-    pads = frames[:, :, 0] @ (between / max(span, 1e-6))
-    facing = pads[0] - pads[1:].mean()
+def _dexterity(hand: Hand, model: mujoco.MjModel, drawn: Array) -> Array:
+    """Return how well tips face each other in front of the palm in postures (k, h) rad."""
+    sites = [model.site(hand.finger(name).tip).id for name in hand.grasp]
+    tips, frames = np.empty((len(drawn), len(sites), 3)), np.empty((len(drawn), len(sites), 9))
+    for k, data in enumerate(swept(model, drawn)):
+        tips[k], frames[k] = data.site_xpos[sites], data.site_xmat[sites]
+    between = tips[:, 1:].mean(1) - tips[:, 0]
+    span = np.linalg.norm(between, axis=1)
+    pads = (frames[..., 0::3] * (between / np.maximum(span, 1e-6)[:, None])[:, None]).sum(2)
+    facing = pads[:, 0] - pads[:, 1:].mean(1)
     # Opposing tips 9 cm apart are best; 3 cm of a miss count as one.
-    return float(
+    return (
         facing
-        + frames[:, 0, 2].min()
-        - abs(span - 0.09) / 0.03
-        - np.ptp(tips[:, 0]) / 0.03
-        - 20.0 * (tips[:, 0].min() < 0.02)
+        + frames[..., 2].min(1)
+        - np.abs(span - 0.09) / 0.03
+        - np.ptp(tips[..., 0], axis=1) / 0.03
+        - 20.0 * (tips[..., 0].min(1) < 0.02)
     )
 
 

@@ -5,6 +5,7 @@ palm's body is the palm frame, and a fingertip's z points out of the tip and x o
 excluded pairs stay as they are; what collides of a mesh is its convex hull, as in the simulation.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -135,7 +136,7 @@ class _Rebuilt(Description):
                 T = W[finger.bodies[-1]]
                 T[:3, :3] = (T @ matrix(finger.frame))[:3, :3]
             return W
-        W[part.bodies[0]] = np.eye(4)
+        W[part.bodies[0]] = base_frame(self.data, part.joints.names)
         for name, joint in zip(part.bodies[1:], part.joints.names, strict=True):
             at = self.data.joint(joint)
             W[name] = about(at.xanchor, at.xaxis, W[name][:3, 0])
@@ -301,6 +302,14 @@ _LOOK: dict[bool, Fields] = {
     False: {"group": 2, "contype": 0, "conaffinity": 0, "mass": 0.0},
 }
 """Of what collides, and of what is seen."""
+
+
+def base_frame(data: mujoco.MjData, joints: Sequence[str]) -> Array:
+    """Return where an arm stands (4, 4) in the world of its file: turned upright where its first axis lies level."""
+    first, last = data.joint(joints[0]), data.joint(joints[-1])
+    if abs(first.xaxis[2]) > 0.7:
+        return np.eye(4)
+    return about(np.zeros(3), first.xaxis * np.sign(first.xaxis @ last.xanchor), np.eye(3)[2])
 
 
 def add_mesh_geom(spec: mujoco.MjSpec, body: Any, points: Array, faces: Any, look: Fields) -> Array:

@@ -21,6 +21,8 @@ Numbers = tuple[float, ...]
 Vector = Annotated[Numbers, several(number(), 3)]
 SLIDE = 0.1
 """m of a slide that count as much as a radian of a hinge."""
+STRONGEST = 8.0
+"""Nm: a joint of a finger has less, and what states more, a placeholder mostly, presses with this."""
 _FARTHEST = 0.5  # m from the arm's last link to the palm frame
 
 

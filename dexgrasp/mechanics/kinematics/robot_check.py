@@ -262,7 +262,7 @@ def _gaps(first: Array, own: Array, other: Array, theirs: Array) -> Array:
 def _bearing(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Report the share of its torque that the arm needs to bear itself and the hand, at home and over the table."""
     arm = cell.robot.arm_columns
-    postures = [cell.robot.home, *_palms_down(cell)]
+    postures = [cell.robot.home, *_palms_down(cell).values()]
     share = (
         np.max([np.abs(_at(home.model, q).qfrc_bias[arm]) for q in postures], axis=0) / cell.robot.torque[arm]
     )
@@ -272,22 +272,24 @@ def _bearing(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
 
 def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Palms that look down on the middle of the table."""
-    found, total, nearer = len(_palms_down(cell)), len(_PALMS), 0.2  # m
+    found, total, nearer = _palms_down(cell), len(_PALMS), 0.2  # m
+    places = {(x, y) for x, y, _ in found}  # one way to turn there will do
     mend = (
         f"a longer arm (this one reaches {cell.robot.arm.reach:.2f} m), its `home` or `starts`, or the mount"
     )
-    if found < 0.5 * total <= (near := len(_palms_down(cell, nearer))):
+    if len(found) < 0.5 * total <= (near := len(_palms_down(cell, nearer))):
         mend += f"; {near} are reached {nearer} m nearer: scans of objects there can be planned, tasks cannot"
-    yield _finding(found >= 0.5 * total, f"{found} of {total} palm poses over the table are reached", mend)
+    what = f"{len(found)} of {total} palm poses over the table are reached"
+    yield _finding(len(found) >= 0.5 * total, what, mend, "warning" if len(places) > 4 else "error")
 
 
 @lru_cache(maxsize=2)
-def _palms_down(cell: Cell, nearer: float = 0.0) -> list[Array]:
+def _palms_down(cell: Cell, nearer: float = 0.0) -> dict[tuple[float, ...], Array]:
     """Postures (n,) rad of palms that look down on the middle of the table, or so much nearer to the base, m."""
-    tree, found = robot_tree(cell), []
+    tree, found = robot_tree(cell), dict[tuple[float, ...], Array]()
     for x, y, yaw in _PALMS:
         q = tree.home.copy()
         reached = reach_palm(q, about_z(yaw) @ PALM_DOWN, np.array([x - nearer, y, 0.2]), tree)
         if reached and body_frames(q, tree).p[tree.base : tree.palm, 2].min() > 0.0:
-            found.append(q)
+            found[x, y, yaw] = q
     return found

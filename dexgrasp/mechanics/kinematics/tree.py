@@ -12,7 +12,7 @@ from dexgrasp_env.arrays import Array, Index, Mask, middle
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.hulls import corners_of
 from dexgrasp_env.robot.model import colliding, compiled_robot, posed
-from dexgrasp_env.robot.robot import SLIDE, Robot
+from dexgrasp_env.robot.robot import SLIDE, STRONGEST, Robot
 
 _SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, where inverse kinematics begins
 
@@ -93,6 +93,7 @@ def robot_tree(cell: Cell) -> RobotTree:
     follows, ratio = _following(robot)
     stands = ratio[:, 2] > 0.0
     slides = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+    unit = np.where(slides, SLIDE, 1.0)
     palm = robot.hand.palm
     site, tips = model.site(palm).id, [model.site(tip).id for tip in touching]
     tree = RobotTree(
@@ -122,13 +123,13 @@ def robot_tree(cell: Cell) -> RobotTree:
     )
     vars(tree).update(
         stands=stands,
-        unit=np.where(slides, SLIDE, 1.0),
+        unit=unit,
         velocity=robot.velocity.copy(),
         acceleration=_followed(model, robot),
         home=robot.home.copy(),
         moved=_moved(robot),
         fingers=np.array([[own.start, own.stop] for own in (robot.columns[f.name] for f in robot.grasping)]),
-        torque=driven(robot, robot.torque, 1)[robot.hand_columns],
+        torque=driven(robot, np.minimum(robot.torque, STRONGEST / unit), 1)[robot.hand_columns],
         stiffness=driven(robot, robot.stiffness, 2)[robot.hand_columns],
         tip_radius=robot.hand.tip_radius,
         starts=_starts(model, robot),

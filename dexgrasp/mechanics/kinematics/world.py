@@ -106,7 +106,8 @@ def make_world(
 def _robot(cell: Cell, size: int) -> _Robot:
     """Return a robot's model with room for `size` parts; compiling takes 30 ms and more."""
     spec = colliding_spec(cell)
-    spec.option, spec.memory = mujoco.MjSpec().option, 1 << 16  # nothing is simulated
+    spec.option, spec.memory = mujoco.MjSpec().option, 1 << 16
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT  # nothing is simulated
     corners = np.concatenate([np.eye(4, 3), np.random.default_rng(0).random((size * _CORNERS, 3))])
     for k in range(size):
         mesh = spec.add_mesh(name=f"part{k}", userface=[0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3])
