@@ -58,12 +58,15 @@ _register("LiftSlippery-v2", friction=0.35)
 _register("LiftPushed-v2", MAX_EPISODE_STEPS + 80, friction=0.5, disturbance={"kind": "pushed", "size": 0.5})
 _register("LiftOneView-v2", obs_mode="pointcloud", views=1)
 _register("LiftOnce-v0", control_mode="grasp_once", **_PLAIN)
-_register(
-    "LiftVaried-v0", control_mode="table_grasp_once", objects="drawn-0..39", object_pose={"rest_pose": "each"},
-    randomisation={"friction": (0.3, 0.9), "mass": (1.0, 4.0)}, **_PLAIN,
-)  # fmt: skip
 _register("LiftFromGrasp-v0", 80, control_mode="ee_delta", hold=2, starts="pregrasps", **_PLAIN)
-_register("LiftStaged-v0", 6, control_mode="grasp", hold=28, **_PLAIN)
+# Published trials name v0.
+for version, reward in (("v0", _PLAIN), ("v1", {**_PLAIN, "reward_mode": "best"})):
+    _register(f"LiftStaged-{version}", 6, control_mode="grasp", hold=28, **reward)
+    _register(
+        f"LiftVaried-{version}", control_mode="table_grasp_once", objects="drawn-0..39",
+        object_pose={"rest_pose": "each"}, randomisation={"friction": (0.3, 0.9), "mass": (1.0, 4.0)},
+        **reward,
+    )  # fmt: skip
 
 for name, count, gaps, limit in (
     ("Sparse", (4, 8), (0.02, 0.05), CLUTTER_EPISODE_STEPS),

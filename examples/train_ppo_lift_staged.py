@@ -24,7 +24,7 @@ PARSER.add_argument("--trials", type=int, default=100, help="fresh scenes in the
 PARSER.add_argument("--demos", type=Path, help="of `dexgrasp demos generate`: episodes begin along them")
 PARSER.add_argument("--seed", type=int, default=0)
 PARSER.add_argument("--out", type=Path, default=Path("out/ppo"))
-LOOKS, BATCH = 6, 100  # actions an episode; episodes from one update to the next
+LOOKS, BATCH = 6, 20  # actions an episode; episodes from one update to the next
 
 
 def held(model: PPO, env: gym.Env, scenes: range) -> int:
@@ -43,11 +43,14 @@ def main() -> None:
     """Train, look at 20 scenes now and then, at fresh ones in the end; the minutes are the learner's alone."""
     args, curve, minutes = PARSER.parse_args(), [], 0.0
     torch.set_num_threads(1)
-    env, other = (gym.make("DexGrasp/LiftStaged-v0", objects=args.objects) for _ in range(2))
+    env, other = (gym.make("DexGrasp/LiftStaged-v1", objects=args.objects) for _ in range(2))
     if args.demos:
         DemoResets(args.demos).attach(env)
     steps = LOOKS * min(args.every, BATCH)
-    model = PPO("MlpPolicy", env, n_steps=steps, batch_size=min(60, steps), seed=args.seed, device="cpu")
+    model = PPO(
+        "MlpPolicy", env, n_steps=steps, batch_size=min(60, steps), learning_rate=0.001, gamma=0.95,
+        policy_kwargs={"log_std_init": -0.5}, seed=args.seed, device="cpu",
+    )  # fmt: skip
     args.out.parent.mkdir(parents=True, exist_ok=True)
     while model.num_timesteps < LOOKS * args.episodes:
         began = time.process_time()

@@ -95,6 +95,8 @@ def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules
     total = 0.0
     for k in range(len(rules.weights)):
         total += rules.weights[k] * e.terms[k]
+    if rules.best:
+        total = max(total, e.total)
     gain = total - e.total
     e.total = total
     if not rules.dense:

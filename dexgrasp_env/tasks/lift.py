@@ -91,7 +91,8 @@ class LiftEnv(SingleEnv):
     ## Rewards
 
     `sparse` is 1 while the task is solved, else 0. `dense` is what the weighted sum of these terms, each in [0, 1], has
-    gained in the control step, and what it has lost is taken away:
+    gained in the control step, and what it has lost is taken away; `best` is what it has gained above its highest so
+    far, and nothing is taken away, so that a grasp that missed tells how near it came:
 
     | Term | Weight | Meaning |
     | --- | --- | --- |
@@ -105,7 +106,8 @@ class LiftEnv(SingleEnv):
 
     The object's box has the sides `object_size`, about the centre of mass. The return of an episode is the sum at its
     end less that at its start: at most 50 without success, for however long; at least 50 with it, about 100 where the
-    object is still held at the end. An episode that fails (see below) loses all but `success`.
+    object is still held at the end; with `best` its highest less that at its start. An episode that fails (see below)
+    loses all but `success`, with `best` nothing.
 
     ## Starting State
 
@@ -138,7 +140,7 @@ class LiftEnv(SingleEnv):
     | `objects` | `'ycb6'` | name, set (`ycb6`, `seen`, `familiar`, `novel`, `all20`), mesh file, or a list of these |
     | `obs_mode` | `'state'` | `state`, `features`, `pointcloud`, `depth`, `rgbd`, or `state+` one of the last three |
     | `control_mode` | `'joint_delta'` | `joint_position`, `joint_delta`, `ee_delta`, `grasp`, `[table_]grasp_once` |
-    | `reward_mode` | `'dense'` | `dense`, `sparse` |
+    | `reward_mode` | `'dense'` | `dense`, `sparse`, `best` |
     | `robot` | `None` | a cell, a robot, or a file of either; None: the simulated cell |
     | `mount` | `None` | `palm_normal`, `fingers_along`; None: the robot's own |
     | `friction` | `None` | sliding, of every contact, above 0 and up to 2; None: 0.7, or a set file's |

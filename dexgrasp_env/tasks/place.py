@@ -22,7 +22,7 @@ from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_SUMS, key_sizes, unbounded
 from dexgrasp_env.tasks.records import FAILURES, TOUCHING_HAND
-from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
+from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Physics, Simulation
 from dexgrasp_env.valid import Rule, check, one_of
 
@@ -53,7 +53,7 @@ _GOALS = GoalSettings()
 class PlaceSettings(LiftSettings):
     """Everything that `gym.make` accepts of `PlaceEnv`, in checked form."""
 
-    reward_mode: Annotated[str, one_of(REWARD_MODES)] = "sparse"
+    reward_mode: Annotated[str, one_of(("sparse", "dense"))] = "sparse"
     obs_mode: Annotated[str, one_of(OBS_SUMS)] = "state"
     control_mode: Annotated[str, one_of((*DIRECT_MODES, "grasp"))] = "joint_delta"  # whole grasps lift
 

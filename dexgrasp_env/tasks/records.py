@@ -123,6 +123,7 @@ class Rules(NamedTuple):
         bad_numbers: the bits of MuJoCo's warnings after which numbers are no physics.
         weights: (T,) of the reward's terms.
         dense: whether the reward is what the weighted sum of the terms gains in a control step, else success.
+        best: whether it gains above its best so far alone.
     """
 
     at: Index
@@ -137,6 +138,7 @@ class Rules(NamedTuple):
     bad_numbers: int
     weights: Array
     dense: bool
+    best: bool
 
 
 def rules_of(settings: LiftSettings, at: Index, hulls: Array, bad_numbers: int) -> Rules:
@@ -148,5 +150,6 @@ def rules_of(settings: LiftSettings, at: Index, hulls: Array, bad_numbers: int) 
         grasp=np.array([fingers.index(name) for name in hand.grasp]), hulls=hulls,
         hold=at_pace(HOLD_STEPS, pace), grasped=at_pace(GRASP_STEPS, pace), wait=at_pace(DISTURB_AFTER, pace),
         length=settings.disturbance_steps, bad_numbers=bad_numbers,
-        weights=np.array(list(settings.weights.values())), dense=settings.reward_mode == "dense",
+        weights=np.array(list(settings.weights.values())), dense=settings.reward_mode != "sparse",
+        best=settings.reward_mode == "best",
     )  # fmt: skip

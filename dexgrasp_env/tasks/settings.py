@@ -24,7 +24,7 @@ from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
 from dexgrasp_env.valid import Count, Friction, Mass, Positive, Rule, check, number, one_of, read, refuse_idle
 
-REWARD_MODES = ("dense", "sparse")
+REWARD_MODES = ("dense", "sparse", "best")
 WEIGHTS = {
     "reach": 5.0, "close": 10.0, "contact": 5.0, "squeeze": 5.0, "lift": 15.0, "hold": 10.0, "success": 50.0,
 }  # fmt: skip
@@ -127,7 +127,7 @@ class LiftSettings:
                 self.control_mode not in ONCE_MODES,
                 "a control_mode whose actions are not whole grasps",
             ),
-            "reward_weights": (self.reward_mode == "dense", "reward_mode='dense'"),
+            "reward_weights": (self.reward_mode != "sparse", "reward_mode='dense' or 'best'"),
         }
 
     def refuse_contradictions(self) -> None:
