@@ -29,9 +29,9 @@ from dexgrasp_env.perception.standing import (
     can_stand,
     has_foot,
     in_order,
+    is_carried,
     is_odd,
     may_be_two,
-    overhang,
 )
 from dexgrasp_env.perception.viewpoint import find_viewpoint, hidden_in_part
 
@@ -66,7 +66,7 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     for k, own in things.items():
         low, high = low_and_high(own)[0], own[:, 2].max()
         said = {
-            MAY_BE_TWO: k in joined or (is_odd(own) and may_be_two(own, seen)),
+            MAY_BE_TWO: k in joined or may_be_two(own),
             TOUCHES: any(_touch(own, other) for j, other in things.items() if j != k),
             HIDDEN: k in hidden,
             TOP_ONLY: low > max(HIGH, 0.5 * high),  # half of its sides was not seen
@@ -161,8 +161,7 @@ def _with_hanging(points: Array, labels: Index, everything: Array) -> Index:
         if not gaps or any(_is_near(one, points[labels == j]) for j in gaps):
             continue
         j = min(gaps, key=gaps.__getitem__)
-        two = points[labels == j]
-        if overhang(one, two) > 0.03 or not has_foot(one, two):  # m
+        if not is_carried(one, points[labels == j]):
             labels = np.where(labels == k, j, labels)
     return labels
 

@@ -17,6 +17,7 @@ from dexgrasp_env.perception.hulls import (
     hull_of,
     is_hollow,
     is_slim,
+    longest_side,
     low_and_high,
     volume_of,
 )
@@ -58,6 +59,11 @@ class Cut(NamedTuple):
         best = int(np.argmin(volumes))
         return cls(across, float(places[best]), 1.0 - volumes[best] / max(volume_of(points), 1e-9))
 
+    def parts(self, points: Array) -> tuple[Array, Array]:
+        """Return the points (N, 3) m before it, and those behind it."""
+        behind = points @ self.across >= self.place
+        return points[~behind], points[behind]
+
     def is_topped(self, points: Array) -> bool:
         """Return true where the top of points (N, 3) m runs on across an upright cut: of two things it differs."""
         off = points @ self.across - self.place
@@ -66,30 +72,26 @@ class Cut(NamedTuple):
         return bool(tops and np.ptp(tops) < min(0.003, 0.2 * points[:, 2].max()))
 
 
-def is_odd(points: Array) -> bool:
-    """Return true for points (N, 3) m of which more than 7 % lie deep in their hull, though it is not hollow."""
-    return deep_share(points) > 0.07 and not is_hollow(points)
+def is_odd(points: Array, share: float = 0.07) -> bool:
+    """Return true for points (N, 3) m of which more than a share lie deep in their hull, though it is not hollow."""
+    return deep_share(points) > share and not is_hollow(points)
 
 
-def may_be_two(points: Array, everything: Array) -> bool:
-    """Return true for points (N, 3) m that two things would explain, among all that was seen (M, 3) m.
+def may_be_two(points: Array) -> bool:
+    """Return true for points (N, 3) m that two things would explain, longer than one by itself most often is.
 
-    They are cut where the hulls of both parts hold least, upright and level.
+    A thing with a neck is one, or with a rod, and of two parts side by side a top that runs on makes one.
     """
+    if longest_side(points) < 0.11 or not is_odd(points, 0.025):  # m
+        return False
     few, angles = points[thinned(points, 0.006)], np.arange(12) * np.pi / 12.0
     level = Cut.of(few, np.array([[0.0, 0.0, 1.0]]))
     upright = Cut.of(few, np.stack([np.cos(angles), np.sin(angles), np.zeros(12)], axis=1))
-    cuts = [level] if upright.is_topped(points) else [level, upright]
-    good = [cut for cut in cuts if cut.saved > max(0.26, 0.6 * upright.saved)]
-    return any(
-        all(_halves_are_two(points, cut, everything, by) for by in (-0.004, 0.0, 0.004)) for cut in good
-    )
-
-
-def _halves_are_two(points: Array, cut: Cut, everything: Array, by: float) -> bool:
-    part = points @ cut.across >= cut.place + by
-    one, other = points[part], points[~part]
-    return not is_odd(one) and not is_odd(other) and are_two(one, other, everything)
+    (low, high), (one, other) = level.parts(points), upright.parts(points)
+    if is_handle(one, other) or is_handle(other, one) or not is_carried(high, low):
+        return False
+    whole = upright.is_topped(points) and not any(is_odd(part, 0.03) for part in (one, other))
+    return level.saved > 0.3 or not whole
 
 
 def are_two(one: Array, other: Array, everything: Array) -> bool:
@@ -144,6 +146,11 @@ def can_stand(upper: Array, lower: Array) -> bool:
     foot = some[some[:, 2] < low + _FOOT]
     foot = foot[gaps_between(foot, lower) < 0.015]
     return overhang(some, foot) < 0.010
+
+
+def is_carried(upper: Array, lower: Array) -> bool:
+    """Return true for points (N, 3) m that may stand on a lower thing (M, 3) m: their middle is over it, about."""
+    return has_foot(upper, lower) and overhang(upper, lower) <= 0.03  # m
 
 
 def overhang(upper: Array, lower: Array) -> float:
