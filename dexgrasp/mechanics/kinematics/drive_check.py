@@ -60,11 +60,9 @@ def _touched(data: mujoco.MjData) -> str:
 
 def check_limits(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Yield the finger joints without limits of their own."""
-    robot, unit = cell.robot, robot_tree(cell).unit
-    wide = (robot.upper - robot.lower) / unit > 2.0 * np.pi - 0.05  # rad: a whole turn is no limit
-    found = [name for name, of in zip(robot.joints, wide, strict=True) if of][: robot.dof]
-    found = [name for name in found if name in robot.hand.joints.names]
-    if found:
+    own, unit = cell.robot.hand.joints, robot_tree(cell).unit[cell.robot.hand_columns]
+    wide = np.ptp(own.ranges, axis=0) / unit > 2.0 * np.pi - 0.05  # rad: a whole turn is no limit
+    if found := [name for name, of in zip(own.names, wide, strict=True) if of]:
         yield Finding(
             "warning", f"joints without limits: {', '.join(found)}", "state `lower` and `upper`, the maker's"
         )
