@@ -45,10 +45,11 @@ def _driven(home: mujoco.MjData, column: Array, way: float) -> mujoco.MjData:
 
 
 def _moved(one: mujoco.MjData, other: mujoco.MjData, cell: Cell) -> float:
-    """Return how far apart a shape of the hand is in two states, m: the arm gives way alike in both."""
+    """Return how far apart a shape of the hand is in two states, m, 10 mm from its middle as well: it may but turn."""
     bodies = [one.model.body(name).id for name in cell.robot.hand.bodies]
     own = np.isin(one.model.geom_bodyid, bodies)
-    return float(np.linalg.norm(one.geom_xpos[own] - other.geom_xpos[own], axis=1).max(initial=0.0))
+    ends, others = (np.c_[data.geom_xpos, 0.01 * data.geom_xmat][own] for data in (one, other))
+    return float(np.linalg.norm(ends - others, axis=1).max(initial=0.0))
 
 
 def _touched(data: mujoco.MjData) -> str:
