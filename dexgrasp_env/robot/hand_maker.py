@@ -52,7 +52,6 @@ class HandMaker(Part):
             self.notes.append(
                 f"hand: springs of {', '.join(sprung)} are left out: couplings are rigid, servos hold the others"
             )
-        self.held: list[str] = []
         self.named = named or NamedParts()
         self._check_names()
         self.palm = self._find_palm()
@@ -204,9 +203,8 @@ class HandMaker(Part):
                 left = more + left
             else:
                 found.append(chain)
-        for _ in self.couplings:
-            pairs = [self.joint_ids((own.joint, own.follows)) for own in self.couplings]
-            held |= {follower for follower, leader in pairs if leader in held}
+        pairs = [self.joint_ids((own.joint, own.follows)) for own in self.couplings]
+        held |= {follower for follower, leader in pairs if leader in held}
         if held:
             joints = sorted(self.joint_names(held))
             self.notes.append(

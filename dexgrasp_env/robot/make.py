@@ -132,7 +132,7 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     if any(part.below(b) for b in part.below(chain[-1])):
         part.notes.append(f"the hand in the file hangs on {m.body(chain[-1]).name!r}: the arm ends there")
     bodies, joints = part.names(chain)
-    if any(m.joint(name).type[0] != mujoco.mjtJoint.mjJNT_HINGE for name in joints):
+    if (part.units(part.joint_ids(joints)) < 1.0).any():
         raise InputError(f"{path} has an arm whose joints slide: valid is an arm of hinges")
     fewest = 4  # joints of an arm: fewer bring no palm over a table
     if len(joints) < fewest:
@@ -149,9 +149,7 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         raise InputError(
             f"{path}: the first body turns: valid is a base that stands still, and the arm on it"
         )
-    own = [
-        b for b in range(m.nbody) if b and m.body_weldid[b] == chain[-1] and not _bears(part, b, chain[-1])
-    ]
+    own = [b for b in range(m.nbody) if m.body_weldid[b] == chain[-1] and not _bears(part, b, chain[-1])]
     sites = np.flatnonzero(np.isin(m.site_bodyid, own))  # of a palm are none of the flange's
     axis, anchor = data.xaxis[m.body_jntadr[chain[-1]]], data.xanchor[m.body_jntadr[chain[-1]]]
     off = np.linalg.norm(np.cross(data.xpos[own] - anchor, axis), axis=1)  # m from the last joint's axis

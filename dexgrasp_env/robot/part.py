@@ -81,14 +81,11 @@ class Part(Description):
         """Return the jointed bodies from a body to the end of its chain, or to the first where it branches.
 
         Raises:
-            InputError: if it branches before the first joint, or a body has several joints.
+            InputError: if it branches before the first joint.
         """
         found = []
         while True:
-            count = self.model.body_jntnum[body]
-            if count > 1:
-                raise InputError(f"body {self._name(body)} has {count} joints: valid is one")
-            found += [body] if count else []
+            found += [body] if self.model.body_jntnum[body] else []
             following = self.below(body)
             if not following or (len(following) > 1 and found):
                 return found

@@ -1,7 +1,7 @@
 """Postures that a robot file needs and an MJCF has not: a hand's open one, an arm's home; found by search."""
 
 import copy
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import mujoco
@@ -10,7 +10,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.model import bodies_apart, joints_between, posed, swept
 from dexgrasp_env.robot.rebuilt import FLANGE
-from dexgrasp_env.robot.robot import Arm, Finger, Hand
+from dexgrasp_env.robot.robot import Arm, Hand
 
 
 def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
@@ -85,51 +85,41 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
 
 
 def put_aside(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> list[float]:
-    """Return an open posture (h,) rad with idle fingers spread so far that they are in nobody's way.
+    """Return an open posture (h,) rad with idle fingers straight, and spread so far that they are in nobody's way.
 
-    Where neither a spread alike nor a fan of them will do, the nearest of drawn postures to straight is taken.
+    They spread alike, or in a fan: the farther from those that grasp, the more. Where neither will do, they bend with
+    the others.
 
     Args:
-        hand: whose fingers state `aside`, straight but for a spread.
+        hand: whose idle fingers state `aside`, straight but for a spread.
         model: of the hand alone, frames as here.
-        open_at: (h,) rad, of the others.
+        open_at: (h,) rad, all fingers bent alike.
     """
     idle = [finger for finger in hand.fingers if finger.aside]
-    if not idle:
-        return open_at
-    wide = copy.copy(model)
+    wide, (low, high) = copy.copy(model), hand.joints.ranges
     wide.geom_margin[:] = 0.0022  # m: two are more than the 4 mm that an open hand keeps from itself
     bodies = {model.body(name).id for finger in idle for name in finger.bodies}
-    still = bodies | {model.body(hand.palm).id}  # no grasp moves them
-    first = {model.body(finger.bodies[0]).id for finger in hand.fingers}  # may be as near as in a grasp
-    low, high = hand.joints.ranges
-    columns = [hand.joints.names.index(joint) for finger in idle for joint in finger.joints]
-    straight = np.clip(0.0, low, high)[columns]
-    spread = np.concatenate([finger.aside for finger in idle]) - straight
-    fan = np.repeat(_fan(hand, model, idle), [len(finger.joints) for finger in idle]) * spread
-    drawn = np.random.default_rng(0).normal(0.0, 0.2, (500, len(columns))) * (high - low)[columns]
-    drawn = drawn[np.argsort(np.linalg.norm(drawn, axis=1))]
-    spreads = [share * way for share in (1.0, 0.5, 0.25, 0.0) for way in (spread, fan)]
-    for way in (*spreads, *drawn, 0.0 * spread):
-        q = np.array(open_at)
-        q[columns] = np.clip(straight + way, low[columns], high[columns])
+    still = bodies | {model.body(hand.palm).id}
+    first = {model.body(finger.bodies[0]).id for finger in hand.fingers}
+    straight, bent, fan = np.clip(0.0, low, high), np.array(open_at), np.zeros(len(low))
+    spread, at = straight.copy(), posed(model, straight)
+    for finger in idle:
+        columns = [hand.joints.names.index(joint) for joint in finger.joints]
+        bent[columns], spread[columns] = straight[columns], finger.aside
+        bases = [at.body(other.bodies[0]).xpos for other in (finger, hand.finger(hand.grasp[-1]))]
+        fan[columns] = np.linalg.norm(bases[0] - bases[1])
+    for share, fanned in product((1.0, 0.5, 0.25, 0.0), (0.0, 1.0) if idle else ()):
+        q = bent + share * (fan / fan.max()) ** fanned * (spread - straight)
         data = posed(wide, np.clip(hand.free[0] @ q + hand.free[1], low, high))
         mujoco.mj_collision(wide, data)
         near = [({*wide.geom_bodyid[contact.geom].tolist()}, contact.dist) for contact in data.contact]
-        if not any(
-            pair & bodies and apart < (0.0015 if pair <= still else 0.003 if pair <= first else 1.0)
+        # As near as in a grasp are those that no grasp moves, and what fingers begin with.
+        if all(
+            not pair & bodies or (apart > 0.003 and any(map(pair.issubset, (still, first))))
             for pair, apart in near
         ):
-            break
-    return q.round(6).tolist()
-
-
-def _fan(hand: Hand, model: mujoco.MjModel, idle: list[Finger]) -> Array:
-    """Return by which share each of idle fingers spreads in a fan: the farther from those that grasp, the more."""
-    data = posed(model, np.clip(0.0, *hand.joints.ranges))
-    others = [data.body(hand.finger(name).bodies[0]).xpos for name in hand.grasp[1:]]
-    away = [np.linalg.norm(data.body(finger.bodies[0]).xpos - np.mean(others, axis=0)) for finger in idle]
-    return np.array(away) / max(away)
+            return q.round(6).tolist()
+    return open_at
 
 
 def overlapping_links(model: mujoco.MjModel, q: Array) -> tuple[tuple[str, str], ...]:

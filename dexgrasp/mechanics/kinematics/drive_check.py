@@ -45,10 +45,11 @@ def _driven(home: mujoco.MjData, column: Array, way: float) -> mujoco.MjData:
 
 
 def _moved(one: mujoco.MjData, other: mujoco.MjData, cell: Cell) -> float:
-    """Return how far apart a shape of the hand is in two states, m: the arm gives way alike in both."""
+    """Return how far apart a shape of the hand is in two states, m, 10 mm from its middle as well: it may but turn."""
     bodies = [one.model.body(name).id for name in cell.robot.hand.bodies]
     own = np.isin(one.model.geom_bodyid, bodies)
-    return float(np.linalg.norm(one.geom_xpos[own] - other.geom_xpos[own], axis=1).max(initial=0.0))
+    ends, others = (np.c_[data.geom_xpos, 0.01 * data.geom_xmat][own] for data in (one, other))
+    return float(np.linalg.norm(ends - others, axis=1).max(initial=0.0))
 
 
 def _touched(data: mujoco.MjData) -> str:
@@ -60,11 +61,9 @@ def _touched(data: mujoco.MjData) -> str:
 
 def check_limits(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Yield the finger joints without limits of their own."""
-    robot, unit = cell.robot, robot_tree(cell).unit
-    wide = (robot.upper - robot.lower) / unit > 2.0 * np.pi - 0.05  # rad: a whole turn is no limit
-    found = [name for name, of in zip(robot.joints, wide, strict=True) if of][: robot.dof]
-    found = [name for name in found if name in robot.hand.joints.names]
-    if found:
+    own, unit = cell.robot.hand.joints, robot_tree(cell).unit[cell.robot.hand_columns]
+    wide = np.ptp(own.ranges, axis=0) / unit > 2.0 * np.pi - 0.05  # rad: a whole turn is no limit
+    if found := [name for name, of in zip(own.names, wide, strict=True) if of]:
         yield Finding(
             "warning", f"joints without limits: {', '.join(found)}", "state `lower` and `upper`, the maker's"
         )
