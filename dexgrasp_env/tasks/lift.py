@@ -91,8 +91,8 @@ class LiftEnv(SingleEnv):
     ## Rewards
 
     `sparse` is 1 while the task is solved, else 0. `dense` is what the weighted sum of these terms, each in [0, 1], has
-    gained in the control step, and what it has lost is taken away; `best` is what it has gained above its highest so
-    far, and nothing is taken away, so that a grasp that missed tells how near it came:
+    gained in the control step, and what it has lost is taken away; `best` is what it gains above its highest so far:
+    a grasp that misses tells how near it came:
 
     | Term | Weight | Meaning |
     | --- | --- | --- |
@@ -106,8 +106,7 @@ class LiftEnv(SingleEnv):
 
     The object's box has the sides `object_size`, about the centre of mass. The return of an episode is the sum at its
     end less that at its start: at most 50 without success, for however long; at least 50 with it, about 100 where the
-    object is still held at the end; with `best` its highest less that at its start. An episode that fails (see below)
-    loses all but `success`, with `best` nothing.
+    object is still held at the end. An episode that fails (see below) loses all but `success`.
 
     ## Starting State
 
