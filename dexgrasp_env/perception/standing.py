@@ -1,7 +1,7 @@
 """Evidence that what was seen as one is two things: cut in two it is explained, and either part may stand.
 
-Two things leave much of the hull around both empty, and each by itself is convex or hollow. What stands on another has
-a foot wide enough there, under its middle; tops of things side by side differ in height. Heights are over the table.
+Much of what they are lies deep in the hull around both, unlike with one convex or hollow thing. What stands on another
+has a foot wide enough there, under its middle; tops side by side differ in height. Heights are over the table.
 """
 
 from typing import NamedTuple
@@ -44,7 +44,7 @@ class Cut(NamedTuple):
     def of(cls, points: Array, ways: Array) -> "Cut":
         """Return the best cut of points (N, 3) m across one of the ways (K, 3)."""
         spans = ((way, points @ way) for way in ways)
-        cuts = (cls(way, at) for way, on in spans for at in np.linspace(on.min(), on.max(), 20)[1:-1])
+        cuts = (cls(way, at) for way, on in spans for at in np.linspace(on.min(), on.max(), 14)[1:-1])
         return min(cuts, key=lambda cut: cut.volume(points))
 
     def parts(self, points: Array) -> tuple[Array, Array]:
