@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 import tables
 from robots import CELL
+from seen_tables import block
 from test_scene_cloud import box, table
 
 from dexgrasp.geometry.completion import completed_corners, guesses_said
-from dexgrasp_env.perception import refinement
+from dexgrasp_env.perception import refinement, standing
 from dexgrasp_env.perception.cloud import Cloud, gather
 from dexgrasp_env.perception.pipeline import find_object, stand_on
 from dexgrasp_env.perception.refinement import refine_instances
@@ -127,6 +128,21 @@ def test_what_would_topple_is_of_what_carries_it_and_a_top_that_runs_on_is_no_se
     assert things(cloud_of(views(BOXES["long"], BOXES["across"]).points))[1] == [""]
     lamp = views(BOXES["base"], BOXES["pole"], BOXES["shade"])
     assert things(cloud_of(lamp.points), pointed=False)[1] == [""]
+
+
+def test_what_is_long_and_dented_may_be_two_unless_a_neck_a_rod_or_its_top_makes_it_one(rng):
+    def may_be_two(*names):
+        boxes = (BOXES[name] for name in names)
+        return standing.may_be_two(
+            np.concatenate([block(rng, m[:2], s, m[2] - 0.5 * s[2]) for s, m in boxes])
+        )
+
+    assert may_be_two("lower", "upper")
+    assert may_be_two("body", "on_it")
+    assert may_be_two("body", "beside")
+    for one in (["body", "handle"], ["base", "pole", "shade"], ["long", "across"], ["battery", "barrel"]):
+        assert not may_be_two(*one)
+    assert not may_be_two("guessed")
 
 
 def test_boards_and_bins_are_not_meant_where_something_smaller_stands():

@@ -1,7 +1,7 @@
 """Evidence that what was seen as one is two things: cut in two it is explained, and either part may stand.
 
-Two things leave much of the hull around both empty, and each by itself is convex or hollow. What stands on another has
-a foot wide enough there, under its middle; tops of things side by side differ in height. Heights are over the table.
+Much of what they are lies deep in the hull around both, unlike with one convex or hollow thing. What stands on another
+has a foot wide enough there, under its middle; tops side by side differ in height. Heights are over the table.
 """
 
 from typing import NamedTuple
@@ -35,34 +35,26 @@ class Cut(NamedTuple):
     Attributes:
         across: (3,) its normal.
         place: m along that.
-        saved: share of the hull of the whole that is in neither hull.
     """
 
     across: Array
     place: float
-    saved: float
 
     @classmethod
     def of(cls, points: Array, ways: Array) -> "Cut":
-        """Return the best cut of points (N, 3) m across one of the ways (K, 3), to 2 mm or so."""
+        """Return the best cut of points (N, 3) m across one of the ways (K, 3)."""
         spans = ((way, points @ way) for way in ways)
-        cuts = (cls._at(points, way, np.linspace(on.min(), on.max(), 14)[1:-1]) for way, on in spans)
-        best = max(cuts, key=lambda cut: cut.saved)
-        step = np.ptp(points @ best.across) / 13.0
-        return cls._at(points, best.across, best.place + step * np.linspace(-0.75, 0.75, 7))
-
-    @classmethod
-    def _at(cls, points: Array, across: Array, places: Array) -> "Cut":
-        along = points @ across
-        parts = ((points[along < place], points[along >= place]) for place in places)
-        volumes = [volume_of(low) + volume_of(high) for low, high in parts]
-        best = int(np.argmin(volumes))
-        return cls(across, float(places[best]), 1.0 - volumes[best] / max(volume_of(points), 1e-9))
+        cuts = (cls(way, at) for way, on in spans for at in np.linspace(on.min(), on.max(), 14)[1:-1])
+        return min(cuts, key=lambda cut: cut.volume(points))
 
     def parts(self, points: Array) -> tuple[Array, Array]:
         """Return the points (N, 3) m before it, and those behind it."""
         behind = points @ self.across >= self.place
         return points[~behind], points[behind]
+
+    def volume(self, points: Array) -> float:
+        """Return the volume, m3, of the hulls of both parts of points (N, 3) m."""
+        return sum(map(volume_of, self.parts(points)))
 
     def is_topped(self, points: Array) -> bool:
         """Return true where the top of points (N, 3) m runs on across an upright cut: of two things it differs."""
@@ -91,7 +83,7 @@ def may_be_two(points: Array) -> bool:
     if is_handle(one, other) or is_handle(other, one) or not is_carried(high, low):
         return False
     whole = upright.is_topped(points) and not any(is_odd(part, 0.03) for part in (one, other))
-    return level.saved > 0.3 or not whole
+    return not whole or level.volume(few) < 0.7 * volume_of(few)
 
 
 def are_two(one: Array, other: Array, everything: Array) -> bool:
