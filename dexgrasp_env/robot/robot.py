@@ -165,7 +165,7 @@ class Coupling:
 class Tendon:
     """Tendon of one servo: joints of a finger, from the palm out, by the sum of their places times `coefs`.
 
-    Nothing else holds them. Free, all turn at once; on an object all but the last, of coefficient 1, are on their stops.
+    Nothing else holds them. Free, all turn at once; on an object all but the last, of coefficient 1, stand on stops.
     """
 
     joints: Names
