@@ -21,8 +21,7 @@ Numbers = tuple[float, ...]
 Vector = Annotated[Numbers, several(number(), 3)]
 SLIDE = 0.1
 """m of a slide that count as much as a radian of a hinge."""
-STRONGEST = 8.0
-"""Nm: a joint of a finger has less, and what states more, a placeholder mostly, presses with this."""
+STRONGEST = 8.0  # Nm: a joint of a finger has less; what states more, a placeholder mostly, presses with this
 _FARTHEST = 0.5  # m from the arm's last link to the palm frame
 
 
@@ -166,8 +165,7 @@ class Coupling:
 class Tendon:
     """Tendon of one servo: joints of a finger, from the palm out, by the sum of their places times `coefs`.
 
-    Nothing else holds them. In free motion all turn at once; on an object all but the last stand on their lower stops,
-    which bear what the tendon cannot. The last has coefficient 1.
+    Nothing else holds them. Free, all turn at once; on an object all but the last, of coefficient 1, stand on stops.
     """
 
     joints: Names
