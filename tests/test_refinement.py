@@ -134,7 +134,7 @@ def test_what_is_long_and_dented_may_be_two_unless_a_neck_a_rod_or_its_top_makes
     def may_be_two(*names):
         boxes = (BOXES[name] for name in names)
         return standing.may_be_two(
-            np.concatenate([block(rng, m[:2], s, m[2] - 0.5 * s[2]) for s, m in boxes])
+            np.concatenate([block(rng, m[:2], s, m[2] - 0.5 * s[2], 0.005) for s, m in boxes])
         )
 
     assert may_be_two("lower", "upper")
