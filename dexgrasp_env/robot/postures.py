@@ -109,8 +109,9 @@ def put_aside(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> list[f
         bases = [at.body(other.bodies[0]).xpos for other in (finger, hand.finger(hand.grasp[-1]))]
         fan[columns] = np.linalg.norm(bases[0] - bases[1])
     for share, fanned in product((1.0, 0.5, 0.25, 0.0), (0.0, 1.0) if idle else ()):
-        q = bent + share * (fan / fan.max()) ** fanned * (spread - straight)
-        data = posed(wide, np.clip(hand.free[0] @ q + hand.free[1], low, high))
+        free = bent + share * (fan / fan.max()) ** fanned * (spread - straight)
+        q = np.clip(hand.free[0] @ free + hand.free[1], low, high)
+        data = posed(wide, q)
         mujoco.mj_collision(wide, data)
         near = [({*wide.geom_bodyid[contact.geom].tolist()}, contact.dist) for contact in data.contact]
         # As near as in a grasp are those that no grasp moves, and what fingers begin with.
