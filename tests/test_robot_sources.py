@@ -1,6 +1,7 @@
 """Descriptions as makers ship them: each kind one small file, read without being told anything."""
 
 import re
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -23,6 +24,7 @@ from dexgrasp.planning.sqp import solve
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.hand_maker import HandMaker, NamedParts
 from dexgrasp_env.robot.make import make_robot, parts_of
+from dexgrasp_env.robot.postures import put_aside
 from dexgrasp_env.robot.rebuilt import compiled
 from dexgrasp_env.robot.robot_file import make_hand
 from dexgrasp_env.robot.source import read_source
@@ -112,6 +114,12 @@ def test_mimics_become_couplings_and_the_open_posture_obeys_them(tmp_path):
     at = dict(zip(names, hand["open"], strict=True))
     assert all(abs(at[f"{n}_curl"] - 0.8 * at[f"{n}_flex"] - 0.1) < 1e-3 for n in FINGERS)
     assert any("couplings" in note for note in notes)
+    whole = make_cell(str(tmp_path / "claw.yaml")).robot.hand
+    idle = whole.finger(whole.grasp[-1])
+    fingers = [replace(f, aside=(0.0,) * len(f.joints)) if f is idle else f for f in whole.fingers]
+    pinch = replace(whole, grasp=whole.grasp[:2], fingers=tuple(fingers))
+    at = dict(zip(pinch.joints.names, put_aside(pinch, compiled(pinch), hand["open"]), strict=True))
+    assert all(abs(at[f"{n}_curl"] - 0.8 * at[f"{n}_flex"] - 0.1) < 1e-3 for n in FINGERS)
 
 
 def test_a_fixed_tendon_without_slack_couples_its_two_joints(tmp_path):
