@@ -1,7 +1,7 @@
 """PPO of Stable-Baselines3 on `LiftStaged`: six looks an episode, each a set-point in the grasp space.
 
 `python examples/train_ppo_lift_staged.py` writes `out/ppo.zip`, an agent by its path (`dexgrasp evaluate --agents
-ppo:out/ppo.zip --objects tomato_soup_can`), and `out/ppo_curve.json`: with these settings 90 of 100 fresh scenes.
+ppo:out/ppo.zip --objects tomato_soup_can`), and `out/ppo_curve.json`. It takes 15 CPU minutes; seeds differ much.
 """
 
 import argparse
@@ -59,8 +59,9 @@ def main() -> None:
         look = {"episodes": model.num_timesteps // LOOKS, "cpu_minutes": minutes}
         curve.append(look | {"held_of_20": held(model, other, range(20))})
         print(curve[-1], flush=True)
-    model.save(args.out)
-    fresh = held(model, other, range(1000, 1000 + args.trials))
+        if curve[-1]["held_of_20"] >= max(own["held_of_20"] for own in curve):
+            model.save(args.out)  # the best look is kept: they swing
+    fresh = held(PPO.load(args.out, device="cpu"), other, range(1000, 1000 + args.trials))
     print(fresh, "of", args.trials, "fresh scenes held")
     told = {"settings": vars(args), "curve": curve, "fresh": fresh}
     args.out.with_name(f"{args.out.name}_curve.json").write_text(json.dumps(told, indent=1, default=str))
