@@ -158,7 +158,7 @@ def test_recipes_replace_what_a_file_states(hand):
         recipe_of("svh", None)
 
 
-def test_idle_fingers_keep_clear_of_each_other_as_in_a_grasp(hand):
+def test_idle_fingers_keep_clear_of_each_other_as_open_hands_do(hand):
     straight = ("0 0 0", (0, 1.6))
     more = {
         "fourth": ("0 -0.095 0", *straight, 0.5),
@@ -176,7 +176,7 @@ def test_idle_fingers_keep_clear_of_each_other_as_in_a_grasp(hand):
     ends = [[model.body(name).id for name in finger.bodies] for finger in idle]
     apart = np.array([[bodies_apart(data, a, b, 0.05) for a in ends[0]] for b in ends[1]])
     assert apart[0, 0] > 0.0025  # first links
-    assert apart[1:, 1:].min() > 0.003
+    assert apart[1:, 1:].min() > 0.004
 
 
 def test_masses_and_drives_that_no_hand_has_are_named(tmp_path):

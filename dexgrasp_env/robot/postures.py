@@ -12,6 +12,8 @@ from dexgrasp_env.robot.model import bodies_apart, joints_between, posed, swept
 from dexgrasp_env.robot.rebuilt import FLANGE
 from dexgrasp_env.robot.robot import Arm, Hand
 
+_LITTLE = 0.15  # rad that idle fingers may turn from straight, about
+
 
 def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
     """Return the posture (h,) rad in which the tips of a grasp face each other best in front of the palm.
@@ -87,8 +89,8 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> tuple[tuple[str, str], ...
 def put_aside(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> list[float]:
     """Return an open posture (h,) rad with idle fingers straight, and spread so far that they are in nobody's way.
 
-    They spread alike, or in a fan: the farther from those that grasp, the more. Where neither will do, they bend with
-    the others.
+    They spread alike, or in a fan: the farther from those that grasp, the more; else they turn a little from straight.
+    Where none of it will do, they bend with the others.
 
     Args:
         hand: whose idle fingers state `aside`, straight but for a spread.
@@ -108,17 +110,19 @@ def put_aside(hand: Hand, model: mujoco.MjModel, open_at: list[float]) -> list[f
         bent[columns], spread[columns] = straight[columns], finger.aside
         bases = [at.body(other.bodies[0]).xpos for other in (finger, hand.finger(hand.grasp[-1]))]
         fan[columns] = np.linalg.norm(bases[0] - bases[1])
-    for share, fanned in product((1.0, 0.5, 0.25, 0.0), (0.0, 1.0) if idle else ()):
-        free = bent + share * (fan / fan.max()) ** fanned * (spread - straight)
-        q = np.clip(hand.free[0] @ free + hand.free[1], low, high)
+    ways = [
+        share * (fan / fan.max()) ** fanned * (spread - straight)
+        for share, fanned in product((1.0, 0.5, 0.25, 0.0), (0.0, 1.0) if idle else ())
+    ]
+    drawn = np.random.default_rng(0).normal(0.0, _LITTLE / 3.0, (500, len(low))) * (fan > 0.0)
+    little = drawn[np.argsort(np.linalg.norm(drawn, axis=1))] if idle else drawn[:0]
+    # As near as in a grasp is what fingers begin with; failing that, also what no grasp moves.
+    for may, way in (*product([(first,)], (*ways, *little)), *product([(first, still)], ways)):
+        q = np.clip(hand.free[0] @ np.clip(bent + way, low, high) + hand.free[1], low, high)
         data = posed(wide, q)
         mujoco.mj_collision(wide, data)
         near = [({*wide.geom_bodyid[contact.geom].tolist()}, contact.dist) for contact in data.contact]
-        # As near as in a grasp are those that no grasp moves, and what fingers begin with.
-        if all(
-            not pair & bodies or (apart > 0.003 and any(map(pair.issubset, (still, first))))
-            for pair, apart in near
-        ):
+        if all(not pair & bodies or (apart > 0.003 and any(map(pair.issubset, may))) for pair, apart in near):
             return q.round(6).tolist()
     return open_at
 
