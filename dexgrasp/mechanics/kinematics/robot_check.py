@@ -273,9 +273,8 @@ def _bearing(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
 def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Palms that look down on the middle of the table."""
     found, total, nearer = _palms_down(cell), len(_PALMS), 0.2  # m
-    places = {
-        (x, y) for x, y, _ in found
-    }  # a third, turned one way, will do: palms need not look straight down
+    # A third of the places, turned one way, will do: palms need not look straight down.
+    places = {(x, y) for x, y, _ in found}
     mend = (
         f"a longer arm (this one reaches {cell.robot.arm.reach:.2f} m), its `home` or `starts`, or the mount"
     )
