@@ -149,6 +149,11 @@ def test_headers_may_begin_with_a_byte_order_mark(tmp_path, head):
     assert read_scan(path).points.tolist() == [[0.5, 0.25, 0.0], [1.0, 2.0, 3.0]]
 
 
+def test_cells_of_a_table_may_be_empty_and_the_first_column_unnamed(tmp_path):
+    (tmp_path / "a.csv").write_text(",x,y,z\n0,0.5,0.25,0\n1,,,\n2,1,2,3\n")
+    assert read_scan(tmp_path / "a.csv").points.tolist() == [[0.5, 0.25, 0.0], [1.0, 2.0, 3.0]]
+
+
 def test_fields_of_a_pcd_may_be_several_numbers(tmp_path):
     head = "FIELDS normal x y z\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 3 1 1 1\nPOINTS 3\nDATA ascii\n"
     path = tmp_path / "a.pcd"

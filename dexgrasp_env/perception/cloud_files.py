@@ -22,6 +22,7 @@ from dexgrasp_env.texts import plain_text, rows_of
 _LINES = 1_000  # of a header
 # Numbers of PLY files; others are called as numpy's.
 _SCALARS = {"char": "i1", "uchar": "u1", "int": "i4", "uint": "u4", "float": "f4"}
+_EMPTY_CELL = re.compile(r"(?<=[,;])\s*(?=[,;]|$)|^(?=[,;])")
 _NAMES = ("points", "xyz", "pc", "cloud", "pos", "vertices")  # of the cloud among the arrays of an npz file
 
 
@@ -167,10 +168,10 @@ def _read_text(path: Path) -> Array:
     """
     lines = rows_of(path.read_bytes())
     start = next((k for k, line in enumerate(lines[:_LINES]) if _is_row(line)), 0)
-    bare = (re.sub(r"\[.*?\]|\(.*?\)", "", line.lower()) for line in lines[:start])  # of units
-    named = (re.findall(r"[^\s,;\"'#/]+", line) for line in bare)
+    bare = (re.sub(r"\[.*?\]|\(.*?\)|^[#/\s]+|[\"']", "", line.lower()) for line in lines[:start])  # of units
+    named = (re.split(r"\s*[,;]\s*|\s+", line) for line in bare)
     names = next((names for names in named if {*"xyz"} <= {*names}), [*"xyz"])
-    rows = (line.replace(",", " ").replace(";", " ") for line in lines[start:])
+    rows = (_EMPTY_CELL.sub("nan", line).replace(",", " ").replace(";", " ") for line in lines[start:])
     columns = [names.index(axis) for axis in "xyz"]
     return np.loadtxt(rows, ndmin=2, usecols=columns, comments=("#", "//"))
 

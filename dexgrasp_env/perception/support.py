@@ -59,10 +59,8 @@ def near_base(cloud: Cloud) -> Cloud:
     """
     if len(cloud) < MIN_POINTS:
         raise NoTargetError("empty_cloud", f"{len(cloud)} points")
-    if np.median(np.abs(cloud.points.T).max(axis=0)) > 5.0:  # m
-        raise NoTargetError(
-            "unit_is_not_metres", f"median distance from the base {np.median(np.abs(cloud.points)):.0f}"
-        )
+    if (median := np.median(np.linalg.norm(cloud.points, axis=1))) > 5.0:  # m
+        raise NoTargetError("unit_is_not_metres", f"median distance from the base {median:.0f}")
     cloud = crop(cloud, (-_ROOM,) * 3, (_ROOM,) * 3)
     cloud = cloud.select(thinned(cloud.points, 0.002))
     if len(cloud) < MIN_POINTS:
