@@ -43,7 +43,7 @@ def check_file(path: Path, kind: str = "") -> int:
 
     Raises:
         OSError: if there is none, or it is a folder.
-        InputError: no regular file, or larger.
+        InputError: no regular file, larger, or a pointer of Git LFS.
     """
     about = path.stat()
     if stat.S_ISDIR(about.st_mode):
@@ -51,10 +51,12 @@ def check_file(path: Path, kind: str = "") -> int:
     if not stat.S_ISREG(about.st_mode):
         raise InputError(f"{path} is no regular file: copy what it gives into one")
     kind = kind or path.suffix.lower()
-    if kind == ".ply":
-        with path.open("rb") as file:
-            if b"format ascii" in file.read(_HEADER):
-                kind = "ascii .ply"
+    with path.open("rb") as file:
+        head = file.read(_HEADER)
+    if head.startswith(b"version https://git-lfs."):
+        raise InputError(f"{path} is a pointer of Git LFS: fetch what it stands for with git lfs pull")
+    if kind == ".ply" and b"format ascii" in head:
+        kind = "ascii .ply"
     check_bytes(about.st_size, str(path), kind)
     return about.st_size
 

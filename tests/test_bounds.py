@@ -148,6 +148,14 @@ def test_every_reader_refuses_what_is_damaged_in_one_line(kind, damage, tmp_path
             READERS[kind](path)
 
 
+@pytest.mark.parametrize("kind", READERS)
+def test_every_reader_knows_a_pointer_of_git_lfs(kind, tmp_path):
+    path = file_of(kind, tmp_path)
+    path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
+    with refused("git lfs pull"):
+        READERS[kind](path)
+
+
 def test_text_is_bounded_closer_than_what_is_binary(tmp_path):
     path = tmp_path / "m.ply"
     path.write_bytes(b"ply\nformat ascii 1.0\n")

@@ -26,9 +26,9 @@ class CameraIntrinsics:
     cy: float = 59.5
 
     def __post_init__(self) -> None:
-        if self.width < 8 or self.height < 8:
+        if not (min(self.width, self.height) >= 8 and self.width * self.height <= 1 << 24):
             raise InputError(
-                f"camera image {self.width} x {self.height} is too small: valid are 8 x 8 pixels and more"
+                f"camera image {self.width} x {self.height}: valid are 8 x 8 pixels and more, 16 million at most"
             )
         if not (self.fx > 0 and self.fy > 0):
             raise InputError(f"focal lengths must be positive: got fx = {self.fx}, fy = {self.fy}")
