@@ -79,7 +79,8 @@ class Server:
         from websockets.asyncio.server import serve
 
         loop = asyncio.get_running_loop()
-        loop.set_default_executor(ThreadPoolExecutor(len(self._workers)))  # each waits for its worker's answer
+        # A thread for each worker, in which its answer is waited for.
+        loop.set_default_executor(ThreadPoolExecutor(len(self._workers)))
         for number_ in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number_, self._stopping.set)
         place = _bound(self._settings)  # an address that is taken is said before anything is loaded
