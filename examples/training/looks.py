@@ -1,4 +1,4 @@
-"""What the training examples share: options, looks at fixed scenes while it learns, and the curve beside the policy."""
+"""Options of a training example, looks at fixed scenes while it learns, and the curve beside the policy."""
 
 import argparse
 import json
