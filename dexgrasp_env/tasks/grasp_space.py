@@ -12,14 +12,13 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Index, Mask, Single
+from dexgrasp_env.arrays import Array, Index, Single
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix, rotation_components
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.constants import (
     DISTURB_AFTER,
-    LIFT_HEIGHT,
     PALM_STEP,
     PALM_TURN,
     PLACE_X,
@@ -27,7 +26,7 @@ from dexgrasp_env.tasks.constants import (
     at_pace,
 )
 from dexgrasp_env.tasks.control import GRASP_SIZE, ONCE_MODES
-from dexgrasp_env.tasks.records import PALM, PALM_QUAT, Record, Records
+from dexgrasp_env.tasks.records import PALM, PALM_QUAT, Record
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
 
@@ -194,22 +193,6 @@ def table_frame(yaw: float) -> Array:
     return np.array(
         [0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0, yaw, *heights, 0.5 * math.pi, half, beside, high + _OVER, 0.0]
     )
-
-
-@njit
-def goes_on(episodes: Records, whole: bool, late: int, out: Mask) -> None:
-    """Write in which episodes (N,) an action goes on: while nothing fails, a whole grasp until held or missed.
-
-    Args:
-        episodes: (N,).
-        whole: whether an action is a whole grasp.
-        late: control steps after which one whose object is not up has missed.
-        out: (N,) out.
-    """
-    for i in range(len(episodes)):
-        e = episodes[i]
-        missed = e.elapsed >= late and e.height < LIFT_HEIGHT
-        out[i] = e.failure == 0 and not (whole and (e.success or missed))
 
 
 @njit

@@ -35,13 +35,14 @@ COMMANDS = ("targets", "command", "before")
 """Set-points of the n joints beside a record, (3, n) rad: the agent's at the end of the control step, what the servos
 are told then (targets and the shaking), and the command before, for late ones."""
 
-INFOS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "is_success": ("success", ()), "is_stable": ("stable", ()), "is_grasped": ("grasped", ()),
-    "stage": ("stage", STAGES), "failure": ("failure", FAILURES), "object_height": ("height", ()),
-    "object_slip": ("slip", ()), "object_tilt": ("tilt", ()), "object_shift": ("shift", ()),
-    "held_seconds": ("held", ()), "disturbance": ("phase", PHASES), "mujoco_warnings": ("warnings", ()),
+INFOS = {
+    "is_success": "success", "is_stable": "stable", "is_grasped": "grasped", "stage": "stage", "failure": "failure",
+    "object_height": "height", "object_slip": "slip", "object_tilt": "tilt", "object_shift": "shift",
+    "held_seconds": "held", "disturbance": "phase", "mujoco_warnings": "warnings",
 }  # fmt: skip
-"""Infos: of which field of a record, and the names of its values, where they have some; `held` counts steps."""
+"""Infos: of which field of a record; `held` counts steps."""
+INFO_NAMES = {"stage": STAGES, "failure": FAILURES, "disturbance": PHASES}
+"""Names of the values of infos that are numbers in a record."""
 
 Records = NDArray[np.void]
 """Array of EPISODE records, (N,)."""
