@@ -17,23 +17,16 @@ from dexgrasp.data.demonstrations.resets import DemoResets
 
 LOOKS, BATCH = 6, 20  # actions an episode; episodes from one update to the next
 
-
-def main() -> None:
-    """Train."""
-    parser = options(__doc__, "out/ppo", episodes=1800, every=250)
-    parser.add_argument("--demos", type=Path, help="of `dexgrasp demos generate`: episodes begin along them")
-    args = parser.parse_args()
-    torch.set_num_threads(1)
-    env, other = (gym.make("DexGrasp/LiftStaged-v1", objects=args.objects) for _ in range(2))
-    if args.demos:
-        DemoResets(args.demos).attach(env)
-    steps = LOOKS * min(args.every, BATCH)
-    model = PPO(
-        "MlpPolicy", env, n_steps=steps, batch_size=min(60, steps), learning_rate=0.001, gamma=0.95,
-        policy_kwargs={"log_std_init": -0.5}, seed=args.seed, device="cpu",
-    )  # fmt: skip
-    train(model, args, LOOKS, other, other, best=True)
-
-
-if __name__ == "__main__":
-    main()
+parser = options(__doc__, "out/ppo", episodes=1800, every=250)
+parser.add_argument("--demos", type=Path, help="of `dexgrasp demos generate`: episodes begin along them")
+args = parser.parse_args()
+torch.set_num_threads(1)
+env, other = (gym.make("DexGrasp/LiftStaged-v1", objects=args.objects) for _ in range(2))
+if args.demos:
+    DemoResets(args.demos).attach(env)
+steps = LOOKS * min(args.every, BATCH)
+model = PPO(
+    "MlpPolicy", env, n_steps=steps, batch_size=min(60, steps), learning_rate=0.001, gamma=0.95,
+    policy_kwargs={"log_std_init": -0.5}, seed=args.seed, device="cpu",
+)  # fmt: skip
+train(model, args, LOOKS, other, other, best=True)

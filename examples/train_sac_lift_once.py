@@ -12,20 +12,13 @@ from training.looks import options, train
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 
-
-def main() -> None:
-    """Train."""
-    parser = options(__doc__, "out/sac", episodes=1250, every=250)
-    parser.add_argument("--env-id", default="DexGrasp/LiftOnce-v0")
-    parser.add_argument("--test", nargs="+", help="objects to look at (default: those of training)")
-    parser.add_argument("--updates", type=int, default=1, help="gradient steps an episode")
-    parser.add_argument("--ent-coef", default="auto", help="entropy coefficient, as SAC takes it")
-    args = parser.parse_args()
-    torch.set_num_threads(1)
-    env, other = (gym.make(args.env_id, objects=names) for names in (args.objects, args.test or args.objects))
-    more = {"gradient_steps": args.updates, "ent_coef": args.ent_coef}
-    train(SAC("MlpPolicy", env, seed=args.seed, device="cpu", **more), args, 1, other, other)
-
-
-if __name__ == "__main__":
-    main()
+parser = options(__doc__, "out/sac", episodes=1250, every=250)
+parser.add_argument("--env-id", default="DexGrasp/LiftOnce-v0")
+parser.add_argument("--test", nargs="+", help="objects to look at (default: those of training)")
+parser.add_argument("--updates", type=int, default=1, help="gradient steps an episode")
+parser.add_argument("--ent-coef", default="auto", help="entropy coefficient, as SAC takes it")
+args = parser.parse_args()
+torch.set_num_threads(1)
+env, other = (gym.make(args.env_id, objects=names) for names in (args.objects, args.test or args.objects))
+more = {"gradient_steps": args.updates, "ent_coef": args.ent_coef}
+train(SAC("MlpPolicy", env, seed=args.seed, device="cpu", **more), args, 1, other, other)
