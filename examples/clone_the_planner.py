@@ -1,7 +1,7 @@
 """Record demonstrations, clone them, and score the clone beside the planner: the template for an agent of your own.
 
-python examples/clone_the_planner.py runs/clone            some hours; goes on where it was stopped
-python examples/clone_the_planner.py runs/clone --quick    minutes: tries it
+python examples/clone_the_planner.py runs/clone --whole    some hours; goes on where it was stopped
+python examples/clone_the_planner.py                       minutes: tries it
 """
 
 import sys

@@ -11,14 +11,9 @@ def dexgrasp(*words: str) -> None:
     subprocess.run([sys.executable, "-m", "dexgrasp_env", *words], check=True)
 
 
-def main() -> None:
-    """Write the arm's rows at 1 kHz and the hand's at 333 Hz."""
-    dexgrasp("plan", "soda", "--seed", "3", "--out", "out/soda")
-    dexgrasp("export", "out/soda/grasp.json", "--format", "csv", "--out", "out/robot")
-    dexgrasp("check", "out/robot")
-    arm = np.genfromtxt("out/robot/arm.csv", delimiter=",", names=True)
-    print(arm.dtype.names, arm["t"][-1], "s")
-
-
-if __name__ == "__main__":
-    main()
+# Write the arm's rows at 1 kHz and the hand's at 333 Hz.
+dexgrasp("plan", "soda", "--seed", "3", "--out", "out/soda")
+dexgrasp("export", "out/soda/grasp.json", "--format", "csv", "--out", "out/robot")
+dexgrasp("check", "out/robot")
+arm = np.genfromtxt("out/robot/arm.csv", delimiter=",", names=True)
+print(arm.dtype.names, arm["t"][-1], "s")

@@ -6,14 +6,8 @@ from pathlib import Path
 
 from dexgrasp.data.dataset.dataset import read_dataset
 
-
-def main() -> None:
-    """Make five grasps for each rest pose of one object."""
-    command = [sys.executable, "-m", "dexgrasp_env", "dataset", "generate", "--objects", "soda"]
-    subprocess.run([*command, "--grasps-per-pose", "5", "--out", "out/dataset"], check=True)
-    for pose in read_dataset(Path("out/dataset")):
-        print(pose.name, pose.pose, len(pose), "grasps, contacts", pose.grasps["contacts"].shape)
-
-
-if __name__ == "__main__":
-    main()
+# Make five grasps for each rest pose of one object.
+command = [sys.executable, "-m", "dexgrasp_env", "dataset", "generate", "--objects", "soda"]
+subprocess.run([*command, "--grasps-per-pose", "5", "--out", "out/dataset"], check=True)
+for pose in read_dataset(Path("out/dataset")):
+    print(pose.name, pose.pose, len(pose), "grasps, contacts", pose.grasps["contacts"].shape)

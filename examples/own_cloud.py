@@ -20,14 +20,9 @@ def scene(noise: float = 0.001) -> np.ndarray:
     return points + rng.normal(0.0, noise, points.shape)
 
 
-def main() -> None:
-    """Plan a grasp of the can and print its certificate."""
-    found = plan_cloud(scene(), near=(0.52, 0.05, 0.05), request=GraspRequest(mass=0.3))
-    if found.grasp is None:
-        raise SystemExit(found.reason)
-    certificate = found.grasp.certificate
-    print("closure margin:", certificate.closure_margin, "load:", certificate.load)
-
-
-if __name__ == "__main__":
-    main()
+# Plan a grasp of the can and print its certificate.
+found = plan_cloud(scene(), near=(0.52, 0.05, 0.05), request=GraspRequest(mass=0.3))
+if found.grasp is None:
+    raise SystemExit(found.reason)
+certificate = found.grasp.certificate
+print("closure margin:", certificate.closure_margin, "load:", certificate.load)

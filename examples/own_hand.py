@@ -33,17 +33,12 @@ def claw() -> str:
     return HEAD + "".join(FINGER.format(*finger) for finger in fingers) + "</body></worldbody></mujoco>"
 
 
-def main() -> None:
-    """Make the robot file and print the sizes of its environment."""
-    Path("out").mkdir(exist_ok=True)
-    Path("out/claw.xml").write_text(claw())
-    command = [sys.executable, "-m", "dexgrasp_env", "robot", "make"]
-    subprocess.run([*command, "--hand", "out/claw.xml", "--out", "out/claw.yaml"], check=True)
-    env = gym.make("DexGrasp/Lift-v2", objects="pear", robot="out/claw.yaml")
-    env.reset(seed=0)
-    print("joints:", env.action_space.shape)  # seven of the arm and nine of the hand
-    env.close()
-
-
-if __name__ == "__main__":
-    main()
+# Make the robot file and print the sizes of its environment.
+Path("out").mkdir(exist_ok=True)
+Path("out/claw.xml").write_text(claw())
+command = [sys.executable, "-m", "dexgrasp_env", "robot", "make"]
+subprocess.run([*command, "--hand", "out/claw.xml", "--out", "out/claw.yaml"], check=True)
+env = gym.make("DexGrasp/Lift-v2", objects="pear", robot="out/claw.yaml")
+env.reset(seed=0)
+print("joints:", env.action_space.shape)  # seven of the arm and nine of the hand
+env.close()

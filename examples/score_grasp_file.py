@@ -11,13 +11,8 @@ def dexgrasp(*words: str) -> None:
     subprocess.run([sys.executable, "-m", "dexgrasp_env", *words], check=True)
 
 
-def main() -> None:
-    """Plan a grasp in mid-air and score it as DexGraspBench does."""
-    dexgrasp("plan", "soda", "--floating", "--friction", "0.6", "--seed", "1", "--out", "out/floating")
-    dexgrasp("score", "out/floating/grasp.json", "--protocol", "dgb_fc", "--out", "out/scores")
-    scores = json.loads(Path("out/scores/scores.json").read_text())
-    print(sorted(scores))
-
-
-if __name__ == "__main__":
-    main()
+# Plan a grasp in mid-air and score it as DexGraspBench does.
+dexgrasp("plan", "soda", "--floating", "--friction", "0.6", "--seed", "1", "--out", "out/floating")
+dexgrasp("score", "out/floating/grasp.json", "--protocol", "dgb_fc", "--out", "out/scores")
+scores = json.loads(Path("out/scores/scores.json").read_text())
+print(sorted(scores))

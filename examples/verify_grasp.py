@@ -7,15 +7,9 @@ from pathlib import Path
 from dexgrasp.grasp.file import read_grasp
 from dexgrasp.grasp.verify.verify import verify
 
-
-def main() -> None:
-    """Plan a grasp of a soda can and print every check."""
-    command = [sys.executable, "-m", "dexgrasp_env", "plan", "soda", "--seed", "3", "--out", "out/soda"]
-    subprocess.run(command, check=True)
-    checks = verify(read_grasp(Path("out/soda/grasp.json")))
-    for check in checks:
-        print(check)
-
-
-if __name__ == "__main__":
-    main()
+# Plan a grasp of a soda can and print every check.
+command = [sys.executable, "-m", "dexgrasp_env", "plan", "soda", "--seed", "3", "--out", "out/soda"]
+subprocess.run(command, check=True)
+checks = verify(read_grasp(Path("out/soda/grasp.json")))
+for check in checks:
+    print(check)

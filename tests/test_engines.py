@@ -11,8 +11,8 @@ from refusals import refused
 from robots import CELL, HOME
 
 from dexgrasp.cli.commands import run_script
+from dexgrasp.export.formats import write_scene
 from dexgrasp.export.read import Recording, Rows
-from dexgrasp.export.scene_folder import write_scene
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.scene.build import build_scene

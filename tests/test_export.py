@@ -17,11 +17,10 @@ from tables import table
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.export.check import check_trajectory
-from dexgrasp.export.formats import moveit_grasp, write_csv, write_json, write_ros2
+from dexgrasp.export.formats import moveit_grasp, write_csv, write_json, write_ros2, write_scene
 from dexgrasp.export.grasp_export import export_grasp
 from dexgrasp.export.read import read_trajectory
 from dexgrasp.export.replay import replay
-from dexgrasp.export.scene_folder import write_scene
 from dexgrasp.export.trajectory import ARM_TICK, Limits, Waypoints, make_trajectory, timed
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.trajectory import limit_shares

@@ -10,6 +10,7 @@ from tables import table
 
 from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import DISTURB_SHIFT, GRASP_STEPS, HOLD_STEPS
+from dexgrasp_env.tasks.infos import info_of
 from dexgrasp_env.tasks.settings import WEIGHTS
 
 THRESHOLD = 75.0
@@ -81,7 +82,7 @@ def test_success_stays_and_failure_takes_the_rest():
     assert terms["success"] == 1.0
     env.data.qpos[25], env.data.qpos[24] = 0.0, 2.0  # let fall, and lost
     judge(env)
-    terms = env._episodes.info(0)["reward_terms"]
+    terms = info_of(env._episodes, 0)["reward_terms"]
     assert terms.pop("success") == 1.0
     assert set(terms.values()) == {0.0}
 
@@ -117,7 +118,7 @@ def held(env, steps, *, any_contacts=2, hand_contacts=2, forces=None):
     seen = []
     for _ in range(steps):
         judge(env)
-        seen.append((env._episodes.info(0), float(episodes.rewards[0])))
+        seen.append((info_of(env._episodes, 0), float(episodes.rewards[0])))
     return seen
 
 

@@ -147,6 +147,5 @@ class SceneOptions(CellOptions):
     @property
     def env_settings(self) -> Fields:
         """Keywords of `gym.make` for the scene."""
-        chosen = {"robot": self.robot, "mount": self.mount, "friction": self.friction}
-        given = {name: value for name, value in chosen.items() if value is not None}
-        return {"mesh_scale": self.mesh_scale, "mesh_mass": self.mesh_mass} | given
+        names = ("robot", "mount", "friction", "mesh_scale", "mesh_mass")
+        return {name: getattr(self, name) for name in names}

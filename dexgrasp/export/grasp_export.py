@@ -6,8 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from dexgrasp.export.formats import write_csv, write_json, write_ros2
-from dexgrasp.export.scene_folder import write_scene
+from dexgrasp.export.formats import write_csv, write_json, write_ros2, write_scene
 from dexgrasp.export.trajectory import Waypoints, make_trajectory
 from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.mechanics.kinematics.forward import hand_contact_jacobian

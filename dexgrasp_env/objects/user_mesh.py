@@ -12,6 +12,7 @@ import numpy as np
 import trimesh
 
 from dexgrasp_env.arrays import Arrays
+from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.files import cached_arrays, check_archive, content_hash, printable_stem, read_file
 from dexgrasp_env.findings import Finding
@@ -21,6 +22,7 @@ from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.repair import repair
 from dexgrasp_env.objects.sets import MESH_SUFFIXES, mesh_file
 from dexgrasp_env.ply_file import DamagedMeshError
+from dexgrasp_env.yaml_file import read_yaml
 
 DENSITY = 400.0
 """kg/m^3 where no mass is given: everyday things, hollow or half full."""
@@ -78,8 +80,9 @@ def describe_mesh(path: str | os.PathLike[str], *, scale: float = 1.0) -> list[F
             "nothing to do",
         )
     ]
+    remedies = read_yaml(asset_path("objects", "remedies.yaml"))
     for note in model.notes:
-        level, remedy = next(known for start, *known in _REMEDIES if note.startswith(start))
+        level, remedy = next(known for start, *known in remedies if note.startswith(start))
         findings.append(Finding(level, note, remedy))
     return findings
 
@@ -183,19 +186,3 @@ def _repaired(raw: trimesh.Trimesh, name: str) -> tuple[trimesh.Trimesh, tuple[s
     found = cached_arrays(f"meshes/{key}.npy", make)
     mesh = trimesh.Trimesh(found["vertices"], found["faces"], process=False)
     return mesh, tuple(found["notes"].tolist())
-
-
-_REMEDIES = (
-    ("mass", "info", "pass --mesh-mass for the true one"),
-    ("split", "info", "nothing to do"),
-    ("turned", "info", "done; recompute the normals in your modelling program"),
-    ("simplified", "info", "done; decimate it in your modelling program to choose what is kept"),
-    ("dropped", "warning", "done; delete them in your modelling program if that is wrong"),
-    ("rebuilt", "warning", "look at it with dexgrasp view; close the surface in your modelling program"),
-    ("replaced", "warning", "close the surface in your modelling program to keep its hollows"),
-    ("resized", "warning", "look at it with dexgrasp view; close the surface in your modelling program"),
-    ("filled", "warning", "done; look at it with dexgrasp view"),
-    ("too large", "warning", "check the unit (--mesh-scale), or expect no grasp"),
-    ("", "warning", "done; look at it with dexgrasp view, or mend it in your modelling program"),
-)
-"""How notes on a loaded object begin, their level, and what to do; the first that fits holds."""

@@ -15,8 +15,6 @@ from dexgrasp_env.poses import quat_conjugate, rotate
 from dexgrasp_env.tasks.arrangement import set_out
 from dexgrasp_env.tasks.constants import (
     AROUND_POINTS,
-    CLUTTER_EPISODE_STEPS,
-    HEAP_EPISODE_STEPS,
     MOST_NEIGHBOURS,
     NEIGHBOUR_MOVED,
     TOPPLED,
@@ -76,7 +74,8 @@ class ClutterSettings(LiftSettings):
     @property
     def usual_steps(self) -> int:
         """Control steps at 20 Hz that episodes have without a disturbance."""
-        return HEAP_EPISODE_STEPS if self.gaps is None else CLUTTER_EPISODE_STEPS
+        # In which a lost object can be grasped again, and of a heap eight neighbours be set aside first.
+        return 1800 if self.gaps is None else 600
 
 
 NEIGHBOURS = np.dtype(

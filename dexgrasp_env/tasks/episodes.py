@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array, Arrays, Fields, Index, Mask
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.tasks import kernel
-from dexgrasp_env.tasks.constants import SETTLE_STEPS
+from dexgrasp_env.tasks.constants import LIFT_HEIGHT, SETTLE_STEPS
 from dexgrasp_env.tasks.control import GRASP_MODES, GRASP_SIZE, ONCE_MODES, ActionSpace, check_finite
 from dexgrasp_env.tasks.disturbance import MOTION, draw_motion, moves_now
 from dexgrasp_env.tasks.features import FARTHEST, SceneFeatures
 from dexgrasp_env.tasks.grasp_actions import GraspActions
-from dexgrasp_env.tasks.grasp_space import goes_on, lifted_by, longest_grasp
-from dexgrasp_env.tasks.infos import EpisodeInfos
+from dexgrasp_env.tasks.grasp_space import lifted_by, longest_grasp
 from dexgrasp_env.tasks.observations import FLAT, key_columns, observation_space, unbounded
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Rngs, Variation
@@ -32,11 +31,11 @@ from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import NO_PHYSICS, Physics, Simulation, arm_chain
 from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
-from dexgrasp_env.tasks.starts import pre_grasps
+from dexgrasp_env.tasks.starts import ReverseStarts, pre_grasps
 from dexgrasp_env.tasks.views import CameraObserver
 
 
-class Episodes(EpisodeInfos):
+class Episodes:
     """Records of N episodes and the scenes that they share; the base of every task.
 
     A task overrides `task_dtype`, what it notes; `_begin` or `_set_out`, how an episode starts; `_finish`, rewards and
@@ -59,13 +58,13 @@ class Episodes(EpisodeInfos):
         motion = MOTION.descr if settings.disturbance.moves else []
         notes = np.dtype([(name, self.task_dtype[name]) for name in self.task_dtype.names or ()] + motion)
         self.records, self.task_records = np.zeros(number, EPISODE), np.zeros(number, notes)
-        self.info_fields = self.records[[field for field, _ in INFOS.values()]]
+        self.info_fields = self.records[[*INFOS.values()]]
         self.slots = [Slot() for _ in range(number)]
         self.one_model = number == 1 or settings.backend == "warp"
         """Whether episodes of an object share its scene's model, which is varied anew for each that is entered."""
         self.settle_steps = 0 if settings.backend == "warp" and number > 1 else SETTLE_STEPS
         """Physics steps of an object that was drawn to lie somewhere; by MuJoCo they take longer than all on a GPU."""
-        self.rewards, self._goes_on = np.zeros(number), np.zeros(number, bool)
+        self.rewards = np.zeros(number)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
         self._rows, self._push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
         hulls = [simulation.hull for simulation in self.simulations.values()]
@@ -263,16 +262,8 @@ class Episodes(EpisodeInfos):
         rows = np.empty((len(records), self._width), np.float32)
         noise = self.settings.randomisation.draw_joint_noise(records["variation"], self.rules.joints, rngs)
         kernel.conclude(
-            records,
-            where.current,
-            warnings,
-            self.commands[part],
-            noise,
-            self.rules,
-            self.rewards[part],
-            rows,
-            judge,
-        )
+            records, where.current, warnings, self.commands[part], noise, self.rules, self.rewards[part], rows, judge
+        )  # fmt: skip
         seen = {key: rows[:, columns] for key, columns in self._columns.items()}
         return self._finish(part, where, judge, seen)
 
@@ -320,10 +311,10 @@ class Episodes(EpisodeInfos):
             if self.span == 1:
                 return self.complete(everything, where, seen)
             gained[going] += self.rewards[going]
-            goes_on(self.records, self.whole, late, self._goes_on)
-            for i in going[~self._goes_on[going]].tolist():
+            over = self._is_over(late)[going]
+            for i in going[over].tolist():
                 kept[i], rngs[i] = copy.deepcopy([part[i] for part in (*seen.values(), *rows)]), None
-            going = going[self._goes_on[going]]
+            going = going[~over]
             if not len(going):
                 break
         for i, parts in kept.items():
@@ -331,6 +322,24 @@ class Episodes(EpisodeInfos):
                 whole[i] = part
         self.rewards[:] = gained
         return self.complete(everything, where, seen)
+
+    def _is_over(self, late: int) -> Mask:
+        """Return which actions (N,) are: where something failed, and a whole grasp once held, or `late` and not up."""
+        records, done = self.records, self.records["failure"] > 0
+        if self.whole:
+            done |= records["success"] | ((records["elapsed"] >= late) & (records["height"] < LIFT_HEIGHT))
+        return done
+
+    def more_infos(self) -> Arrays:
+        """Return the task's own infos beside `INFOS`, arrays (N,) by key; `level` where starts move back."""
+        if not isinstance(self.starts, ReverseStarts):
+            return {}
+        return {"level": np.full(len(self.slots), self.starts.front)}
+
+    def object_name(self, i: int) -> str:
+        """Return the name of the object of episode `i`, "" before the first."""
+        target = self.slots[i].target
+        return self.simulations[target].object.name if target else ""
 
     def get_state(self, i: int, physics: Array, sensors: Array, rng: Generator) -> EpisodeState:
         """Return the state of episode `i`."""

@@ -6,20 +6,20 @@ down, hand closed, palm up. This module imports numba: it is imported when an en
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Index, Mask, Single
+from dexgrasp_env.arrays import Array, Index, Single
+from dexgrasp_env.assets import asset_path
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix, rotation_components
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.constants import (
     DISTURB_AFTER,
-    LIFT_HEIGHT,
     PALM_STEP,
     PALM_TURN,
     PLACE_X,
@@ -27,36 +27,16 @@ from dexgrasp_env.tasks.constants import (
     at_pace,
 )
 from dexgrasp_env.tasks.control import GRASP_SIZE, ONCE_MODES
-from dexgrasp_env.tasks.records import PALM, PALM_QUAT, Record, Records
+from dexgrasp_env.tasks.records import PALM, PALM_QUAT, Record
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.yaml_file import read_yaml
 
 _rotation = njit(rotation_components)
 
-_PLACES = {
-    "along": (0.0, 0.05),
-    "across": (0.0, 0.05),
-    "above": (0.11, 0.13),
-    "turned": (0.0, 0.3),
-    "tilted": (0.1, 0.2),
-}
-"""Middle and span of the palm's place, m, along the object's narrowest level direction, level across it, and above its
-top (from where tips clear the table on); rad from closing along that direction, and of the thumb upwards.
-
-The object is taken for its box, `object_size` about the centre of mass: where that is not the middle, the top is off.
-"""
-_OPEN = {
-    "index": (-0.15, 0.86, 0.0, 0.04),
-    "middle": (0.06, 0.86, 0.0, 0.07),
-    "ring": (0.0, -0.15, 0.0, 0.0),
-    "thumb": (1.38, 0.35, -0.1, 0.2),
-}
-_CLOSED = {
-    "fingers": {("index", 1): -0.1, ("index", 2): 1.1, ("middle", 1): -0.1, ("middle", 2): 1.1},
-    "thumb": {("thumb", 2): 1.2},
-}
-"""Rad that joints of a finger are bent by from the open hand at 1; at -1 the hand is open."""
-_PLACE, _ABOVE = len(_PLACES), list(_PLACES).index("above")
+_TABLE = read_yaml(asset_path("grasp_space.yaml"))
+"""Places of the palm and postures of the hand; the file says what they are."""
+_PLACE = GRASP_SIZE - 2  # numbers of an action that are of the palm
 _LEAST_Z = 0.12  # m above the table, where the tips still clear it
 _GAIN, _FASTEST = 0.5, 0.8  # share of what is left that a control step goes, and of what it can go at most
 _CLOSING = 0.1  # rad that a joint of the hand moves in a control step at most
@@ -76,7 +56,7 @@ class GraspSpace(NamedTuple):
     """Constants of the grasp space of a robot with a hand of m joints, and of the phases of a whole grasp.
 
     Attributes:
-        places: (5, 2) middle and span, of `_PLACES`.
+        places: (5, 2) middle and span, of the palm's places.
         opened: (m,) rad, the open hand.
         closing: (2, m) rad, what it is bent by as fingers and thumb close.
         hand: (2, m) rad, ends of its joints.
@@ -99,21 +79,18 @@ def grasp_space(settings: LiftSettings) -> GraspSpace:
         InputError: for a hand that has no postures here.
     """
     robot = settings.cell.robot
-    fingers = robot.hand.fingers
-    if any(len(_OPEN.get(finger.name, ())) != len(finger.joints) for finger in fingers):
+    fingers, opened = robot.hand.fingers, _TABLE["open"]
+    if any(len(opened.get(finger.name, ())) != len(finger.joints) for finger in fingers):
         raise InputError(
-            f"control_mode {settings.control_mode!r} has postures of the fingers {', '.join(_OPEN)}, with four joints "
+            f"control_mode {settings.control_mode!r} has postures of the fingers {', '.join(opened)}, with four joints "
             f"each: the hand {robot.hand.name!r} has {', '.join(finger.name for finger in fingers)}"
         )
-    opened = np.zeros(robot.dof)
-    for finger, angles in _OPEN.items():
-        opened[robot.columns[finger].start :][: len(angles)] = angles
     hand = robot.hand_columns
     ends = [at_pace(steps, settings.frame_skip) for steps in np.cumsum(_PHASES[:-1]).tolist()]
     return GraspSpace(
-        np.array(list(_PLACES.values())),
-        opened[hand],
-        joint_changes(robot, _CLOSED)[:, hand],
+        np.array(list(_TABLE["places"].values())),
+        joint_changes(robot, {"open": opened})[0, hand],
+        joint_changes(robot, _TABLE["closed"])[:, hand],
         np.stack([robot.lower[hand], robot.upper[hand]]),
         np.array(ends, np.int64),
         settings.control_mode in ONCE_MODES,
@@ -131,12 +108,12 @@ def longest_grasp(settings: LiftSettings) -> int:
     return at_pace(sum(_PHASES) + (DISTURB_AFTER if disturbed else 0), settings.frame_skip) + disturbed
 
 
-def joint_changes(robot: Robot, table: Mapping[str, Mapping[tuple[str, int], float]]) -> Array:
-    """Return the joint angles (n,) rad that each entry of a table, by finger and joint, adds."""
+def joint_changes(robot: Robot, table: Mapping[str, Mapping[str, Sequence[float]]]) -> Array:
+    """Return the joint angles (n,) rad that each entry of a table, by finger, adds."""
     rows = np.zeros((len(table), robot.dof))
-    for row, joints in zip(rows, table.values(), strict=True):
-        for (finger, k), size in joints.items():
-            row[robot.columns[finger].start + k] = size
+    for row, fingers in zip(rows, table.values(), strict=True):
+        for finger, angles in fingers.items():
+            row[robot.columns[finger].start :][: len(angles)] = angles
     return rows
 
 
@@ -165,7 +142,7 @@ def grasp_frame(record: Record, yaw: float) -> Array:
     R = quat_to_matrix(pose[3:])
     top = pose[2] + float((np.abs(R[2]) * half).sum())
     # No part of an action's range is under the table, where it would make no difference.
-    middle, span = _PLACES["above"]
+    middle, span = _TABLE["places"]["above"]
     lowest = max(middle - span, _LEAST_Z - top)
     high = middle + span
     # The narrowest grip that turns the wrist least, by 90 degrees at most, as grips are alike that are turned by 180:
@@ -176,7 +153,7 @@ def grasp_frame(record: Record, yaw: float) -> Array:
     off = (_TURNS - yaw + 0.5 * np.pi) % np.pi - 0.5 * np.pi
     best = np.argmin(np.where(narrow, np.abs(off), np.inf))
     heights = 0.5 * (high + lowest), 0.5 * (high - lowest)
-    spans = (_PLACES[name][1] for name in ("turned", "along", "across"))
+    spans = (_TABLE["places"][name][1] for name in ("turned", "along", "across"))
     axis = yaw + off[best]
     return np.array([*pose[:2], top, axis, *heights, *spans, _OVER, axis])
 
@@ -194,22 +171,6 @@ def table_frame(yaw: float) -> Array:
     return np.array(
         [0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0, yaw, *heights, 0.5 * math.pi, half, beside, high + _OVER, 0.0]
     )
-
-
-@njit
-def goes_on(episodes: Records, whole: bool, late: int, out: Mask) -> None:
-    """Write in which episodes (N,) an action goes on: while nothing fails, a whole grasp until held or missed.
-
-    Args:
-        episodes: (N,).
-        whole: whether an action is a whole grasp.
-        late: control steps after which one whose object is not up has missed.
-        out: (N,) out.
-    """
-    for i in range(len(episodes)):
-        e = episodes[i]
-        missed = e.elapsed >= late and e.height < LIFT_HEIGHT
-        out[i] = e.failure == 0 and not (whole and (e.success or missed))
 
 
 @njit

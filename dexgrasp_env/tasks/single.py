@@ -12,6 +12,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import check_actions
 from dexgrasp_env.tasks.episodes import Episodes
+from dexgrasp_env.tasks.infos import info_of
 from dexgrasp_env.tasks.member import EpisodeAccess
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.slots import EpisodeState, Starts
@@ -117,7 +118,7 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
     def _observed(self, observed: Arrays) -> tuple[Arrays, Fields]:
         """Return the observation and the info, both with what cameras saw last: callers may write to that."""
         view = self._episodes.slots[0].view
-        observation, info = {key: values[0] for key, values in observed.items()}, self._episodes.info(0)
+        observation, info = {key: values[0] for key, values in observed.items()}, info_of(self._episodes, 0)
         if view.seen:
             seen, about = copy.deepcopy((view.seen, view.info))
             observation, info = dict(sorted((observation | seen).items())), info | about

@@ -22,7 +22,7 @@ from dexgrasp_env.tasks.clutter import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import check_actions
 from dexgrasp_env.tasks.gentle import GentleEnv
-from dexgrasp_env.tasks.infos import masked, with_masks
+from dexgrasp_env.tasks.infos import infos_of, masked, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.member import MemberAccess, one_for_each
 from dexgrasp_env.tasks.place import GoalRewards, PlaceEnv
@@ -351,7 +351,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
 
     def _infos(self) -> Fields:
         """Return the infos of the episodes, those of cameras too, with their masks."""
-        infos, seen = self._episodes.infos(), [slot.view.info for slot in self._episodes.slots]
+        infos, seen = infos_of(self._episodes), [slot.view.info for slot in self._episodes.slots]
         if self.settings.sees:
             infos |= {
                 key: np.fromiter((info[key] for info in seen), object, len(seen))

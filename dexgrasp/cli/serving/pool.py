@@ -5,12 +5,13 @@ import os
 import signal
 import sys
 import time
-from asyncio.subprocess import PIPE, Process
+from asyncio.subprocess import Process
 from collections import Counter
 from contextlib import suppress
+from multiprocessing import Pipe
+from typing import Any
 
-from dexgrasp.cli.serving.worker import ANSWER, CLOSED, HEAD, MESSAGE, REFUSED, SIZE
-from dexgrasp.runs.messages import pack, unpack
+from dexgrasp.runs.messages import unpack
 from dexgrasp.runs.pool import THREADS
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -31,6 +32,7 @@ class Worker:
     def __init__(self, settings: Fields, seconds: float, counters: Counter[str]) -> None:
         self._settings, self._seconds, self._counters = settings, seconds, counters
         self._process: Process | None = None
+        self._pipe: Any = None
         self._turn = asyncio.Lock()
         self.connections = 0
         self.metadata: Fields = {}
@@ -42,22 +44,20 @@ class Worker:
             InputError: for settings that the worker cannot work with.
         """
         one = {name: os.environ.get(name, "1") for name in THREADS}
-        self._process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-m",
-            "dexgrasp.cli.serving.worker",
-            stdin=PIPE,
-            stdout=PIPE,
-            start_new_session=True,
-            env={**os.environ, **one},
-        )
+        self._pipe, theirs = Pipe()
+        with theirs:
+            end = theirs.fileno()
+            self._process = await asyncio.create_subprocess_exec(
+                sys.executable, "-m", "dexgrasp.cli.serving.worker", str(end), pass_fds=[end], stdout=2,
+                start_new_session=True, env={**os.environ, **one},
+            )  # fmt: skip
         try:
-            kind, data = await self._exchange(MESSAGE, 0, pack(self._settings))
-        except (asyncio.IncompleteReadError, OSError):
+            counter, answer = await self._exchange(self._settings)
+        except (EOFError, OSError):
             raise InputError("a worker died while it started: see what it printed above") from None
-        if kind != ANSWER:
-            raise InputError(data.decode())
-        self.metadata = unpack(data)
+        if counter:
+            raise InputError(answer)
+        self.metadata = unpack(answer)
 
     async def ask(self, connection: int, message: bytes) -> bytes:
         """Return the packed answer to a packed message.
@@ -71,15 +71,13 @@ class Worker:
                 if self._process is None or self._process.returncode is not None:
                     self._counters["restarts"] += 1
                     await self.start()
-                waited = time.perf_counter() - came
-                kind, data = await asyncio.wait_for(
-                    self._exchange(MESSAGE, connection, message, waited), self._seconds
-                )
+                asked = self._exchange((connection, time.perf_counter() - came, message))
+                counter, answer = await asyncio.wait_for(asked, self._seconds)
             except TimeoutError:
                 self._counters["timeouts"] += 1
                 self._kill()
                 raise Refusal(f"no answer within {self._seconds:g} s: the request was stopped") from None
-            except (asyncio.IncompleteReadError, OSError):
+            except (EOFError, OSError):
                 self._counters["deaths"] += 1
                 self._kill()
                 raise Refusal("the worker died while it answered; another one is started") from None
@@ -89,37 +87,31 @@ class Worker:
             except asyncio.CancelledError:  # its answer would be taken for that of the next message
                 self._kill()
                 raise
-        if kind != ANSWER:
-            self._counters["refused" if kind == REFUSED else "faults"] += 1
-            raise Refusal(data.decode())
-        return data
+        if counter:
+            self._counters[counter] += 1
+            raise Refusal(answer)
+        return answer
 
     async def forget(self, connection: int) -> None:
         """Tell the worker that a connection is closed."""
         async with self._turn:
-            if self._process is not None and self._process.returncode is None and self._process.stdin:
-                self._process.stdin.write(HEAD.pack(0, CLOSED, connection, 0.0))
+            if self._process is not None and self._process.returncode is None:
+                self._pipe.send((connection, 0.0, None))
 
     async def stop(self) -> None:
         """End the process once it has answered."""
         async with self._turn:
-            if self._process is not None and self._process.stdin:
-                self._process.stdin.close()
+            if self._process is not None:
+                self._pipe.close()
                 try:
                     await asyncio.wait_for(self._process.wait(), 5.0)
                 except TimeoutError:
                     self._kill()
 
-    async def _exchange(
-        self, kind: int, connection: int, data: bytes, waited: float = 0.0
-    ) -> tuple[int, bytes]:
-        process = self._process
-        assert process is not None and process.stdin is not None and process.stdout is not None
-        process.stdin.write(HEAD.pack(len(data), kind, connection, waited))
-        process.stdin.write(data)
-        await process.stdin.drain()
-        size, answer = SIZE.unpack(await process.stdout.readexactly(SIZE.size))
-        return answer, await process.stdout.readexactly(size)
+    async def _exchange(self, frame: Any) -> tuple[str, Any]:
+        """Send a frame, and return what the worker says to it: "" and bytes, or a counter and the line of an error."""
+        self._pipe.send(frame)
+        return await asyncio.to_thread(self._pipe.recv)
 
     def _kill(self) -> None:
         process, self._process = self._process, None

@@ -11,6 +11,7 @@ import signal
 import socket
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -77,8 +78,11 @@ class Server:
         """
         from websockets.asyncio.server import serve
 
+        loop = asyncio.get_running_loop()
+        # A thread for each worker, in which its answer is waited for.
+        loop.set_default_executor(ThreadPoolExecutor(len(self._workers)))
         for number_ in (signal.SIGTERM, signal.SIGINT):
-            asyncio.get_running_loop().add_signal_handler(number_, self._stopping.set)
+            loop.add_signal_handler(number_, self._stopping.set)
         place = _bound(self._settings)  # an address that is taken is said before anything is loaded
         try:
             await asyncio.gather(*(worker.start() for worker in self._workers))

@@ -1,58 +1,50 @@
-"""Worker process of the server: reads frames from standard input, writes answers to what was standard output.
+"""Worker process of the server, which alone starts `python -m dexgrasp.cli.serving.worker FD`, FD being its pipe.
 
-A frame is its length (4 bytes), a kind (1), the number of a connection (8), the seconds that it waited (8), and a
-message; an answer is its length, a kind, and a message or the text of an error. Only the server starts
-`python -m dexgrasp.cli.serving.worker`.
+The first frame are the settings; then a frame is the number of a connection, the seconds that a message waited, and
+that message, or None where the connection is closed. An answer is "" and a message, or a counter and a line.
 """
 
-import os
-import struct
 import sys
 import traceback
-from typing import Any, BinaryIO
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from multiprocessing.connection import Connection
+from typing import Any
 
+import numpy as np
+
+from dexgrasp.cli.serving.requests import REQUESTS, answer
+from dexgrasp.cli.serving.served_agents import ServedAgents
+from dexgrasp.evaluation.settings import code_hash
 from dexgrasp.runs.messages import pack, unpack
+from dexgrasp_env import __version__
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
-
-HEAD = struct.Struct("<IBQd")
-SIZE = struct.Struct("<IB")
-MESSAGE, CLOSED = 0, 1
-"""Kinds of frames."""
-ANSWER, REFUSED, FAULT = 0, 1, 2
-"""Kinds of answers: a mapping; the line of a client's mistake; the line of an internal fault."""
+from dexgrasp_env.robot.cell import make_cell
 
 
 class _Service:
     """Handler of the messages of all connections of a worker."""
 
-    def __init__(self, settings: Fields) -> None:
-        from dexgrasp import __name__ as package
-        from dexgrasp.cli.serving.requests import REQUESTS, answer
-        from dexgrasp.evaluation.settings import code_hash
-        from dexgrasp_env import __version__
+    _robot: str | None = None
+    _agents: ServedAgents | None = None
 
-        robot, agent = settings["robot"], settings["agent"]
-        self._robot, self._agents = robot, None
-        answer(
-            {"request": "plan_cloud", "points": _box(robot)}, robot
-        )  # compiled code and weights are loaded
-        self.metadata: Fields = {
-            "server": package,
-            "version": __version__,
-            "requests": list(REQUESTS),
+    def begin(self, agent: str | None, robot: str | None) -> Fields:
+        """Load code and weights; return the first message of a connection."""
+        self._robot = robot
+        answer({"request": "plan_cloud", "points": _box(robot)}, robot)
+        metadata: Fields = {
+            "server": "dexgrasp", "version": __version__, "requests": list(REQUESTS),
             "code": code_hash([agent] if agent else []),
-        }
+        }  # fmt: skip
         if agent:
-            from dexgrasp.cli.serving.served_agents import ServedAgents
-
             self._agents = ServedAgents(agent, robot)
-            self.metadata |= self._agents.metadata()
+            metadata |= self._agents.metadata()
+        return metadata
 
     def reply(self, connection: int, waited: float, data: bytes) -> Fields:
         """Return the answer to a packed message that waited for so many seconds."""
-        from dexgrasp.cli.serving.requests import answer
-
         message = unpack(data)
         if "request" in message:
             return answer(message, self._robot, waited)
@@ -70,10 +62,6 @@ class _Service:
 
 def _box(robot: str | None) -> Any:
     """Return a cloud (N, 3) m of a box on the table, in the frame of the robot's base."""
-    import numpy as np
-
-    from dexgrasp_env.robot.cell import make_cell
-
     grid = np.linspace(0.0, 1.0, 12)
     cube = np.stack(np.meshgrid(grid, grid, grid), axis=-1).reshape(-1, 3)
     box = cube[((cube == 0) | (cube == 1)).any(1)] * [0.05, 0.07, 0.06] + [0.475, -0.035, 0.0]
@@ -81,43 +69,28 @@ def _box(robot: str | None) -> Any:
     return np.concatenate([box, table.reshape(-1, 3)]) - make_cell(robot).base
 
 
-def main() -> int:
-    """Answer frames until there are no more."""
-    source, target = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what libraries print is not an answer
+def main() -> None:
+    """Answer frames until the server closes the pipe."""
+    pipe, service = Connection(int(sys.argv[1])), _Service()
+    with suppress(EOFError):
+        pipe.send(_answered(partial(service.begin, **pipe.recv())))
+        while True:
+            connection, waited, message = pipe.recv()
+            if message is None:
+                service.end(connection)
+            else:
+                pipe.send(_answered(partial(service.reply, connection, waited, message)))
+
+
+def _answered(reply: Callable[[], Fields]) -> tuple[str, str | bytes]:
     try:
-        service = _Service(unpack(_frame(source)[3]))
+        return "", pack(reply())
     except InputError as error:
-        _write(target, REFUSED, str(error).encode())
-        return 2
-    _write(target, ANSWER, pack(service.metadata))
-    while (frame := _frame(source))[0] is not None:
-        kind, connection, waited, data = frame
-        if kind == CLOSED:
-            service.end(connection)
-            continue
-        try:
-            _write(target, ANSWER, pack(service.reply(connection, waited, data)))
-        except InputError as error:
-            _write(target, REFUSED, str(error).encode())
-        except Exception as error:
-            traceback.print_exc()
-            _write(target, FAULT, f"a fault of the server: {type(error).__name__}: {error}".encode())
-    return 0
-
-
-def _frame(source: BinaryIO) -> tuple[int | None, int, float, bytes]:
-    head = source.read(HEAD.size)
-    if len(head) < HEAD.size:
-        return None, 0, 0.0, b""
-    size, kind, connection, waited = HEAD.unpack(head)
-    return kind, connection, waited, source.read(size)
-
-
-def _write(target: BinaryIO, kind: int, data: bytes) -> None:
-    target.write(SIZE.pack(len(data), kind) + data)
-    target.flush()
+        return "refused", str(error)
+    except Exception as error:
+        traceback.print_exc()
+        return "faults", f"a fault of the server: {type(error).__name__}: {error}"
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -21,6 +21,7 @@ from dexgrasp_env.files import write_json
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.valid import Names
+from dexgrasp_env.yaml_file import read_yaml
 
 _DATA = "data/chunk-000/file-000.parquet"
 _EPISODES = "meta/episodes/chunk-000/file-000.parquet"
@@ -57,21 +58,15 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Demon
     writer.close()
     pq.write_table(pa.Table.from_pylist(rows), folder / _EPISODES)
     names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
-    pandas = {  # as it writes a table that is indexed by the task
-        "index_columns": ["task"], "column_indexes": [], "pandas_version": "2.0.0", "columns": [
-            {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": plain, "metadata": None}
-            for name, kind, plain in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
-        ],
-    }  # fmt: skip
+    common = read_yaml(Path(__file__).with_name("lerobot.yaml"))
     pq.write_table(
-        names.replace_schema_metadata({"pandas": json.dumps(pandas)}), folder / "meta" / "tasks.parquet"
+        names.replace_schema_metadata({"pandas": json.dumps(common["pandas"])}),
+        folder / "meta" / "tasks.parquet",
     )
     write_json(folder / "meta" / "stats.json", {name: _statistics(each) for name, each in parts.items()})
-    info = {
-        "codebase_version": "v3.0", "robot_type": robot.name, "total_episodes": len(rows), "total_frames": start,
-        "total_tasks": len(tasks), "chunks_size": 1000, "data_files_size_in_mb": 100,
-        "video_files_size_in_mb": 200, "fps": round(1 / CONTROL_PERIOD), "splits": {"train": f"0:{len(rows)}"},
-        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "video_path": None,
+    info = common["info"] | {
+        "robot_type": robot.name, "total_episodes": len(rows), "total_frames": start, "total_tasks": len(tasks),
+        "fps": round(1 / CONTROL_PERIOD), "splits": {"train": f"0:{len(rows)}"},
         "features": {name: _feature(values, robot.joints) for name, values in columns.items()},
     }  # fmt: skip
     write_json(folder / "meta" / "info.json", info)

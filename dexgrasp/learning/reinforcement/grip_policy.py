@@ -21,12 +21,9 @@ from dexgrasp_env.tasks.grasp_space import joint_changes
 _PALM = {"deeper": (0, 0.03), "over": (2, 0.03), "tilted": (3, 0.2)}
 """Correction -> axis of the palm (0 to 2 translation, 3 to 5 rotation), and its m or rad at 1."""
 _FINGERS = {
-    "curled": {
-        ("index", 1): 0.2, ("index", 2): 0.4, ("index", 3): 0.3,
-        ("middle", 1): 0.2, ("middle", 2): 0.4, ("middle", 3): 0.3,
-    },
-    "thumb": {("thumb", 1): 0.4},
-}  # fmt: skip
+    "curled": {"index": (0.0, 0.2, 0.4, 0.3), "middle": (0.0, 0.2, 0.4, 0.3)},
+    "thumb": {"thumb": (0.0, 0.4, 0.0, 0.0)},
+}
 """Synergy -> rad of each joint at 1."""
 GRIP_SIZE = len(_PALM) + len(_FINGERS)
 """Length of a correction, whose numbers are from -1 to 1."""

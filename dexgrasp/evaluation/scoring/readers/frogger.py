@@ -19,13 +19,10 @@ from dexgrasp_env.arrays import Arrays
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_npz, readable
 from dexgrasp_env.poses import rigid
+from dexgrasp_env.yaml_file import read_yaml
 
 PALM = "algr_rh_palm"
-JOINTS = {
-    **{f"algr_rh_{f}_{j}_q": f"{finger}_{i}" for f, finger in (("if", "index"), ("mf", "middle"), ("rf", "ring"))
-       for i, j in enumerate(("axl", "mcp", "pip", "dip"))},
-    **{f"algr_rh_th_{j}_q": f"thumb_{i}" for i, j in enumerate(("cmc", "axl", "mcp", "ipl"))},
-}  # fmt: skip
+JOINTS: dict[str, str] = read_yaml(Path(__file__).with_name("frogger.yaml"))
 """FRoGGeR's joint names -> ours; angles, axes and zeros are the same."""
 
 
