@@ -33,12 +33,12 @@ __all__ = ["InputError"]
 __version__ = "0.4.0"
 
 
-def _register(name: str, task: str = "lift:Lift", **more: Any) -> None:
+def _register(name: str, task: str = "lift:Lift", **told: Any) -> None:
     # The entry points are strings so that specs serialise.
     register(
         id=f"DexGrasp/{name}", entry_point=f"dexgrasp_env.tasks.{task}Env",
         vector_entry_point=f"dexgrasp_env.tasks.vector:{task.partition(':')[2]}VectorEnv",
-        **{"max_episode_steps": MAX_EPISODE_STEPS, "reward_threshold": 75.0} | more,
+        **{"max_episode_steps": MAX_EPISODE_STEPS, "reward_threshold": 75.0} | told,
     )  # fmt: skip
 
 

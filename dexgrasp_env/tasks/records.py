@@ -11,25 +11,60 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index
-from dexgrasp_env.assets import asset_path
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.scene.constants import TIMESTEP
 from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import DISTURB_AFTER, GRASP_STEPS, HOLD_STEPS, SHORTEST_SKIP, at_pace
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.settings import WEIGHTS, LiftSettings
-from dexgrasp_env.yaml_file import read_yaml
 
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
 FAILURES = ("", "object_lost", "simulation_diverged")
 PHASES = ("none", "before", "running", "over")  # of the disturbance
 
-_SIZES = {"window": (at_pace(HOLD_STEPS, SHORTEST_SKIP),), "terms": (len(WEIGHTS),)}
 EPISODE = np.dtype(
-    [(name, kind, _SIZES.get(name, ())) for name, kind in read_yaml(asset_path("episode.yaml")).items()],
+    [
+        # What the episode is of; reset writes it.
+        ("half_extents", "f8", (3,)),  # m, half the sides of the mesh's box, along the object's axes
+        ("mass", "f8"),  # kg
+        ("size", "f8"),  # factor on the object's lengths
+        ("variation", "f8", (6,)),  # fields of `Variation`, as the privileged state shows them
+        ("hull_first", "i8"),  # rows of the table of hull vertices
+        ("hull_count", "i8"),
+        ("latency", "i8"),  # physics steps by which commands come late
+        ("laid", "f8", (7,)),  # the object's pose in the first observation, m and quaternion wxyz
+        # How far it has come.
+        ("elapsed", "i8"),  # control steps
+        ("held", "i8"),  # consecutive control steps at height, held by the hand alone
+        # A ring of the last of them: was it grasped?
+        ("window", "u1", (at_pace(HOLD_STEPS, SHORTEST_SKIP),)),
+        ("grasps", "i8"),  # how often it was
+        ("touched", "?"),
+        ("lifted", "?"),  # reached LIFT_HEIGHT at some time
+        ("airborne", "?"),  # off the table now, by the hand alone
+        ("grasped", "?"),  # thumb and a finger press from opposite sides now
+        ("success", "?"),
+        ("solved", "?"),  # was it one at any time?
+        ("total", "f8"),  # weighted sum of the reward's terms
+        ("stage", "i8"),  # of STAGES
+        ("failure", "i8"),  # of FAILURES
+        ("warnings", "i8"),  # one bit for each of MuJoCo's
+        ("height", "f8"),  # m, lowest point above the table
+        ("grip_position", "f8", (3,)),  # object in the palm frame when it left the table
+        ("grip_quat", "f8", (4,)),
+        ("slip", "f8"),  # m, largest distance from grip_position since
+        ("tilt", "f8"),  # rad, largest rotation from grip_quat since
+        ("progress", "f8", (2,)),  # height, and the share of the hold that is over
+        ("stable", "?"),  # off the table, and neither has become large
+        ("terms", "f8", (len(WEIGHTS),)),  # of the reward, each in [0, 1]
+        # The disturbance.
+        ("phase", "i8"),  # of PHASES
+        ("disturbed", "i8"),  # control steps it has run
+        ("origin", "f8", (3,)),  # object in the palm frame when it began
+        ("shift", "f8"),  # m, largest distance from there since
+    ],
     align=True,
 )
-"""Fields of an episode's record, from assets/episode.yaml, which says what each is."""
 
 COMMANDS = ("targets", "command", "before")
 """Set-points of the n joints beside a record, (3, n) rad: the agent's at the end of the control step, what the servos

@@ -1,4 +1,4 @@
-"""Options of a training example, looks at fixed scenes while it learns, and the curve beside the policy."""
+"""What the training examples share: options, looks at fixed scenes while it learns, and the curve beside the policy."""
 
 import argparse
 import json
