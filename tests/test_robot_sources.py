@@ -122,10 +122,11 @@ def test_mimics_become_couplings_and_the_open_posture_obeys_them(tmp_path):
     assert all(abs(at[f"{n}_curl"] - 0.8 * at[f"{n}_flex"] - 0.1) < 1e-3 for n in FINGERS)
 
 
-def test_a_fixed_tendon_without_slack_couples_its_two_joints(tmp_path):
+@pytest.mark.parametrize("tight", ['limited="true" range="-0.001 0.001"', 'stiffness="3" springlength="0"'])
+def test_a_fixed_tendon_without_slack_or_a_spring_couples_its_two_joints(tight, tmp_path):
     tendon = (
-        '<tendon><fixed limited="true" range="-0.001 0.001"><joint joint="fore_curl" coef="0.008"/>'
-        '<joint joint="fore_flex" coef="-0.007"/></fixed></tendon>'
+        f'<tendon><fixed {tight}><joint joint="fore_curl" coef="0.008"/>'
+        '<joint joint="fore_flex" coef="-0.007"/></fixed></tendon><actuator><motor joint="fore_flex"/></actuator>'
         '<equality><joint joint1="mid_curl" joint2="mid_flex" active="false"/></equality></mujoco>'
     )
     path = mjcf(tmp_path, lambda text: text.replace("</mujoco>", tendon))

@@ -102,12 +102,18 @@ def stated_lines(model: mujoco.MjModel) -> Lines:
 
 
 def _constant_sums(model: mujoco.MjModel) -> Iterator[tuple[dict[int, float], float]]:
-    """Yield coefficients of joints whose sum stays as it is, and what it is: of slackless tendons, and of tied ones."""
-    for tendon in np.flatnonzero(model.tendon_limited).tolist():
+    """Yield coefficients of joints whose sum stays as it is, and what it is: of slackless tendons, springs, and ties.
+
+    A spring between a joint that is driven and one that is not counts as rigid.
+    """
+    driven = set(_driven(model))
+    for tendon in np.flatnonzero((model.tendon_limited != 0) | (model.tendon_stiffness > 0.0)).tolist():
         joints, coefs = wrapped_joints(model, tendon)
-        slack = np.ptp(model.tendon_range[tendon])
-        if len(joints) == 2 and coefs[0] * coefs[1] < 0 and slack < 0.3 * min(map(abs, coefs)):  # rad
-            yield dict(zip(joints, coefs, strict=True)), float(model.tendon_range[tendon].mean())
+        ends = model.tendon_range[tendon] if model.tendon_limited[tendon] else (-np.inf, np.inf)
+        if model.tendon_stiffness[tendon] > 0.0 and len({*joints} & driven) == 1:
+            ends = model.tendon_lengthspring[tendon]
+        if len(joints) == 2 and coefs[0] * coefs[1] < 0 and np.ptp(ends) < 0.3 * min(map(abs, coefs)):  # rad
+            yield dict(zip(joints, coefs, strict=True)), float(np.mean(ends))
     for e in _active(model, mujoco.mjtEq.mjEQ_TENDON):
         found, (offset, ratio) = dict[int, float](), model.eq_data[e, :2].tolist()
         for tendon, share in ((model.eq_obj1id[e], 1.0), (model.eq_obj2id[e], -ratio)):

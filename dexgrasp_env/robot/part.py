@@ -214,7 +214,10 @@ class Part(Description):
                 name = m.tendon(m.actuator_trnid[a, 0]).name
                 raise InputError(f"{self.path}: tendon {name!r} is no sum of joints times positive coefs")
             found[a] = dict(sorted(zip(joints, coefs, strict=True)))
-        if others := [t for t in range(m.ntendon) if t not in pulled or not wrapped_joints(m, t)[0]]:
+        own = [wrapped_joints(m, t)[0] for t in range(m.ntendon)]
+        if others := [
+            t for t, j in enumerate(own) if not j or (t not in pulled and not self._is_one_drive(j))
+        ]:
             self.notes.append(
                 f"hand: {len(others)} tendons over pulleys or without servos are left out; each joint has a servo"
             )

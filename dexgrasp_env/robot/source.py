@@ -66,7 +66,24 @@ def read_source(path: Path) -> Source:
     )
     if not all(np.isfinite(own).all() for own in numbers):
         raise InputError(f"MuJoCo cannot read {path}: a place, size, mass or range in it is no finite number")
-    return Source(model, tuple(notes), _velocities(root))
+    return Source(model, (*notes, *_servo_ranges(model)), _velocities(root))
+
+
+def _servo_ranges(model: mujoco.MjModel) -> list[str]:
+    """Narrow joints to where their servos can be sent; return a line on those that lose, or get, a range."""
+    m, found = model, []
+    holds = (m.actuator_ctrllimited != 0) & (m.actuator_biasprm[:, 1] < 0.0)
+    holds &= (m.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (m.actuator_gear[:, 0] != 0.0)
+    for a in np.flatnonzero(holds & (m.actuator_dyntype != mujoco.mjtDyn.mjDYN_INTEGRATOR)).tolist():
+        joint, (_, bias, *_) = m.actuator_trnid[a, 0], m.actuator_biasprm[a]
+        force = m.actuator_gainprm[a, 0] * m.actuator_ctrlrange[a] + m.actuator_biasprm[a, 0]
+        low, high = np.sort(force / -bias / m.actuator_gear[a, 0])
+        was = m.jnt_range[joint] if m.jnt_limited[joint] else np.array([-np.inf, np.inf])
+        low, high = max(low, was[0]), min(high, was[1])
+        if low < high:
+            found += [m.joint(joint).name] * bool(max(low - was[0], was[1] - high) > 0.01)
+            m.jnt_range[joint], m.jnt_limited[joint] = (low, high), True
+    return [f"ranges of {', '.join(found)} are those of their servos, which are narrower"] if found else []
 
 
 def below(model: mujoco.MjModel, body: int) -> list[int]:
