@@ -139,9 +139,7 @@ def take_radians(root: Element, model: mujoco.MjModel) -> str:
     if plain or root.find("compiler[@angle='radian']") is not None:
         return ""
     compiler_of(root).set("angle", "radian")
-    return (
-        f"joints that turn by {np.median(widths):.2g} rad are in other units than it says: radians are taken"
-    )
+    return f"joints that turn by {widths.max():.2g} rad are in other units than it says: radians are taken"
 
 
 def gather(root: Element, model: mujoco.MjModel) -> str:
