@@ -25,7 +25,7 @@ from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.hand_maker import HandMaker, NamedParts
 from dexgrasp_env.robot.make import make_robot, parts_of
 from dexgrasp_env.robot.postures import put_aside
-from dexgrasp_env.robot.rebuilt import compiled
+from dexgrasp_env.robot.rebuilt import compiled, described
 from dexgrasp_env.robot.robot_file import make_hand
 from dexgrasp_env.robot.source import read_source
 
@@ -350,5 +350,7 @@ def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(palm, tmp
     )
     assert robot.arm.joints.names == tuple(f"a{k}" for k in range(6))
     assert_allclose(robot.arm.frame.position, [0.0, 0.05 * (palm == "plate"), 0.0], atol=1e-9)
-    assert compiled(robot.arm).body("l5").geomnum[0] == 2  # its own sphere, as it collides and as it is seen
+    assert (
+        described(robot.arm).compile().body("l5").geomnum[0] == 2
+    )  # its own sphere, as it collides and as it is seen
     assert robot.hand.palm == palm

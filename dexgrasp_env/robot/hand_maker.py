@@ -386,7 +386,7 @@ class HandMaker(Part):
         solids = [
             (self.outline(b) - self.frame[:3, 3]) @ self.frame[:3, :3]
             for b in (self.palm, *(b for chain in self.chains for b in chain[:2]))
-            if self.has_shape(b) or b == self.palm
+            if self.solids(b) or b == self.palm
         ]
         back = min(points[:, 0].min() for points in solids)
         _, y, z = middle(solids[0])

@@ -272,37 +272,26 @@ def _bearing(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
 
 def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
     """Palms that look down on the middle of the table, or aslant and away from the base where few do."""
-    found, total, nearer = _palms(cell), len(_PALMS), 0.2  # m
+    found, half = {*_palms_down(cell)}, len(_PALMS) // 2
+    for slant in (0.4, 0.8):  # rad
+        found |= {*_palms_down(cell, slant)} if len(found) < half else set()
     places = {(x, y) for x, y, _ in found}
     mend = (
         f"a longer arm (this one reaches {cell.robot.arm.reach:.2f} m), its `home` or `starts`, or the mount"
     )
-    if len(found) < 0.5 * total <= (near := len(_palms(cell, nearer))):
-        mend += f"; {near} are reached {nearer} m nearer: scans of objects there can be planned"
-    what = f"{len(found)} of {total} palm poses over the table are reached"
-    yield _finding(len(found) >= 0.5 * total, what, mend, "warning" if len(places) > 4 else "error")
+    what = f"{len(found)} of {len(_PALMS)} palm poses over the table are reached"
+    yield _finding(len(found) >= half, what, mend, "warning" if len(places) > 4 else "error")
 
 
-def _palms(cell: Cell, nearer: float = 0.0) -> set[tuple[float, ...]]:
-    """Return the poses over the table, or so much nearer to the base, m, that palms reach at one slant or another."""
-    found = {*_palms_down(cell, nearer)}
-    for slant in (0.4, 0.8):  # rad
-        found |= {*_palms_down(cell, nearer, slant)} if len(found) < 0.5 * len(_PALMS) else set()
-    return found
-
-
-@lru_cache(maxsize=8)
-def _palms_down(cell: Cell, nearer: float = 0.0, slant: float = 0.0) -> dict[tuple[float, ...], Array]:
-    """Postures (n,) rad of palms that look down on the middle of the table, or so much nearer to the base, m.
-
-    By a slant, rad, they look away from the base, and stand back.
-    """
+@lru_cache(maxsize=3)
+def _palms_down(cell: Cell, slant: float = 0.0) -> dict[tuple[float, ...], Array]:
+    """Postures (n,) rad of palms that look down on the middle of the table; by a slant, rad, away from the base."""
     tree, found = robot_tree(cell), dict[tuple[float, ...], Array]()
     c, s = np.cos(slant), np.sin(slant)
     for x, y, yaw in _PALMS:
         q, out = tree.home.copy(), about_z(np.arctan2(y, x))
         R = out @ [[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]] @ out.T @ about_z(yaw) @ PALM_DOWN
-        reached = reach_palm(q, R, np.array([x - nearer, y, 0.2]) - 0.12 * s * out[:, 0], tree)
+        reached = reach_palm(q, R, np.array([x, y, 0.2]) - 0.12 * s * out[:, 0], tree)
         if reached and body_frames(q, tree).p[tree.base : tree.palm, 2].min() > 0.0:
             found[x, y, yaw] = q
     return found
