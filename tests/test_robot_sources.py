@@ -25,7 +25,7 @@ from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.hand_maker import HandMaker, NamedParts
 from dexgrasp_env.robot.make import make_robot, parts_of
 from dexgrasp_env.robot.postures import put_aside
-from dexgrasp_env.robot.rebuilt import compiled
+from dexgrasp_env.robot.rebuilt import compiled, described
 from dexgrasp_env.robot.robot_file import make_hand
 from dexgrasp_env.robot.source import read_source
 
@@ -122,10 +122,11 @@ def test_mimics_become_couplings_and_the_open_posture_obeys_them(tmp_path):
     assert all(abs(at[f"{n}_curl"] - 0.8 * at[f"{n}_flex"] - 0.1) < 1e-3 for n in FINGERS)
 
 
-def test_a_fixed_tendon_without_slack_couples_its_two_joints(tmp_path):
+@pytest.mark.parametrize("tight", ['limited="true" range="-0.001 0.001"', 'stiffness="3" springlength="0"'])
+def test_a_fixed_tendon_without_slack_or_a_spring_couples_its_two_joints(tight, tmp_path):
     tendon = (
-        '<tendon><fixed limited="true" range="-0.001 0.001"><joint joint="fore_curl" coef="0.008"/>'
-        '<joint joint="fore_flex" coef="-0.007"/></fixed></tendon>'
+        f'<tendon><fixed {tight}><joint joint="fore_curl" coef="0.008"/>'
+        '<joint joint="fore_flex" coef="-0.007"/></fixed></tendon><actuator><motor joint="fore_flex"/></actuator>'
         '<equality><joint joint1="mid_curl" joint2="mid_flex" active="false"/></equality></mujoco>'
     )
     path = mjcf(tmp_path, lambda text: text.replace("</mujoco>", tendon))
@@ -349,5 +350,7 @@ def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(palm, tmp
     )
     assert robot.arm.joints.names == tuple(f"a{k}" for k in range(6))
     assert_allclose(robot.arm.frame.position, [0.0, 0.05 * (palm == "plate"), 0.0], atol=1e-9)
-    assert compiled(robot.arm).body("l5").geomnum[0] == 2  # its own sphere, as it collides and as it is seen
+    assert (
+        described(robot.arm).compile().body("l5").geomnum[0] == 2
+    )  # its own sphere, as it collides and as it is seen
     assert robot.hand.palm == palm

@@ -102,12 +102,20 @@ def stated_lines(model: mujoco.MjModel) -> Lines:
 
 
 def _constant_sums(model: mujoco.MjModel) -> Iterator[tuple[dict[int, float], float]]:
-    """Yield coefficients of joints whose sum stays as it is, and what it is: of slackless tendons, and of tied ones."""
-    for tendon in np.flatnonzero(model.tendon_limited).tolist():
+    """Yield coefficients of joints whose sum stays as it is, and what it is: of slackless tendons, springs, and ties.
+
+    A spring between a joint that is driven and one that is not counts as rigid.
+    """
+    driven = set(_driven(model))
+    for tendon in range(model.ntendon):
         joints, coefs = wrapped_joints(model, tendon)
-        slack = np.ptp(model.tendon_range[tendon])
-        if len(joints) == 2 and coefs[0] * coefs[1] < 0 and slack < 0.3 * min(map(abs, coefs)):  # rad
-            yield dict(zip(joints, coefs, strict=True)), float(model.tendon_range[tendon].mean())
+        sprung = model.tendon_stiffness[tendon] > 0.0 and len({*joints} & driven) == 1
+        ends = (model.tendon_lengthspring if sprung else model.tendon_range)[tendon]
+        tight = (
+            len(joints) == 2 and coefs[0] * coefs[1] < 0 and np.ptp(ends) < 0.3 * min(map(abs, coefs))
+        )  # rad
+        if tight and (sprung or model.tendon_limited[tendon]):
+            yield dict(zip(joints, coefs, strict=True)), float(ends.mean())
     for e in _active(model, mujoco.mjtEq.mjEQ_TENDON):
         found, (offset, ratio) = dict[int, float](), model.eq_data[e, :2].tolist()
         for tendon, share in ((model.eq_obj1id[e], 1.0), (model.eq_obj2id[e], -ratio)):

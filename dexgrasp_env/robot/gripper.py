@@ -68,11 +68,6 @@ def find_jaws(part: Part, palm: int, ends: list[int], opened: Array, closed: Arr
     return Jaws((ends[0], ends[1]), T_palm, (tips[0], tips[1]), radius, torsion, stroke)
 
 
-def like_reach(reaches: Array) -> list[int]:
-    """Return which chains reach (n,) m as far as the farthest: the others are rods behind them."""
-    return np.flatnonzero(reaches > 0.95 * reaches.max()).tolist()
-
-
 def _snapped(way: Array, axes: Array) -> Array:
     """Return a direction (3,) as a unit vector; an axis (columns of `axes`) that it is close to instead."""
     way = way / np.linalg.norm(way)

@@ -10,7 +10,7 @@ from dexgrasp_env.arrays import Array, Fields, middle
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.robot.couplings import couplings, led_by, narrow, share
 from dexgrasp_env.robot.description import bearers
-from dexgrasp_env.robot.gripper import Jaws, find_jaws, like_reach
+from dexgrasp_env.robot.gripper import Jaws, find_jaws
 from dexgrasp_env.robot.hulls import cut, hull_of
 from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.rebuilt import FLANGE, about, frame_entry
@@ -57,22 +57,18 @@ class HandMaker(Part):
         self.palm = self._find_palm()
         self.chains = self._find_fingers(set(self.joint_ids(still)))
         self.held += still
-        self._check_size()
+        reaches = self._reaches()
         self.jaws: Jaws | None = None
         if len(self.chains) < 2:
             raise InputError(f"{path} has {len(self.chains)} fingers: valid are two or more")
         if len(self.chains) - self.linkages < 3:
-            self._find_jaws()
+            self._find_jaws(reaches)
         else:
             self._find_thumb()
 
-    def _find_jaws(self) -> None:
-        """Take the two chains that reach farthest for the jaws of a gripper, and what follows them for rods."""
-        at = self.pose(self.palm)[:3, 3]
-        reaches = np.array(
-            [max(np.linalg.norm(self.outline(b) - at, axis=1).max() for b in chain) for chain in self.chains]
-        )
-        if len(jaws := like_reach(reaches)) != 2:
+    def _find_jaws(self, reaches: Array) -> None:
+        """Take the two chains that reach farthest for the jaws of a gripper, and what is behind them for rods."""
+        if len(jaws := np.flatnonzero(reaches > 0.95 * reaches.max()).tolist()) != 2:
             raise InputError(
                 f"{self.path} has {len(jaws)} jaws that reach alike: valid are two, or driven fingers"
             )
@@ -153,14 +149,18 @@ class HandMaker(Part):
             if name not in known:
                 raise unknown_name("body", name, known)
 
-    def _check_size(self) -> None:
-        """Refuse limbs, as legs and arms branch as fingers do, and lengths in other units than metres."""
+    def _reaches(self) -> Array:
+        """Return how far chains reach (n,) m.
+
+        Raises:
+            InputError: for limbs, as legs and arms branch as fingers do, and lengths in other units than metres.
+        """
         at = self.pose(self.palm)[:3, 3]
-        ends = [self.outline(b) - at for chain in self.chains for b in chain[-1:]]
-        reach = max((float(np.linalg.norm(points, axis=1).max()) for points in ends), default=0.1)
-        if not 0.02 < reach < 0.45:  # m
-            palm = f"{self._name(self.palm)} reaches {reach:.2f} m: no hand does (--palm BODY takes another)"
+        found = np.array([np.linalg.norm(self.outline(c[-1]) - at, axis=1).max() for c in self.chains])
+        if len(found) and not 0.02 < found.max() < 0.45:  # m
+            palm = f"{self._name(self.palm)} reaches {found.max():.2f} m: no hand does (--palm BODY takes another)"
             raise InputError(f"{self.path}: what branches from {palm}")
+        return found
 
     def _find_palm(self) -> int:
         """Return the body that bears the fingers: the one that the user names, or the first that branches."""
@@ -386,7 +386,7 @@ class HandMaker(Part):
         solids = [
             (self.outline(b) - self.frame[:3, 3]) @ self.frame[:3, :3]
             for b in (self.palm, *(b for chain in self.chains for b in chain[:2]))
-            if self.has_shape(b) or b == self.palm
+            if self.solids(b) or b == self.palm
         ]
         back = min(points[:, 0].min() for points in solids)
         _, y, z = middle(solids[0])

@@ -40,12 +40,22 @@ def _drop_floors(root: Element) -> list[str]:
 
 
 def _drop_others(root: Element) -> list[str]:
-    """Leave out what floats or is moved by hand and has no joints, objects and goals of a scene, and what names it."""
-    gone = set[str]()
-    for holder, body in _first_bodies(root):
-        free = body.find("freejoint") is not None or body.find("joint[@type='free']") is not None
+    """Leave out objects and goals of a scene, and what names them: no servo or link moves them, others it does."""
+    moved = [
+        own
+        for tag in ("actuator", "tendon", "equality")
+        for section in root.iter(tag)
+        for own in section.iter()
+    ]
+    linked, gone = {text for own in moved for text in own.attrib.values()}, set[str]()
+    bodies = [(*pair, {own.get("name") for own in pair[1].iter()}) for pair in _first_bodies(root)]
+    driven = any(linked & names for _, _, names in bodies)
+    for holder, body, names in bodies:
         joints = [joint for joint in body.iter("joint") if joint.get("type") != "free"]
-        if (free or body.get("mocap") == "true") and not joints:
+        floats = any(
+            body.find(mark) is not None for mark in ("freejoint", "joint[@type='free']", "[@mocap='true']")
+        )
+        if driven and not linked & names if joints else floats:
             holder.remove(body)
             gone |= {own.get("name", "a body without a name") for own in body.iter("body")}
     if not gone:
@@ -54,7 +64,9 @@ def _drop_others(root: Element) -> list[str]:
         for own in list(section):
             if gone & {*own.attrib.values()}:
                 section.remove(own)
-    return [f"{', '.join(sorted(gone))} has no joints and floats or is moved by hand: it is left out"]
+    return [
+        f"{', '.join(sorted(gone))} floats, or moves without a servo, as objects of a scene: it is left out"
+    ]
 
 
 def _drop_free_joints(root: Element) -> list[str]:
@@ -121,12 +133,13 @@ def take_radians(root: Element, model: mujoco.MjModel) -> str:
     """Read angles in radians where joints would hardly turn: parts of a scene leave the unit to the whole."""
     turning = (model.jnt_limited != 0) & (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
     widths = np.ptp(model.jnt_range[turning], axis=1)
-    if not len(widths) or np.median(widths) > 0.05 or root.find("compiler[@angle='radian']") is not None:
+    plain = not len(widths) or (
+        np.median(widths) > 0.05 and widths.max() > 0.22
+    )  # two turns of as many degrees
+    if plain or root.find("compiler[@angle='radian']") is not None:
         return ""
     compiler_of(root).set("angle", "radian")
-    return (
-        f"joints that turn by {np.median(widths):.2g} rad are in other units than it says: radians are taken"
-    )
+    return f"joints that turn by {widths.max():.2g} rad are in other units than it says: radians are taken"
 
 
 def gather(root: Element, model: mujoco.MjModel) -> str:

@@ -14,7 +14,7 @@ from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import matrix_to_quat, quat_multiply
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.description import bearers
-from dexgrasp_env.robot.rebuilt import described
+from dexgrasp_env.robot.rebuilt import described, solids_of
 from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot, Tendon
 
 
@@ -47,16 +47,8 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
 
 
 def colliding_spec(cell: Cell) -> mujoco.MjSpec:
-    """Build the robot without what is only seen, which would cost nine tenths of the compilation."""
-    spec = robot_spec(cell)
-    for geom in list(spec.geoms):
-        if geom.contype == 0 and geom.conaffinity == 0:
-            spec.delete(geom)
-    needed = {geom.meshname for geom in spec.geoms}
-    for mesh in list(spec.meshes):
-        if mesh.name not in needed:
-            spec.delete(mesh)
-    return spec
+    """Build the robot without what is only seen."""
+    return solids_of(robot_spec(cell))
 
 
 def _stand(base: mujoco.MjsBody, cell: Cell) -> None:

@@ -68,11 +68,7 @@ class Part(Description):
         """Return the bodies that hang on a body and have or lead to joints."""
         return below(self.model, body)
 
-    def has_shape(self, body: int) -> bool:
-        """Tell whether anything of a body, or of what it bears without a joint, collides."""
-        return bool(self._solid_of(body))
-
-    def _solid_of(self, body: int) -> list[int]:
+    def solids(self, body: int) -> list[int]:
         """Return the geoms that collide of a body and of what it bears without a joint."""
         solid = np.flatnonzero(self.solid).tolist()
         return [g for g in solid if self.hangs_on(self.model.geom_bodyid[g], body)]
@@ -116,11 +112,11 @@ class Part(Description):
 
     def outline(self, body: int) -> Array:
         """Return what `points` does, or where a body is (1, 3) m that nothing of collides."""
-        return self.points(body) if self.has_shape(body) else self.data.xpos[[body]]
+        return self.points(body) if self.solids(body) else self.data.xpos[[body]]
 
     def shapes(self, body: int) -> list[Array]:
         """Return the points (n, 3) m of each shape that `points` returns together."""
-        found = [self.shape_points(g) for g in self._solid_of(body)]
+        found = [self.shape_points(g) for g in self.solids(body)]
         if not found:
             raise InputError(f"nothing of body {self._name(body)} collides: give it a collision geom")
         return found
@@ -214,7 +210,10 @@ class Part(Description):
                 name = m.tendon(m.actuator_trnid[a, 0]).name
                 raise InputError(f"{self.path}: tendon {name!r} is no sum of joints times positive coefs")
             found[a] = dict(sorted(zip(joints, coefs, strict=True)))
-        if others := [t for t in range(m.ntendon) if t not in pulled or not wrapped_joints(m, t)[0]]:
+        own = [wrapped_joints(m, t)[0] for t in range(m.ntendon)]
+        if others := [
+            t for t, j in enumerate(own) if not j or (t not in pulled and not self._is_one_drive(j))
+        ]:
             self.notes.append(
                 f"hand: {len(others)} tendons over pulleys or without servos are left out; each joint has a servo"
             )

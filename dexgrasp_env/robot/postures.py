@@ -32,15 +32,20 @@ def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
             if finger.aside and finger.name not in hand.grasp:
                 drawn[:, [hand.joints.names.index(name) for name in finger.joints]] = finger.aside
         best, free = _widest(hand, model, drawn)
+    if not free and not overlapping_links(model, best):  # else those that overlap are excluded first
+        best, _ = _widest(hand, model, drawn, 2000)
     return np.clip(best.round(4), low, high).tolist()
 
 
-def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, bool]:
-    """Return the best of postures (k, h) rad in which nothing touches, and whether there is one; or the best of all."""
+def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array, most: int = 200) -> tuple[Array, bool]:
+    """Return the best of postures (k, h) rad in which nothing touches, and whether there is one; or the best of all.
+
+    At most so many are tried.
+    """
     (low, high), (C, c) = hand.joints.ranges, hand.free
     drawn = np.clip(drawn @ C.T + c, low, high)
     merits = _dexterity(hand, model, drawn) - 2.0 * _strain(drawn, low, high).mean(1)
-    for k in np.argsort(-merits)[:200]:
+    for k in np.argsort(-merits)[:most]:
         data = posed(model, drawn[k])
         mujoco.mj_forward(model, data)
         if not data.ncon:

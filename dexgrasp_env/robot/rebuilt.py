@@ -44,12 +44,24 @@ def described(part: Arm | Hand) -> mujoco.MjSpec:
 
 
 def compiled(part: Arm | Hand) -> mujoco.MjModel:
-    """Return the compiled description of a part.
+    """Return the compiled description of a part, without what is only seen.
 
     Raises:
         InputError: as `described` does.
     """
-    return with_decimal_points(described(part).compile)
+    return with_decimal_points(solids_of(described(part)).compile)
+
+
+def solids_of(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Take what is only seen out of a specification, which would cost nine tenths of the compilation; return it."""
+    for geom in list(spec.geoms):
+        if geom.contype == 0 and geom.conaffinity == 0:
+            spec.delete(geom)
+    needed = {geom.meshname for geom in spec.geoms}
+    for mesh in list(spec.meshes):
+        if mesh.name not in needed:
+            spec.delete(mesh)
+    return spec
 
 
 class _Rebuilt(Description):

@@ -66,7 +66,21 @@ def read_source(path: Path) -> Source:
     )
     if not all(np.isfinite(own).all() for own in numbers):
         raise InputError(f"MuJoCo cannot read {path}: a place, size, mass or range in it is no finite number")
-    return Source(model, tuple(notes), _velocities(root))
+    return Source(model, (*notes, *_servo_ranges(model)), _velocities(root))
+
+
+def _servo_ranges(model: mujoco.MjModel) -> list[str]:
+    """Narrow joints to where their servos can be sent; return a line on those that lose, or get, a range."""
+    m, found, scale = model, [], -model.actuator_biasprm[:, 1] * model.actuator_gear[:, 0]
+    holds = (m.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (m.actuator_ctrllimited != 0) & (scale > 0.0)
+    for a in np.flatnonzero(holds & (m.actuator_dyntype != mujoco.mjtDyn.mjDYN_INTEGRATOR)).tolist():
+        joint, gain = m.actuator_trnid[a, 0], m.actuator_gainprm[a, 0]
+        was = m.jnt_range[joint] if m.jnt_limited[joint] else np.array([-np.inf, np.inf])
+        now = np.clip((gain * m.actuator_ctrlrange[a] + m.actuator_biasprm[a, 0]) / scale[a], *was)
+        if now[0] < now[1] and np.abs(now - was).max() > 0.01:  # rad or m: less is rounding
+            found.append(m.joint(joint).name)
+            m.jnt_range[joint], m.jnt_limited[joint] = now, True
+    return [f"ranges of {', '.join(found)} are those of their servos, which are narrower"] if found else []
 
 
 def below(model: mujoco.MjModel, body: int) -> list[int]:

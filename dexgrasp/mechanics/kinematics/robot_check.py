@@ -271,26 +271,27 @@ def _bearing(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
 
 
 def _reach(cell: Cell, home: mujoco.MjData) -> Iterator[Finding]:
-    """Palms that look down on the middle of the table."""
-    found, total, nearer = _palms_down(cell), len(_PALMS), 0.2  # m
-    # A third of the places, turned one way, will do: palms need not look straight down.
+    """Palms that look down on the middle of the table, or aslant and away from the base where few do."""
+    found, half = {*_palms_down(cell)}, len(_PALMS) // 2
+    for slant in (0.4, 0.8):  # rad
+        found |= {*_palms_down(cell, slant)} if len(found) < half else set()
     places = {(x, y) for x, y, _ in found}
     mend = (
         f"a longer arm (this one reaches {cell.robot.arm.reach:.2f} m), its `home` or `starts`, or the mount"
     )
-    if len(found) < 0.5 * total <= (near := len(_palms_down(cell, nearer))):
-        mend += f"; {near} are reached {nearer} m nearer: scans of objects there can be planned"
-    what = f"{len(found)} of {total} palm poses over the table are reached"
-    yield _finding(len(found) >= 0.5 * total, what, mend, "warning" if len(places) > 2 else "error")
+    what = f"{len(found)} of {len(_PALMS)} palm poses over the table are reached"
+    yield _finding(len(found) >= half, what, mend, "warning" if len(places) > 4 else "error")
 
 
-@lru_cache(maxsize=2)
-def _palms_down(cell: Cell, nearer: float = 0.0) -> dict[tuple[float, ...], Array]:
-    """Postures (n,) rad of palms that look down on the middle of the table, or so much nearer to the base, m."""
+@lru_cache(maxsize=3)
+def _palms_down(cell: Cell, slant: float = 0.0) -> dict[tuple[float, ...], Array]:
+    """Postures (n,) rad of palms that look down on the middle of the table; by a slant, rad, away from the base."""
     tree, found = robot_tree(cell), dict[tuple[float, ...], Array]()
+    c, s = np.cos(slant), np.sin(slant)
     for x, y, yaw in _PALMS:
-        q = tree.home.copy()
-        reached = reach_palm(q, about_z(yaw) @ PALM_DOWN, np.array([x - nearer, y, 0.2]), tree)
+        q, out = tree.home.copy(), about_z(np.arctan2(y, x))
+        R = out @ [[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]] @ out.T @ about_z(yaw) @ PALM_DOWN
+        reached = reach_palm(q, R, np.array([x, y, 0.2]) - 0.12 * s * out[:, 0], tree)
         if reached and body_frames(q, tree).p[tree.base : tree.palm, 2].min() > 0.0:
             found[x, y, yaw] = q
     return found
