@@ -131,12 +131,12 @@ def _with_parts(points: Array, labels: Index, everything: Array, view: View | No
 def _meet_unseen(one: Array, two: Array, everything: Array, view: View | None) -> tuple[bool, bool]:
     """Return whether points (N, 3) m and others (M, 3) m may meet where nothing was seen, and whether that is doubtful.
 
-    What hangs in the air over the other does, a rod with its end, and what no ray passes between.
+    What hangs in the air over the other and would topple does, a rod with its end, and what no ray passes between.
     """
     gap, (lower, upper, over) = gaps_between(one, two).min(), in_order(one, two)
     if over:
         beside = gaps_between(one[:, :2], two[:, :2]).min() < 0.02  # m
-        return beside and in_the_air(upper, everything), is_carried(upper, lower)
+        return beside and in_the_air(upper, everything) and not is_carried(upper, lower), False
     if has_handle(one, two):
         return gap < 0.02, True  # m
     short = longest_side(np.concatenate([one, two])) < 0.20 and gap < 0.03  # m
