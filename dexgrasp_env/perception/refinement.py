@@ -28,12 +28,13 @@ from dexgrasp_env.perception.standing import (
     are_two,
     can_stand,
     has_foot,
+    has_handle,
     in_order,
     is_carried,
     is_odd,
     may_be_two,
 )
-from dexgrasp_env.perception.viewpoint import find_viewpoint, hidden_in_part
+from dexgrasp_env.perception.viewpoint import View, find_viewpoint, hidden_in_part
 
 # Figures of this file were set on scenes of the catalogue by `scripts/clouds.py parted`, other seeds than published.
 TOP_ONLY = "was seen from above alone: its walls are taken to go straight down"
@@ -57,11 +58,12 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
         if is_odd(points[labels == k]):
             labels = _by_level(points, labels, labels == k)
     joined = set[int]()
+    view = _view_of(cloud, everything) if len(objects_in(points, labels)) > 1 else None
     if not pointed:
-        labels, joined = _with_parts(points, _with_hanging(points, labels, seen), seen)
+        labels, joined = _with_parts(points, labels, seen, view)
     things = {k: points[labels == k] for k in objects_in(points, labels)}
     marked = np.where(np.isin(labels, list(things)), labels, -1)
-    hidden = _occluded(cloud, everything, marked) if len(things) > 1 else set()
+    hidden = set[int]() if view is None else hidden_in_part(view, points, marked)
     doubts = [""] * (labels.max(initial=-1) + 1)
     for k, own in things.items():
         low, high = low_and_high(own)[0], own[:, 2].max()
@@ -75,17 +77,13 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     return Instances(labels, tuple(doubts))
 
 
-def _occluded(cloud: Cloud, everything: Cloud, labels: Index) -> set[int]:
-    """Return the things that others hide in part from the only camera; none where there are several."""
+def _view_of(cloud: Cloud, everything: Cloud) -> View | None:
+    """Return the view of the only camera; None where there are several, or nothing tells where it was."""
     if not np.ptp(everything.views, axis=0).any():
         eye = find_viewpoint(cloud.points, everything.points[np.abs(everything.points[:, 2]) < HIGH])
     else:
         eye = None if np.ptp(everything.camera) else everything.eye()
-    if eye is None:
-        return set()
-    of = np.full(max(everything.pixel.max(), cloud.pixel.max()) + 1, -1)
-    of[cloud.pixel] = labels
-    return hidden_in_part(everything.points, of[everything.pixel], eye)
+    return None if eye is None else View.of(everything.points, cloud.points, eye)
 
 
 def _by_level(points: Array, labels: Index, mine: Mask) -> Index:
@@ -105,20 +103,44 @@ def _by_level(points: Array, labels: Index, mine: Mask) -> Index:
     return best
 
 
-def _with_parts(points: Array, labels: Index, everything: Array) -> tuple[Index, set[int]]:
-    """Return labels (N,) in which what may be a part of what it touches is of it, and the things that may be two."""
+def _with_parts(points: Array, labels: Index, everything: Array, view: View | None) -> tuple[Index, set[int]]:
+    """Return labels (N,) in which what may be a part of what it touches is of it, and the things that may be two.
+
+    What touches nothing may be a part of what is near.
+    """
     joined = set[int]()
     for k in reversed(objects_in(points, labels)):
-        for j in (j for j in objects_in(points, labels) if j != k):
-            one, two = points[labels == k], points[labels == j]
-            if not is_graspable(np.concatenate([one, two])) or not _is_near(one, two):
-                continue
-            apart = are_two(one, two, everything)
-            if not apart or _is_part(one, two):
-                doubtful = {j} if {j, k} & joined or (apart and not _run_together(one, two)) else set()
-                labels, joined = np.where(labels == k, j, labels), joined - {j, k} | doubtful
+        one = points[labels == k]
+        others = {j: points[labels == j] for j in objects_in(points, labels) if j != k}
+        others = {j: two for j, two in others.items() if is_graspable(np.concatenate([one, two]))}
+        near = [j for j, two in others.items() if _is_near(one, two)]
+        for j in near or sorted(others, key=lambda j: gaps_between(one, others[j]).min()):
+            two = others[j]
+            if near:
+                apart = are_two(one, two, everything)
+                is_one, doubtful = not apart or _is_part(one, two), apart and not _run_together(one, two)
+            else:
+                is_one, doubtful = _meet_unseen(one, two, everything, view)
+            if is_one:
+                joined = joined - {j, k} | ({j} if doubtful or {j, k} & joined else set())
+                labels = np.where(labels == k, j, labels)
                 break
     return labels, joined
+
+
+def _meet_unseen(one: Array, two: Array, everything: Array, view: View | None) -> tuple[bool, bool]:
+    """Return whether points (N, 3) m and others (M, 3) m may meet where nothing was seen, and whether that is doubtful.
+
+    What hangs in the air over the other and would topple does, a rod with its end, and what no ray passes between.
+    """
+    gap, (lower, upper, over) = gaps_between(one, two).min(), in_order(one, two)
+    if over:
+        beside = gaps_between(one[:, :2], two[:, :2]).min() < 0.02  # m
+        return beside and in_the_air(upper, everything) and not is_carried(upper, lower), False
+    if has_handle(one, two):
+        return gap < 0.02, True  # m
+    short = longest_side(np.concatenate([one, two])) < 0.20 and gap < 0.03  # m
+    return short and view is not None and not view.separates(one, two), True
 
 
 def _is_part(one: Array, two: Array) -> bool:
@@ -140,30 +162,6 @@ def _run_together(one: Array, two: Array) -> bool:
     width = (gaps_between(few, many) < near).mean() * longest_side(few)  # m, of a band as long as the thing
     upper_over_lower = in_order(one, two)[2]  # what is low and stands on another meets it in a band as well
     return bool(width > 2.0 * near and not upper_over_lower)
-
-
-def _with_hanging(points: Array, labels: Index, everything: Array) -> Index:
-    """Return labels (N,) in which what hangs in the air is of the nearest thing: where they meet may be hidden.
-
-    What may stand on that, its middle being over it, is another.
-    """
-    for k in reversed(objects_in(points, labels)):
-        one = points[labels == k]
-        if not in_the_air(one, everything):
-            continue
-        gaps = dict[int, float]()
-        for j in (j for j in objects_in(points, labels) if j != k):
-            two = points[labels == j]
-            beside = gaps_between(one[:, :2], two[:, :2]).min() < 0.02  # m
-            over = one[:, 2].min() > 0.8 * two[:, 2].max()  # what is beside may be hidden in its lower part
-            if beside and over and is_graspable(np.concatenate([one, two])):
-                gaps[j] = gaps_between(one, two).min()
-        if not gaps or any(_is_near(one, points[labels == j]) for j in gaps):
-            continue
-        j = min(gaps, key=gaps.__getitem__)
-        if not is_carried(one, points[labels == j]):
-            labels = np.where(labels == k, j, labels)
-    return labels
 
 
 def _touch(one: Array, other: Array) -> bool:

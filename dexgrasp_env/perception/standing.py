@@ -80,7 +80,7 @@ def may_be_two(points: Array) -> bool:
     level = Cut.of(few, np.array([[0.0, 0.0, 1.0]]))
     upright = Cut.of(few, np.stack([np.cos(angles), np.sin(angles), np.zeros(12)], axis=1))
     (low, high), (one, other) = level.parts(points), upright.parts(points)
-    if is_handle(one, other) or is_handle(other, one) or not is_carried(high, low):
+    if has_handle(one, other) or not is_carried(high, low):
         return False
     whole = upright.is_topped(points) and not any(is_odd(part, 0.03) for part in (one, other))
     return not whole or level.volume(few) < 0.7 * volume_of(few)
@@ -91,7 +91,7 @@ def are_two(one: Array, other: Array, everything: Array) -> bool:
 
     One is no handle of the other, and stands on it or on the table, unless what is under it is hidden.
     """
-    if is_handle(one, other) or is_handle(other, one):
+    if has_handle(one, other):
         return False
     lower, upper, over = in_order(one, other)
     return has_foot(upper, lower) if over else not in_the_air(upper, everything)
@@ -103,17 +103,19 @@ def in_order(one: Array, other: Array) -> tuple[Array, Array, bool]:
     return lower, upper, low_and_high(upper)[0] > 0.8 * low_and_high(lower)[1]
 
 
-def is_handle(one: Array, other: Array) -> bool:
-    """Return true for points (N, 3) m of a rod of which an end meets others (M, 3) m."""
-    flat = one - one.mean(0)
-    along = flat @ np.linalg.eigh(flat.T @ flat)[1][:, ::-1]
-    low, high = np.quantile(along, (0.03, 0.97), axis=0)
-    length, width, _ = high - low
-    if width > min(0.035, length / 2.5):  # m
-        return False
-    gaps = gaps_between(one, other)
-    meets = along[gaps < gaps.min() + 0.005, 0] - 0.5 * (low + high)[0]
-    return bool(np.abs(meets).mean() > 0.3 * length)
+def has_handle(one: Array, other: Array) -> bool:
+    """Return true where points (N, 3) m or others (M, 3) m are of a rod of which an end is nearest to the rest."""
+    for rod, rest in ((one, other), (other, one)):
+        flat = rod - rod.mean(0)
+        along = flat @ np.linalg.eigh(flat.T @ flat)[1][:, ::-1]
+        low, high = np.quantile(along, (0.03, 0.97), axis=0)
+        length, width, _ = high - low
+        if width <= min(0.035, length / 2.5):  # m
+            gaps = gaps_between(rod, rest)
+            meets = along[gaps < gaps.min() + 0.005, 0] - 0.5 * (low + high)[0]
+            if np.abs(meets).mean() > 0.3 * length:
+                return True
+    return False
 
 
 def has_foot(upper: Array, lower: Array) -> bool:
