@@ -41,6 +41,16 @@ def triangle_samples(triangles: Array, n: int, rng: np.random.Generator | int) -
     return SurfaceSamples(points[kept], normals[faces[kept]])
 
 
+def lattice(triangles: Array, spacing: float) -> Array:
+    """Return points (N, 3) m of triangles (F, 3, 3), corners and sides with them, no farther apart than `spacing` m."""
+    found = []
+    for corners in triangles:
+        n = int(np.ceil(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max() / spacing))
+        i, j = np.nonzero(np.add.outer(np.arange(n + 1), np.arange(n + 1)) <= n)
+        found.append(np.stack([i, j, n - i - j], axis=1) @ corners / n)
+    return np.concatenate(found)
+
+
 def _face_data(triangles: Array) -> tuple[Array, Array]:
     """Return unit normals (F, 3) and areas (F,) of triangles (F, 3, 3)."""
     sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

@@ -68,6 +68,33 @@ def clearance_rows(
     return n
 
 
+@njit
+def surface_rows(
+    points: Array, bodies: Index, tree: RobotTree, frames: Frames, world: World, activation: float, rows: Rows
+) -> int:
+    """Write the clearances of bodies (B,) from points (N, 3) m, and their gradients; return how many are there.
+
+    Args:
+        points: that bodies may be deep in.
+        bodies: of the robot.
+        tree, frames, world, activation, rows: as in `clearance_rows`; their kind is one more than `KINDS` has.
+    """
+    n, ends = 0, np.empty((3, 6))
+    place(world, frames)
+    for b in bodies:
+        value = activation
+        for k in range(world.first[b], world.first[b + 1]):
+            g = world.geom[k]
+            for point in points:
+                reach = world.reach[k] + value
+                if reach > 0.0 and squared_way(world.place[g], point) < reach * reach:
+                    world.place[world.probe] = point
+                    value = _nearer(world, g, world.probe, value, ends)
+        if value < activation:
+            n = _write(rows, n, value, (len(KINDS), b, -1), ends, tree, frames)
+    return n
+
+
 def clearances(
     q: Array, tree: RobotTree, world: World, activation: float, tips_touch: bool
 ) -> tuple[Array, Index]:
