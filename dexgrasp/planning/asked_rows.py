@@ -12,22 +12,22 @@ from dexgrasp_env.arrays import Array
 
 ASKED_KINDS = "contact_outside_request", "palm_direction"
 
-_LINK = 0.010  # m, of links that are not to touch the object from it: it turns when it is squeezed
+_LINK = 0.012  # m, of other links from surface that is not to be touched: it turns when it is squeezed
 _TURN = 2e-4  # rad, of the palm from the edge of its cone
 
 
 def with_request(now: Evaluation, q: Array, problem: GraspProblem) -> Evaluation:
     """Return the constraints at `q` (n,) rad, and those of the request: links that touch nothing are farther off."""
     demand, tree = problem.target.demand, problem.tree
-    frames, values = body_frames(q, tree), now.values.copy()
-    added, rows, labels = [values], [now.rows], [now.labels]
-    if problem.target.barred.n:
-        idle = (now.labels[:, 0] == OBJECT) & ~np.isin(now.labels[:, 1], tree.tip_body)
-        values[idle] -= _LINK - problem.settings.clearance
-        room = empty_rows(len(tree.tip_body), tree)
-        n = surface_rows(problem.target.barred.data, tree.tip_body, tree, frames, problem.world, _LINK, room)
-        added.append(room.values[:n] + PRESSED)
-        rows, labels = [*rows, room.gradients[:n]], [*labels, room.labels[:n]]
+    frames, barred = body_frames(q, tree), problem.target.barred
+    added, rows, labels = [now.values], [now.rows], [now.labels]
+    if barred.n:
+        near = np.union1d(tree.tip_body, now.labels[now.labels[:, 0] == OBJECT, 1])
+        room = empty_rows(len(near), tree)
+        n = surface_rows(barred.data, near, (-PRESSED, _LINK), tree, frames, problem.world, room)
+        added.append(room.values[:n])
+        rows.append(room.gradients[:n])
+        labels.append(room.labels[:n])
     if demand.request.approach:
         face = (frames.R[tree.palm] @ tree.palm_rotation)[:, 0]
         beyond, slope = demand.turned(face)
