@@ -45,9 +45,9 @@ def lattice(triangles: Array, spacing: float) -> Array:
     """Return points (N, 3) m of triangles (F, 3, 3), corners and sides with them, no farther apart than `spacing` m."""
     found = []
     for corners in triangles:
-        n = int(np.ceil(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max() / spacing))
-        i, j = np.nonzero(np.add.outer(np.arange(n + 1), np.arange(n + 1)) <= n)
-        found.append(np.stack([i, j, n - i - j], axis=1) @ corners / n)
+        n = int(np.ceil(np.linalg.norm(np.ptp(corners, axis=0)) / spacing))
+        i, j = np.nonzero(np.tri(n + 1))
+        found.append(np.stack([j, i - j, n - i], axis=1) @ corners / n)
     return np.concatenate(found)
 
 

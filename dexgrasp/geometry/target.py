@@ -148,10 +148,8 @@ class GraspTarget:
         """Points of the parts' surface that may not be touched, or hardly: the judge's points lie between them."""
         from scipy.spatial import cKDTree
 
-        asked, points = self.demand.request, np.empty((0, 3))
-        if asked.hold or asked.avoid:
-            points = lattice(self.distance.triangles, 0.002)
-        return cKDTree(points[~self.demand.allows(points, 0.0012)])
+        points = lattice(self.distance.triangles, 0.002) if self.narrowed else np.empty((0, 3))
+        return cKDTree(points[self.demand.outside(points) > -0.0012])
 
     @cached_property
     def _seen_tree(self) -> "cKDTree":

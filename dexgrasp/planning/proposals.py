@@ -175,8 +175,8 @@ def fits(centres: Array, normals: Array, target: GraspTarget, settings: PlannerS
         target: the object, with what is barred of it, and its neighbours, clear of which it is open or closed.
         settings: for the tip.
     """
-    shallow = 0.5 * (settings.distance[1] - settings.distance[0])  # m that the optimiser may bring it out
-    free: Mask = target.barred.query(centres + shallow * normals)[0] > settings.tip_radius - PRESSED
+    out = settings.tip_radius + settings.distance[1] - settings.tip_height  # m, as far as it may be
+    free: Mask = target.barred.query(centres + out * normals)[0] > settings.tip_radius - PRESSED
     if target.around is None:
         return free
     least = settings.tip_radius + settings.clearance
