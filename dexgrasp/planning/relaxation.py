@@ -11,7 +11,6 @@ from dexgrasp.planning.diverse import UNSURE
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.result import SearchLog
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.poses import placed
 
 
 def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: Array, log: SearchLog) -> str:
@@ -61,6 +60,6 @@ def _in_words(name: str, request: GraspRequest, grasp: Grasp) -> str:
     if name == "max_force":
         press = -(grasp.forces[:, :3] * grasp.normals).sum(1).min()
         return f"none with at most {request.max_force:g} N a finger; one with {press:.1f} N"
-    off = max(0.0, 1000.0 * request.outside(placed(grasp.cell.T_base_world, grasp.contacts)).max())
+    off = max(0.0, 1000.0 * Demand(request, grasp.cell.T_base_world).outside(grasp.contacts).max())
     where = "to be held" if name == "hold" else "not to be avoided"
     return f"none whose tips touch only what is {where}; one whose contacts miss it by {off:.0f} mm"
