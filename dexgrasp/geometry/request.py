@@ -277,7 +277,7 @@ class GraspRequest:
         return out
 
 
-_STEP = 1e-6  # m, or of a unit vector, that slopes are taken over
+_STEP = 1e-6  # of a unit vector, that slopes are taken over
 
 ANYHOW = GraspRequest()
 """The request that asks for nothing."""
@@ -295,16 +295,9 @@ class Demand:
         """Half-angle of the cone that palms are to face in; 180 where none is asked for."""
         return 180.0 if self.request.approach is None else self.request.approach.degrees
 
-    def allows(self, contacts: Array, margin: float = 0.0) -> Mask:
-        """Return which contacts (..., 3) m, world frame, are where they may be, `margin` m from the edge (...)."""
-        flat = placed(self._pose, np.reshape(contacts, (-1, 3)))
-        return (self.request.outside(flat) <= -margin).reshape(np.shape(contacts)[:-1])
-
-    def outside(self, contacts: Array) -> tuple[Array, Array]:
-        """Return how far contacts (N, 3) m, world frame, are from where they may be (N,) m, and its slope (N, 3)."""
-        around = contacts[:, None] + np.vstack([np.zeros(3), _STEP * np.eye(3)])
-        gaps = self.request.outside(placed(self._pose, around.reshape(-1, 3))).reshape(-1, 4)
-        return gaps[:, 0], (gaps[:, 1:] - gaps[:, :1]) / _STEP
+    def outside(self, contacts: Array) -> Array:
+        """Return how far contacts (N, 3) m, world frame, are from where they may be (N,) m; 0 or less if there."""
+        return self.request.outside(placed(self._pose, contacts))
 
     def turned(self, face: Array) -> tuple[float, Array]:
         """Return how far a palm that faces a way (3,), world frame, is outside what is asked, rad; its slope (3,)."""

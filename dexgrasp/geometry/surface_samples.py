@@ -41,6 +41,16 @@ def triangle_samples(triangles: Array, n: int, rng: np.random.Generator | int) -
     return SurfaceSamples(points[kept], normals[faces[kept]])
 
 
+def lattice(triangles: Array, spacing: float) -> Array:
+    """Return points (N, 3) m of triangles (F, 3, 3), corners and sides with them, no farther apart than `spacing` m."""
+    found = []
+    for corners in triangles:
+        n = int(np.ceil(np.linalg.norm(np.ptp(corners, axis=0)) / spacing))
+        i, j = np.nonzero(np.tri(n + 1))
+        found.append(np.stack([j, i - j, n - i], axis=1) @ corners / n)
+    return np.concatenate(found)
+
+
 def _face_data(triangles: Array) -> tuple[Array, Array]:
     """Return unit normals (F, 3) and areas (F,) of triangles (F, 3, 3)."""
     sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.hull import REACH
 from dexgrasp.geometry.request import ANYHOW, Demand
+from dexgrasp.geometry.surface_samples import lattice
 from dexgrasp.geometry.walls import walls_of
 from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.errors import InputError
@@ -142,9 +143,13 @@ class GraspTarget:
         asked = self.demand.request
         return bool(asked.hold or asked.avoid or asked.approach)
 
-    def may_touch(self, points: Array, margin: float = 0.0) -> Mask:
-        """Return which points (..., 3) m of the parts' surface were seen and are where contacts are asked for (...)."""
-        return self.was_seen(points) & self.demand.allows(points, margin)
+    @cached_property
+    def barred(self) -> "cKDTree":
+        """Points of the parts' surface that may not be touched, or hardly: the judge's points lie between them."""
+        from scipy.spatial import cKDTree
+
+        points = lattice(self.distance.triangles, 0.002) if self.narrowed else np.empty((0, 3))
+        return cKDTree(points[self.demand.outside(points) > -0.0012])
 
     @cached_property
     def _seen_tree(self) -> "cKDTree":

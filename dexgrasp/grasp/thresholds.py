@@ -18,6 +18,8 @@ CONTACT_INSIDE = 0.008
 """m that a contact may lie below the true surface of the object that a file names: its finger meets it early."""
 TIP_SHORT = 0.006
 """m that a tip at the grasp may be short of that surface: closing, which is guarded, takes it there."""
+PRESSED = 0.002
+"""m that surface where nothing may touch may lie in a planned tip, which goes deeper than one that presses."""
 HULL_OUTSIDE, OBJECT_OUTSIDE = 0.03, 0.055
 """m that the planned hull may stand out of the object's, and the object's out of it: of one view much is guessed."""
 OVERLAP = 0.55

@@ -1,9 +1,10 @@
-"""Rows that a request adds to the optimisation: places of contacts, distance of other links, direction of the palm."""
+"""Rows that a request adds to the optimisation: what tips touch, distance of other links, direction of the palm."""
 
 import numpy as np
 
-from dexgrasp.mechanics.kinematics.clearance import KINDS, OBJECT
-from dexgrasp.mechanics.kinematics.forward import body_frames, fingertips, tip_jacobian
+from dexgrasp.grasp.thresholds import PRESSED
+from dexgrasp.mechanics.kinematics.clearance import KINDS, OBJECT, empty_rows, surface_rows
+from dexgrasp.mechanics.kinematics.forward import body_frames
 from dexgrasp.mechanics.kinematics.palm_ik import TURN_SCALE, palm_jacobian
 from dexgrasp.planning.constraints import ANGLE_SCALE, Evaluation
 from dexgrasp.planning.settings import GraspProblem
@@ -11,24 +12,22 @@ from dexgrasp_env.arrays import Array
 
 ASKED_KINDS = "contact_outside_request", "palm_direction"
 
-_CONTACT = 1e-4  # m, of contacts from the edge of where they may be
-_LINK = 0.010  # m, of links that are not to touch the object from it: it turns when it is squeezed
+_LINK = 0.012  # m, of other links from surface that is not to be touched: it turns when it is squeezed
 _TURN = 2e-4  # rad, of the palm from the edge of its cone
 
 
 def with_request(now: Evaluation, q: Array, problem: GraspProblem) -> Evaluation:
     """Return the constraints at `q` (n,) rad, and those of the request: links that touch nothing are farther off."""
     demand, tree = problem.target.demand, problem.tree
-    frames, values = body_frames(q, tree), now.values.copy()
-    added, rows, labels = [values], [now.rows], [now.labels]
-    if demand.request.hold or demand.request.avoid:
-        idle = (now.labels[:, 0] == OBJECT) & ~np.isin(now.labels[:, 1], tree.tip_body)
-        values[idle] -= _LINK - problem.settings.clearance
-        outside, slope = demand.outside(now.contacts)
-        slope -= (slope * now.normals).sum(1, keepdims=True) * now.normals
-        added.append(-outside - _CONTACT)
-        rows.append(-np.einsum("fr,frj->fj", slope, tip_jacobian(tree, frames, fingertips(q, tree))))
-        labels.append(np.array([[len(KINDS), body, -1] for body in tree.tip_body]))
+    frames, barred = body_frames(q, tree), problem.target.barred
+    added, rows, labels = [now.values], [now.rows], [now.labels]
+    if barred.n:
+        near = np.union1d(tree.tip_body, now.labels[now.labels[:, 0] == OBJECT, 1])
+        room = empty_rows(len(near), tree)
+        n = surface_rows(barred.data, near, (-PRESSED, _LINK), tree, frames, problem.world, room)
+        added.append(room.values[:n])
+        rows.append(room.gradients[:n])
+        labels.append(room.labels[:n])
     if demand.request.approach:
         face = (frames.R[tree.palm] @ tree.palm_rotation)[:, 0]
         beyond, slope = demand.turned(face)

@@ -123,7 +123,7 @@ def on_surface(tips: Array, target: GraspTarget, settings: PlannerSettings) -> t
     usable &= centres.reshape(tips.shape)[..., 2].min(1) > settings.tip_radius + settings.clearance
     sides = np.linalg.norm(contacts - np.roll(contacts, 1, axis=1), axis=-1)
     usable &= (sides.min(1) > LEAST_DISTANCE) & fits(centres, normals, target, settings).reshape(-1, 3).all(1)
-    usable &= target.may_touch(contacts).all(1)
+    usable &= target.was_seen(contacts).all(1)
     return contacts, normals.reshape(tips.shape), usable
 
 

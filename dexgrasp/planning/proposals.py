@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.geometry.target import GraspTarget
+from dexgrasp.grasp.thresholds import PRESSED
 from dexgrasp.mechanics.closure import closure_sweep, opposed_pairs
 from dexgrasp.mechanics.margin import margins, margins_to
 from dexgrasp.planning.settings import PlannerSettings
@@ -28,7 +29,6 @@ LEAST_GAP = 0.01
 _ROUNDING = 1e-4  # m
 _DENSE = 20  # times as many places beside a low object are tried as are asked for
 _DENSER = 6  # times as many points are sampled where contacts are asked for in a part of the surface
-_ASIDE = 0.003  # m from the edge of where contacts are asked for, to be there still when the optimiser has moved them
 _STEPS = 4  # of Newton's method, until a tip beside it touches
 _LEVEL = 0.05  # least squared level part of a normal along which a tip is moved
 _JUDGED = 30  # times as many feasible triples have their margin computed as are proposed
@@ -134,7 +134,7 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
     distance, gradient = target.distance.distance_gradient(centres)
     contacts = centres - distance[:, None] * gradient
     touching = (distance > settings.tip_height - _ROUNDING) & fits(centres, gradient, target, settings)
-    touching &= target.may_touch(contacts, _ASIDE)
+    touching &= target.was_seen(contacts)
     if asked:
         touching = rng.permutation(np.flatnonzero(touching))[: settings.surface_points]
     return contacts[touching], gradient[touching]
@@ -160,27 +160,29 @@ def _points_beside(target: GraspTarget, settings: PlannerSettings, rng: Generato
     distance, normals = target.distance.distance_gradient(tips)
     contacts = tips - distance[:, None] * normals
     usable = (np.abs(distance - height) < _ROUNDING) & (contacts[:, 2] > settings.lowest_contact(target.top))
-    usable &= fits(tips, normals, target, settings) & target.may_touch(contacts, _ASIDE)
+    usable &= fits(tips, normals, target, settings) & target.was_seen(contacts)
     usable &= normals[:, 2] < np.sin(np.arctan(settings.friction))
     kept = np.flatnonzero(usable)[: settings.surface_points // 2]
     return contacts[kept], normals[kept]
 
 
 def fits(centres: Array, normals: Array, target: GraspTarget, settings: PlannerSettings) -> Mask:
-    """Return where the centre of a fingertip (N, 3) m may be, so that it touches no neighbour (N,), open or closed.
+    """Return where the centre of a fingertip (N, 3) m may be (N,): it touches nothing that is not to be touched.
 
     Args:
         centres: where it touches the object.
         normals: (N, 3) out of the object, along which it backs off.
-        target: the object and its neighbours.
+        target: the object, with what is barred of it, and its neighbours, clear of which it is open or closed.
         settings: for the tip.
     """
+    out = settings.tip_radius + settings.distance[1] - settings.tip_height  # m, as far as it may be
+    free: Mask = target.barred.query(centres + out * normals)[0] > settings.tip_radius - PRESSED
     if target.around is None:
-        return np.ones(len(centres), bool)
+        return free
     least = settings.tip_radius + settings.clearance
-    return (target.around.distance(centres) > least) & (
-        target.around.distance(centres + LEAST_OPENING * normals) > least
-    )
+    for way in (centres, centres + LEAST_OPENING * normals):
+        free &= target.around.distance(way) > least
+    return free
 
 
 def robustness(contacts: Array, normals: Array, margins: Array, target: GraspTarget) -> Array:

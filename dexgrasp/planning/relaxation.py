@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from dexgrasp.geometry.request import ANYHOW, Demand, GraspRequest, relaxations
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.grasp import Grasp
@@ -13,7 +11,6 @@ from dexgrasp.planning.diverse import UNSURE
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.result import SearchLog
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.poses import placed
 
 
 def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: Array, log: SearchLog) -> str:
@@ -63,6 +60,6 @@ def _in_words(name: str, request: GraspRequest, grasp: Grasp) -> str:
     if name == "max_force":
         press = -(grasp.forces[:, :3] * grasp.normals).sum(1).min()
         return f"none with at most {request.max_force:g} N a finger; one with {press:.1f} N"
-    outside = request.outside(placed(grasp.cell.T_base_world, grasp.contacts)).max()
-    where = "within what is to be held" if name == "hold" else "outside what is to be avoided"
-    return f"none whose contacts are all {where}; one that misses it by {1000.0 * np.maximum(outside, 0.0):.0f} mm"
+    off = max(0.0, 1000.0 * Demand(request, grasp.cell.T_base_world).outside(grasp.contacts).max())
+    where = "to be held" if name == "hold" else "not to be avoided"
+    return f"none whose tips touch only what is {where}; one whose contacts miss it by {off:.0f} mm"

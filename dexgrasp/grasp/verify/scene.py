@@ -158,6 +158,13 @@ class Scene:
             least = self._from_seen(least)
         return least
 
+    def in_tips(self, q: Array, points: Array) -> float:
+        """Return how deep, m, any of points (N, 3) lies in a grasping tip at `q` (n,) rad; 0 where none does."""
+        from scipy.spatial import cKDTree
+
+        self._move(q)
+        return -self._distances.from_points(np.array(self._tip_geoms), cKDTree(points), 0.0)
+
     def _from_seen(self, most: float) -> float:
         """Return the least distance, m, from the points that were seen, `most` m if none is nearer."""
         return self._distances.from_points(self._pairs["hand_table"][:, 1], self._seen, most)

@@ -68,6 +68,38 @@ def clearance_rows(
     return n
 
 
+@njit
+def surface_rows(
+    points: Array, bodies: Index, least: tuple[float, float], tree: RobotTree, frames: Frames, world: World,
+    rows: Rows,
+) -> int:  # fmt: skip
+    """Write by how much bodies (B,) are farther than they may be from points (N, 3) m, with gradients; return how many.
+
+    Args:
+        points: of the object's surface.
+        bodies: of the robot.
+        least: m that shapes of grasping tips, and others, are to be from them.
+        tree, frames, world, rows: as in `clearance_rows`; their kind is one more than `KINDS` has.
+    """
+    n, far, used, ends = 0, 0.01, 0.0, np.empty((3, 6))
+    place(world, frames)
+    for b in bodies:
+        value = far
+        for k in range(world.first[b], world.first[b + 1]):
+            g, off = world.geom[k], least[0] if world.is_tip[k] else least[1]
+            for point in points:
+                reach = world.reach[k] + value + off
+                if reach > 0.0 and squared_way(world.place[g], point) < reach * reach:
+                    world.place[world.probe] = point
+                    distance = _nearer(world, g, world.probe, value + off, ends)
+                    if distance < value + off:
+                        value, used = distance - off, off
+        if value < far:
+            n = _write(rows, n, value + used, (len(KINDS), b, -1), ends, tree, frames)
+            rows.values[n - 1] = value
+    return n
+
+
 def clearances(
     q: Array, tree: RobotTree, world: World, activation: float, tips_touch: bool
 ) -> tuple[Array, Index]:

@@ -34,6 +34,7 @@ class _Geoms(NamedTuple):
     high: Array  # (P, 3) m
     objects: int  # so many parts are the object's, the others its neighbours'
     table: int  # geom
+    probe: int  # geom: a point, wherever it is put
     first: Index  # (nb + 1,): geoms of body b are first[b] .. first[b + 1]
     geom: Index  # (ng,)
     position: Array  # (ng, 3) m, body frame
@@ -116,6 +117,7 @@ def _robot(cell: Cell, size: int) -> _Robot:
             name=f"part{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"part{k}", contype=0, conaffinity=0
         )
     spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
+    spec.worldbody.add_geom(name="probe", size=[1e-6, 0, 0], contype=0, conaffinity=0)
     model = with_decimal_points(spec.compile)
     part = np.array([model.geom(f"part{k}").id for k in range(size)])
     return _Robot(model, part, int(model.mesh("part0").vertadr[0]), _geoms_of(model, cell.robot))
@@ -129,6 +131,7 @@ def _geoms_of(model: mujoco.MjModel, robot: Robot) -> dict[str, Any]:
     tips = {model.geom(finger.tip).id for finger in robot.grasping}
     return {
         "table": model.geom("table").id,
+        "probe": model.geom("probe").id,
         "first": np.cumsum([0, *map(len, geoms)]),
         "geom": geom,
         "position": model.geom_pos[geom],

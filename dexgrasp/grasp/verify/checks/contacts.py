@@ -3,11 +3,11 @@
 import mujoco
 import numpy as np
 
-from dexgrasp.geometry.request import GraspRequest
-from dexgrasp.grasp.thresholds import planned_friction
+from dexgrasp.geometry.request import Demand, GraspRequest
+from dexgrasp.geometry.surface_samples import lattice
+from dexgrasp.grasp.thresholds import PRESSED, planned_friction
 from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, claim, flag, same
-from dexgrasp_env.poses import placed
 from dexgrasp_env.robot.robot import SLIDE
 
 
@@ -40,8 +40,12 @@ def request_checks(case: Case) -> list[Check]:
         return []
     found = []
     if asked.hold or asked.avoid:
-        points = placed(case.cell.T_base_world, case.touch.points)
-        found.append(at_most("contacts outside the request", asked.outside(points).max(), 0.0, "m", LENGTH))
+        demand = Demand(asked, case.cell.T_base_world)
+        off = demand.outside(case.touch.points).max()
+        found.append(at_most("contacts outside the request", off, 0.0, "m", LENGTH))
+        surface = lattice(np.concatenate([part.triangles for part in case.scene.parts]), 0.001)
+        off = case.scene.in_tips(case.record.q, surface[demand.outside(surface) > 0.0])
+        found.append(at_most("surface outside the request in the tips", off, PRESSED, "m"))
     if asked.approach is not None:
         face = case.cell.T_base_world[:3, :3] @ case.scene.palm(case.record.q)[1][:, 0]
         off = asked.approach.off(face[None])[0]
