@@ -350,7 +350,6 @@ def test_an_arm_and_a_hand_in_one_file_are_parted_where_fingers_branch(palm, tmp
     )
     assert robot.arm.joints.names == tuple(f"a{k}" for k in range(6))
     assert_allclose(robot.arm.frame.position, [0.0, 0.05 * (palm == "plate"), 0.0], atol=1e-9)
-    assert (
-        described(robot.arm).compile().body("l5").geomnum[0] == 2
-    )  # its own sphere, as it collides and as it is seen
+    # Its own sphere, as it collides and as it is seen.
+    assert described(robot.arm).compile().body("l5").geomnum[0] == 2
     assert robot.hand.palm == palm

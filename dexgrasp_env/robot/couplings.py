@@ -111,9 +111,8 @@ def _constant_sums(model: mujoco.MjModel) -> Iterator[tuple[dict[int, float], fl
         joints, coefs = wrapped_joints(model, tendon)
         sprung = model.tendon_stiffness[tendon] > 0.0 and len({*joints} & driven) == 1
         ends = (model.tendon_lengthspring if sprung else model.tendon_range)[tendon]
-        tight = (
-            len(joints) == 2 and coefs[0] * coefs[1] < 0 and np.ptp(ends) < 0.3 * min(map(abs, coefs))
-        )  # rad
+        slack = np.ptp(ends)  # m, or in units of the coefficients
+        tight = len(joints) == 2 and coefs[0] * coefs[1] < 0 and slack < 0.3 * min(map(abs, coefs))
         if tight and (sprung or model.tendon_limited[tendon]):
             yield dict(zip(joints, coefs, strict=True)), float(ends.mean())
     for e in _active(model, mujoco.mjtEq.mjEQ_TENDON):

@@ -133,9 +133,8 @@ def take_radians(root: Element, model: mujoco.MjModel) -> str:
     """Read angles in radians where joints would hardly turn: parts of a scene leave the unit to the whole."""
     turning = (model.jnt_limited != 0) & (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
     widths = np.ptp(model.jnt_range[turning], axis=1)
-    plain = not len(widths) or (
-        np.median(widths) > 0.05 and widths.max() > 0.22
-    )  # two turns of as many degrees
+    # Two turns, 12.6 rad, are 0.22 rad where they are read as degrees: no joint turns farther.
+    plain = not len(widths) or (np.median(widths) > 0.05 and widths.max() > 0.22)
     if plain or root.find("compiler[@angle='radian']") is not None:
         return ""
     compiler_of(root).set("angle", "radian")
