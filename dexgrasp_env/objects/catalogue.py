@@ -160,22 +160,34 @@ def _params(rng: Generator, draws: Fields | str) -> Fields:
     params = Fields()
     for name, value in draws.items():
         params[name] = _drawn(rng, value, params)
-    return {name: value for name, value in params.items() if not name.startswith("_")}
+    return params
 
 
 def _drawn(rng: Generator, value: Any, before: Fields) -> Any:
-    """Draw a value of a family: evenly, or a whole number, or a share of what was drawn `before`, and added to that."""
     if isinstance(value, list):
         return [_drawn(rng, each, before) for each in value]
     if not isinstance(value, dict):
         return value
-    if "least" in value:
-        return int(rng.integers(value["least"], value["below"]))
     drawn = value["share"] if "share" in value else rng.uniform(value["low"], value["high"])
-    if "of" in value:
-        of = before[value["of"]]
-        drawn = (of[value["at"]] if "at" in value else of) * drawn
-    return drawn + before[value["plus"]] if "plus" in value else drawn
+    return before[value["of"]] * drawn if "of" in value else drawn
+
+
+def _rounded_box(rng: Generator) -> Fields:
+    size = rng.uniform((0.035, 0.05, 0.05), (0.08, 0.13, 0.16))
+    return {"size": size, "corner": 0.3 * size[0] * rng.uniform(0.4, 1.0), "edge": 0.003}
+
+
+def _oval_bottle(rng: Generator) -> Fields:
+    size, neck = rng.uniform((0.04, 0.06, 0.13), (0.07, 0.1, 0.2)), 0.011 * rng.uniform(0.9, 1.6)
+    return {
+        "size": size, "top": ((neck, 0.82), (1.2 * neck, 0.82), (1.2 * neck, 1.0)),
+        "square": rng.uniform(2.2, 3.2), "body": rng.uniform(0.55, 0.68), "shoulder": 0.79,
+    }  # fmt: skip
+
+
+def _brick_tower(rng: Generator) -> Fields:
+    side, bricks, stud = rng.uniform(0.03, 0.045), int(rng.integers(3, 8)), 0.0046
+    return {"side": side, "bricks": bricks, "height": bricks * rng.uniform(0.018, 0.02) + stud, "stud": stud}
 
 
 def _stone(rng: Generator) -> Fields:
@@ -193,4 +205,7 @@ def _cone(rng: Generator) -> Fields:
     return {"profile": [(low, 0.0), (high, height)]}
 
 
-_DRAWS = {"stone": _stone, "cone": _cone}
+_DRAWS = {
+    "rounded_box": _rounded_box, "oval_bottle": _oval_bottle, "brick_tower": _brick_tower, "stone": _stone,
+    "cone": _cone,
+}  # fmt: skip
