@@ -65,6 +65,17 @@ def test_a_request_is_met_and_judged(request_):
     assert named
     assert all(check.holds for check in checks.values())
     assert (request_.outside(plan.grasp.contacts) <= 0.0).all()
+    problem = GraspProblem(plan.target, plan.grasp.cell, plan.settings)
+    # Tips are hardly in, and other shapes far from, surface that is not to be touched.
+    assert added(plan.grasp.q, problem)[0].min(initial=0.0) > -1e-4
+
+
+def added(q, problem):
+    """Return the rows of a request."""
+    obstacle, bounds = problem.target.distance.obstacle, bounds_of(problem, 0.5)
+    now = evaluate(q, problem.tree, obstacle, problem.world, bounds, problem.shape, True)
+    asked = with_request(now, q, problem)
+    return asked.values[len(now.values) :], asked.rows[len(now.values) :]
 
 
 def test_what_is_asked_has_slopes_in_the_optimisation():
@@ -72,18 +83,10 @@ def test_what_is_asked_has_slopes_in_the_optimisation():
     plan = plan_cloud(block(), seed=2)
     target = replace(plan.target, demand=Demand(asked, plan.grasp.cell.T_base_world))
     problem = GraspProblem(target, plan.grasp.cell, plan.settings)
-    bounds = bounds_of(problem, 0.5)
-
-    def added(q):
-        obstacle, shape = target.distance.obstacle, problem.shape
-        now = evaluate(q, problem.tree, obstacle, problem.world, bounds, shape, True)
-        asked = with_request(now, q, problem)
-        return asked.values[len(now.values) :], asked.rows[len(now.values) :]
-
     q, step = plan.grasp.q, 1e-6
-    values, rows = added(q)
+    values, rows = added(q, problem)
     assert len(values) > 4
-    slopes = [(added(q + step * way)[0] - values) / step for way in np.eye(len(q))]
+    slopes = [(added(q + step * way, problem)[0] - values) / step for way in np.eye(len(q))]
     assert np.allclose(rows, np.transpose(slopes), atol=1e-4)
 
 
