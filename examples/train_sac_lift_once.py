@@ -1,8 +1,7 @@
-"""SAC of Stable-Baselines3 on `LiftOnce` or `LiftVaried`: an episode is one action, a whole grasp.
+"""SAC of Stable-Baselines3 on `LiftOnce`: an episode is one action, a whole grasp.
 
 `python examples/train_sac_lift_once.py --objects all20 --episodes 6000` writes `out/sac.zip`, an agent by its path
-(`dexgrasp evaluate --agents sac:out/sac.zip --objects all20`), and `out/sac_curve.json`. On drawn shapes:
-`--env-id DexGrasp/LiftVaried-v1 --objects drawn-1000..1039 --test drawn-0..39 --updates 4 --ent-coef auto_0.1`.
+(`dexgrasp evaluate --agents sac:out/sac.zip --objects all20`), and `out/sac_curve.json`.
 """
 
 import argparse
@@ -17,11 +16,7 @@ from stable_baselines3 import SAC
 import dexgrasp_env  # noqa: F401  (registers the environments)
 
 PARSER = argparse.ArgumentParser(description=__doc__)
-PARSER.add_argument("--env-id", default="DexGrasp/LiftOnce-v0")
 PARSER.add_argument("--objects", nargs="+", default=["tomato_soup_can"], help="names, sets, mesh files")
-PARSER.add_argument("--test", nargs="+", help="objects to look at (default: those of training)")
-PARSER.add_argument("--updates", type=int, default=1, help="gradient steps an episode")
-PARSER.add_argument("--ent-coef", default="auto", help="entropy coefficient, as SAC takes it")
 PARSER.add_argument("--episodes", type=int, default=1250, help="one action each")
 PARSER.add_argument("--every", type=int, default=250, help="episodes from one look to the next")
 PARSER.add_argument("--trials", type=int, default=100, help="fresh scenes in the end")
@@ -39,9 +34,8 @@ def main() -> None:
     """Train, look at 20 scenes now and then, at fresh ones in the end; the minutes are the learner's alone."""
     args, curve, minutes = PARSER.parse_args(), [], 0.0
     torch.set_num_threads(1)
-    env, other = (gym.make(args.env_id, objects=names) for names in (args.objects, args.test or args.objects))
-    more = {"gradient_steps": args.updates, "ent_coef": args.ent_coef}
-    model = SAC("MlpPolicy", env, seed=args.seed, device="cpu", **more)
+    env, other = (gym.make("DexGrasp/LiftOnce-v0", objects=args.objects) for _ in range(2))
+    model = SAC("MlpPolicy", env, seed=args.seed, device="cpu")
     args.out.parent.mkdir(parents=True, exist_ok=True)
     while model.num_timesteps < args.episodes:
         began = time.process_time()

@@ -22,6 +22,7 @@ LONG = {
     "clone_the_planner",
     "train_sac_lift_once",
     "train_ppo_lift_staged",
+    "train_ppo_lift_varied",
     "train_sac_lift_from_grasp",
 }
 """Examples that take more than some seconds."""
