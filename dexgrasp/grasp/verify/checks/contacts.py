@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 
 from dexgrasp.geometry.request import Demand, GraspRequest
-from dexgrasp.geometry.surface_samples import lattice
 from dexgrasp.grasp.thresholds import PRESSED, planned_friction
 from dexgrasp.grasp.verify.case import Case
 from dexgrasp.grasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, claim, flag, same
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.robot import SLIDE
 
 
@@ -43,7 +43,7 @@ def request_checks(case: Case) -> list[Check]:
         demand = Demand(asked, case.cell.T_base_world)
         off = demand.outside(case.touch.points).max()
         found.append(at_most("contacts outside the request", off, 0.0, "m", LENGTH))
-        surface = lattice(np.concatenate([part.triangles for part in case.scene.parts]), 0.001)
+        surface = _surface(np.concatenate([part.triangles for part in case.scene.parts]))
         off = case.scene.in_tips(case.record.q, surface[demand.outside(surface) > 0.0])
         found.append(at_most("surface outside the request in the tips", off, PRESSED, "m"))
     if asked.approach is not None:
@@ -56,6 +56,15 @@ def request_checks(case: Case) -> list[Check]:
     if asked.fingers:
         found.append(flag("fingers as requested", set(asked.fingers) == set(case.record.fingers)))
     return found + _known_checks(case, asked)
+
+
+def _surface(triangles: Array) -> Array:
+    """Return points (N, 3) m of triangles (F, 3, 3), 1 mm apart at most."""
+    from trimesh.remesh import subdivide_to_size
+
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    points: Array = subdivide_to_size(triangles.reshape(-1, 3), faces, 0.001, max_iter=20)[0]
+    return points
 
 
 def _known_checks(case: Case, asked: GraspRequest) -> list[Check]:
