@@ -8,7 +8,7 @@ import numpy as np
 from dexgrasp_env.arrays import Arrays, Fields, Mask
 from dexgrasp_env.errors import unknown_argument
 from dexgrasp_env.tasks.clutter import NEIGHBOURS, ClutterEnv, ClutterEpisodes, ClutterSettings
-from dexgrasp_env.tasks.constants import MOST_NEIGHBOURS
+from dexgrasp_env.tasks.constants import CLEAR_STEPS, MOST_NEIGHBOURS
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.records import FAILURES, TOUCHING_HAND
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -57,7 +57,7 @@ class ClearSettings(ClutterSettings):
     @property
     def usual_steps(self) -> int:
         """Control steps at 20 Hz that episodes have without a disturbance."""
-        return 400 * self.count
+        return CLEAR_STEPS * self.count
 
 
 class ClearEpisodes(ClutterEpisodes):

@@ -15,6 +15,8 @@ from dexgrasp_env.poses import quat_conjugate, rotate
 from dexgrasp_env.tasks.arrangement import set_out
 from dexgrasp_env.tasks.constants import (
     AROUND_POINTS,
+    CLUTTER_EPISODE_STEPS,
+    HEAP_EPISODE_STEPS,
     MOST_NEIGHBOURS,
     NEIGHBOUR_MOVED,
     TOPPLED,
@@ -74,8 +76,7 @@ class ClutterSettings(LiftSettings):
     @property
     def usual_steps(self) -> int:
         """Control steps at 20 Hz that episodes have without a disturbance."""
-        # In which a lost object can be grasped again, and of a heap eight neighbours be set aside first.
-        return 1800 if self.gaps is None else 600
+        return HEAP_EPISODE_STEPS if self.gaps is None else CLUTTER_EPISODE_STEPS
 
 
 NEIGHBOURS = np.dtype(

@@ -7,6 +7,9 @@ from dexgrasp_env.scene.constants import CONTROL_STEPS
 LIFT_HEIGHT = 0.10  # m, lowest point of the object above the table
 HOLD_STEPS = 60  # control steps at 20 Hz: 3 s
 MAX_EPISODE_STEPS = 300  # control steps: 15 s
+CLUTTER_EPISODE_STEPS = 600  # in which a lost object can be grasped again
+CLEAR_STEPS = 400  # an object that is to be put into a tray
+HEAP_EPISODE_STEPS = 1800  # in which eight neighbours can be set aside first
 
 GRASP_FORCE = 0.5  # N: a finger that presses the object at least so much takes part in the grasp
 GRASP_STEPS = 54  # of the hold's steps, 90 %: so many must be grasps

@@ -11,7 +11,7 @@ from contextlib import suppress
 from multiprocessing import Pipe
 from typing import Any
 
-from dexgrasp.runs.messages import unpack
+from dexgrasp.runs.messages import pack, unpack
 from dexgrasp.runs.pool import THREADS
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -52,7 +52,7 @@ class Worker:
                 start_new_session=True, env={**os.environ, **one},
             )  # fmt: skip
         try:
-            counter, answer = await self._exchange(self._settings)
+            counter, answer = await asyncio.to_thread(_exchange, self._pipe, self._settings)
         except (EOFError, OSError):
             raise InputError("a worker died while it started: see what it printed above") from None
         if counter:
@@ -71,7 +71,8 @@ class Worker:
                 if self._process is None or self._process.returncode is not None:
                     self._counters["restarts"] += 1
                     await self.start()
-                asked = self._exchange((connection, time.perf_counter() - came, message))
+                frame = {"connection": connection, "waited": time.perf_counter() - came, "data": message}
+                asked = asyncio.to_thread(_exchange, self._pipe, frame)
                 counter, answer = await asyncio.wait_for(asked, self._seconds)
             except TimeoutError:
                 self._counters["timeouts"] += 1
@@ -96,7 +97,7 @@ class Worker:
         """Tell the worker that a connection is closed."""
         async with self._turn:
             if self._process is not None and self._process.returncode is None:
-                self._pipe.send((connection, 0.0, None))
+                self._pipe.send_bytes(pack({"connection": connection, "waited": 0.0, "data": None}))
 
     async def stop(self) -> None:
         """End the process once it has answered."""
@@ -108,13 +109,15 @@ class Worker:
                 except TimeoutError:
                     self._kill()
 
-    async def _exchange(self, frame: Any) -> tuple[str, Any]:
-        """Send a frame, and return what the worker says to it: "" and bytes, or a counter and the line of an error."""
-        self._pipe.send(frame)
-        return await asyncio.to_thread(self._pipe.recv)
-
     def _kill(self) -> None:
         process, self._process = self._process, None
         if process is not None and process.returncode is None:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)  # the leader of its session
+
+
+def _exchange(pipe: Any, frame: Fields) -> tuple[str, Any]:
+    """Send a frame to a worker; return what it says: "" and bytes, or a counter and the line of an error."""
+    pipe.send_bytes(pack(frame))
+    said = unpack(pipe.recv_bytes())
+    return said["counter"], said["answer"]

@@ -1,7 +1,8 @@
 """Worker process of the server, which alone starts `python -m dexgrasp.cli.serving.worker FD`, FD being its pipe.
 
-The first frame are the settings; then a frame is the number of a connection, the seconds that a message waited, and
-that message, or None where the connection is closed. An answer is "" and a message, or a counter and a line.
+Frames and answers are msgpack. The first frame are the settings; then each has the number of a connection, the seconds
+that a message waited, and that message, None where the connection is closed. An answer is "" and a message, or a
+counter and a line.
 """
 
 import sys
@@ -73,23 +74,25 @@ def main() -> None:
     """Answer frames until the server closes the pipe."""
     pipe, service = Connection(int(sys.argv[1])), _Service()
     with suppress(EOFError):
-        pipe.send(_answered(partial(service.begin, **pipe.recv())))
+        pipe.send_bytes(_answered(partial(service.begin, **unpack(pipe.recv_bytes()))))
         while True:
-            connection, waited, message = pipe.recv()
-            if message is None:
-                service.end(connection)
+            frame = unpack(pipe.recv_bytes())
+            if frame["data"] is None:
+                service.end(frame["connection"])
             else:
-                pipe.send(_answered(partial(service.reply, connection, waited, message)))
+                pipe.send_bytes(_answered(partial(service.reply, **frame)))
 
 
-def _answered(reply: Callable[[], Fields]) -> tuple[str, str | bytes]:
+def _answered(reply: Callable[[], Fields]) -> bytes:
+    answer: str | bytes
     try:
-        return "", pack(reply())
+        counter, answer = "", pack(reply())
     except InputError as error:
-        return "refused", str(error)
+        counter, answer = "refused", str(error)
     except Exception as error:
         traceback.print_exc()
-        return "faults", f"a fault of the server: {type(error).__name__}: {error}"
+        counter, answer = "faults", f"a fault of the server: {type(error).__name__}: {error}"
+    return pack({"counter": counter, "answer": answer})
 
 
 if __name__ == "__main__":
