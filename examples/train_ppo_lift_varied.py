@@ -1,8 +1,8 @@
 """PPO of Stable-Baselines3 on `LiftVaried`: an episode is one action, a whole grasp at a place that has to be seen.
 
 `python examples/train_ppo_lift_varied.py` learns on forty drawn shapes and is looked at on forty others; it writes
-`out/varied.zip`, an agent by its path (`dexgrasp evaluate --agents ppo:out/varied.zip --protocol varied --objects
-drawn-0..39`), and `out/varied_curve.json`. The noise of actions narrows by a schedule.
+`out/varied.zip`, an agent by its path (`dexgrasp evaluate --agents ppo:out/varied.zip --protocol varied --wrappers
+examples.train_ppo_lift_varied.Place`), and its curve. Observed are few numbers, in units of the action.
 """
 
 import argparse
@@ -11,34 +11,44 @@ import time
 from pathlib import Path
 
 import gymnasium as gym
+import numpy as np
 import torch
+from scipy.spatial.transform import Rotation
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.learning.reinforcement.env_record import save_checkpoint
 
 PARSER = argparse.ArgumentParser(description=__doc__)
 PARSER.add_argument("--objects", nargs="+", default=["drawn-1000..1039"], help="names, sets, mesh files")
 PARSER.add_argument("--test", nargs="+", default=["drawn-0..39"], help="objects to look at")
-PARSER.add_argument("--episodes", type=int, default=10000, help="one action each")
+PARSER.add_argument("--episodes", type=int, default=6000, help="one action each")
 PARSER.add_argument("--every", type=int, default=1000, help="episodes from one look to the next")
 PARSER.add_argument("--trials", type=int, default=200, help="fresh scenes in the end")
 PARSER.add_argument("--seed", type=int, default=0)
 PARSER.add_argument("--out", type=Path, default=Path("out/varied"))
+TURNS = np.deg2rad(np.arange(-90, 90, 5))  # of the palm from where it faces at home, -45 degrees
 
 
-class Narrowing(BaseCallback):
-    """Schedule of the logarithm of the actions' standard deviation, -0.7 to -2 over all episodes."""
+class Place(gym.ObservationWrapper):
+    """Observation (10,) of the object as a box: where it lies and how it is turned, in units of the action; sides."""
 
-    def __init__(self, episodes: int) -> None:
-        super().__init__()
-        self.episodes = episodes
+    def __init__(self, env: gym.Env) -> None:
+        super().__init__(env)
+        self.observation_space = gym.spaces.Box(-10.0, 10.0, (10,), np.float32)
 
-    def _on_step(self) -> bool:
-        return True
-
-    def _on_rollout_start(self) -> None:
-        self.model.policy.log_std.data.fill_(-0.7 - 1.3 * min(self.num_timesteps / self.episodes, 1.0))
+    def observation(self, observation: dict[str, np.ndarray]) -> np.ndarray:
+        """Return x, y, top, turn that closes on the narrowest side, its sine and cosine; sides, top, middle, dm."""
+        (x, y, z, *quat), size = observation["object_pose"], observation["object_size"]
+        R = Rotation.from_quat(quat, scalar_first=True).as_matrix()
+        ways = np.stack([np.cos(TURNS - np.pi / 4), np.sin(TURNS - np.pi / 4)], axis=1)
+        widths = np.abs(ways @ R[:2]) @ size
+        k = np.argmin(np.where(widths < 1.03 * widths.min() + 0.003, np.abs(TURNS), np.inf))  # turns least
+        turn, top = TURNS[k], z + 0.5 * np.abs(R[2]) @ size
+        place = (x - 0.51) / 0.12, y / 0.23, (top - 0.075) / 0.065, turn / (np.pi / 2)
+        sides = np.sin(turn), np.cos(turn), 10 * widths[k], 10 * widths[k - 18], 10 * top, 10 * z
+        return np.array([*place, *sides], np.float32)
 
 
 def held(model: PPO, env: gym.Env, scenes: range) -> int:
@@ -47,28 +57,41 @@ def held(model: PPO, env: gym.Env, scenes: range) -> int:
     return sum(env.step(model.predict(look, deterministic=True)[0])[4]["is_success"] for look in looks)
 
 
+class Looks(BaseCallback):
+    """Looks at 20 scenes now and then, and noise of actions, whose logarithm goes from -0.7 to -2."""
+
+    def __init__(self, other: gym.Env, every: int) -> None:
+        super().__init__()
+        self.other, self.every, self.curve, self.began = other, every, list[dict](), time.process_time()
+
+    def _on_rollout_start(self) -> None:
+        left = 1.0 - self.num_timesteps / self.locals["total_timesteps"]
+        self.model.policy.log_std.data.fill_(-2.0 + 1.3 * left)
+
+    def _on_step(self) -> bool:
+        if self.num_timesteps % self.every == 0:
+            now = time.process_time()
+            look = {"episodes": self.num_timesteps, "cpu_minutes": (now - self.began) / 60}
+            self.curve.append(look | {"held_of_20": held(self.model, self.other, range(20))})
+            print(self.curve[-1], flush=True)
+            self.began += time.process_time() - now  # looks are no learning
+        return True
+
+
 def main() -> None:
-    """Train, look at 20 scenes now and then, at fresh ones in the end; the minutes are the learner's alone."""
-    args, curve, minutes = PARSER.parse_args(), [], 0.0
+    """Train, and look at fresh scenes in the end."""
+    args = PARSER.parse_args()
     torch.set_num_threads(1)
-    env, other = (gym.make("DexGrasp/LiftVaried-v1", objects=names) for names in (args.objects, args.test))
-    steps = min(250, args.every)
-    model = PPO(
-        "MlpPolicy", env, n_steps=steps, batch_size=min(50, steps), learning_rate=5e-4, target_kl=0.05,
-        policy_kwargs={"log_std_init": -0.7}, seed=args.seed, device="cpu",
-    )  # fmt: skip
-    args.out.parent.mkdir(parents=True, exist_ok=True)
-    while model.num_timesteps < args.episodes:
-        began = time.process_time()
-        model.learn(args.every, reset_num_timesteps=not curve, callback=Narrowing(args.episodes))
-        minutes += (time.process_time() - began) / 60
-        look = {"episodes": model.num_timesteps, "cpu_minutes": minutes}
-        curve.append(look | {"held_of_20": held(model, other, range(20))})
-        print(curve[-1], flush=True)
-        model.save(args.out)
+    known = "DexGrasp/LiftVaried-v1"
+    env, other = (Place(gym.make(known, objects=x, obs_mode="state")) for x in (args.objects, args.test))
+    steps, rate = min(250, args.episodes), lambda left: 1e-3 * left + 5e-5
+    own = {"n_steps": steps, "batch_size": min(50, steps), "learning_rate": rate, "target_kl": 0.1}
+    model = PPO("MlpPolicy", env, **own, seed=args.seed, device="cpu")
+    model.learn(args.episodes, looks := Looks(other, args.every))
+    save_checkpoint(model, f"{args.out}.zip")
     fresh = held(model, other, range(1000, 1000 + args.trials))
     print(fresh, "of", args.trials, "fresh scenes held")
-    told = {"settings": vars(args), "curve": curve, "fresh": fresh}
+    told = {"settings": vars(args), "curve": looks.curve, "fresh": fresh}
     args.out.with_name(f"{args.out.name}_curve.json").write_text(json.dumps(told, indent=1, default=str))
 
 

@@ -1,5 +1,6 @@
 """Runner of trials, which reuses agents and environments."""
 
+import warnings
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -85,7 +86,9 @@ class TrialRunner:
         seen = arguments.get("obs_mode", "state")  # a protocol's cameras are nothing to who does not look
         idle = {*(OF_CAMERAS if seen == "state" else ()), *(() if seen.endswith("pointcloud") else ("mask",))}
         needed = {key: value for key, value in arguments.items() if key not in idle}
-        return gym.make(**needed, disable_env_checker=True, **render)
+        with warnings.catch_warnings():  # a protocol keeps the version that it was published with
+            warnings.filterwarnings("ignore", ".* is out of date", DeprecationWarning)
+            return gym.make(**needed, disable_env_checker=True, **render)
 
     def _env_arguments(self, spec: TrialSpec) -> Fields:
         """Return the keywords of `gym.make`: the scene of the protocol, and the settings of the agent."""

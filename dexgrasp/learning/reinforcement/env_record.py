@@ -8,6 +8,7 @@ numbers.
 import importlib
 import inspect
 import json
+import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -208,7 +209,15 @@ def _wrapper(spec: Any, env: Any) -> WrapperRecord:
     except AttributeError:  # a function, say
         kwargs = None
     counted = spec.name == "NormalizeObservation" and attribute_of(env, "obs_rms")
-    return WrapperRecord(spec.entry_point, kwargs, _statistics({"": counted}) if counted else {})
+    return WrapperRecord(
+        _entry_point(spec.entry_point), kwargs, _statistics({"": counted}) if counted else {}
+    )
+
+
+def _entry_point(name: str) -> str:
+    """Return `module:Class` of a wrapper; of one of the program that runs, by its file's name."""
+    program = getattr(sys.modules["__main__"], "__file__", None)
+    return name.replace("__main__:", f"{Path(program).stem}:") if program else name
 
 
 def vec_wrapper(env: Any) -> WrapperRecord | None:
