@@ -24,7 +24,9 @@ def with_request(now: Evaluation, q: Array, problem: GraspProblem) -> Evaluation
     if barred.n:
         near = np.union1d(tree.tip_body, now.labels[now.labels[:, 0] == OBJECT, 1])
         room = empty_rows(len(near), tree)
-        n = surface_rows(barred.data, near, (-PRESSED, _LINK), tree, frames, problem.world, room)
+        n = surface_rows(
+            *problem.target.barred_groups, near, (-PRESSED, _LINK), tree, frames, problem.world, room
+        )
         added.append(room.values[:n])
         rows.append(room.gradients[:n])
         labels.append(room.labels[:n])

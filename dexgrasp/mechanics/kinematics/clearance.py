@@ -70,13 +70,14 @@ def clearance_rows(
 
 @njit
 def surface_rows(
-    points: Array, bodies: Index, least: tuple[float, float], tree: RobotTree, frames: Frames, world: World,
-    rows: Rows,
+    points: Array, balls: Array, bodies: Index, least: tuple[float, float], tree: RobotTree, frames: Frames,
+    world: World, rows: Rows,
 ) -> int:  # fmt: skip
-    """Write by how much bodies (B,) are farther than they may be from points (N, 3) m, with gradients; return how many.
+    """Write by how much bodies (B,) are farther than they may be from points, with gradients; return how many.
 
     Args:
-        points: of the object's surface.
+        points: (G, N, 3) m of the object's surface, in groups.
+        balls: (G, 4) m, middle and radius of a sphere around each group.
         bodies: of the robot.
         least: m that shapes of grasping tips, and others, are to be from them.
         tree, frames, world, rows: as in `clearance_rows`; their kind is one more than `KINDS` has.
@@ -87,13 +88,16 @@ def surface_rows(
         value = far
         for k in range(world.first[b], world.first[b + 1]):
             g, off = world.geom[k], least[0] if world.is_tip[k] else least[1]
-            for point in points:
-                reach = world.reach[k] + value + off
-                if reach > 0.0 and squared_way(world.place[g], point) < reach * reach:
-                    world.place[world.probe] = point
-                    distance = _nearer(world, g, world.probe, value + off, ends)
-                    if distance < value + off:
-                        value, used = distance - off, off
+            for m in range(len(balls)):
+                reach = world.reach[k] + balls[m, 3] + value + off
+                if reach <= 0.0 or squared_way(world.place[g], balls[m]) >= reach * reach:
+                    continue
+                for point in points[m]:
+                    if _before_box(world, k, point) < value + off:
+                        world.place[world.probe] = point
+                        distance = _nearer(world, g, world.probe, value + off, ends)
+                        if distance < value + off:
+                            value, used = distance - off, off
         if value < far:
             n = _write(rows, n, value + used, (len(KINDS), b, -1), ends, tree, frames)
             rows.values[n - 1] = value
@@ -141,6 +145,19 @@ def _nearer(world: World, g: int, other: int, best: float, ends: Array) -> float
     for r in range(6):
         ends[0, r] = ends[1, r]
     return distance
+
+
+@leaf
+def _before_box(world: World, k: int, point: Array) -> float:
+    """Return the signed distance of a point (3,) from the box around geom `k`, m: no more than that from the geom."""
+    g, inside, squared = world.geom[k], -np.inf, 0.0
+    for c in range(3):
+        along = -world.box[k, c]
+        for r in range(3):
+            along += world.axes[g, 3 * r + c] * (point[r] - world.place[g, r])
+        beyond = abs(along) - world.box[k, 3 + c]
+        inside, squared = max(inside, beyond), squared + max(beyond, 0.0) ** 2
+    return min(inside, 0.0) + squared**0.5
 
 
 @leaf
