@@ -12,7 +12,8 @@ from dexgrasp_env.arrays import Array
 
 ASKED_KINDS = "contact_outside_request", "palm_direction"
 
-_LINK = 0.012  # m, of other links from surface that is not to be touched: it turns when it is squeezed
+APART = (-PRESSED, 0.012)
+"""m from surface that is not to be touched: tips, and other shapes, as what is squeezed turns."""
 _TURN = 2e-4  # rad, of the palm from the edge of its cone
 
 
@@ -24,9 +25,7 @@ def with_request(now: Evaluation, q: Array, problem: GraspProblem) -> Evaluation
     if barred.n:
         near = np.union1d(tree.tip_body, now.labels[now.labels[:, 0] == OBJECT, 1])
         room = empty_rows(len(near), tree)
-        n = surface_rows(
-            *problem.target.barred_groups, near, (-PRESSED, _LINK), tree, frames, problem.world, room
-        )
+        n = surface_rows(*problem.target.barred_groups, near, APART, tree, frames, problem.world, room)
         added.append(room.values[:n])
         rows.append(room.gradients[:n])
         labels.append(room.labels[:n])

@@ -82,24 +82,12 @@ def surface_rows(
         least: m that shapes of grasping tips, and others, are to be from them.
         tree, frames, world, rows: as in `clearance_rows`; their kind is one more than `KINDS` has.
     """
-    n, far, used, ends = 0, 0.01, 0.0, np.empty((3, 6))
+    n, far, ends = 0, 0.01, np.empty((3, 6))
     place(world, frames)
     for b in bodies:
-        value = far
-        for k in range(world.first[b], world.first[b + 1]):
-            g, off = world.geom[k], least[0] if world.is_tip[k] else least[1]
-            for m in range(len(balls)):
-                reach = world.reach[k] + balls[m, 3] + value + off
-                if reach <= 0.0 or squared_way(world.place[g], balls[m]) >= reach * reach:
-                    continue
-                for point in points[m]:
-                    if _before_box(world, k, point) < value + off:
-                        world.place[world.probe] = point
-                        distance = _nearer(world, g, world.probe, value + off, ends)
-                        if distance < value + off:
-                            value, used = distance - off, off
+        value, off = surface_clearance(points, balls, least, world, b, far, ends)
         if value < far:
-            n = _write(rows, n, value + used, (len(KINDS), b, -1), ends, tree, frames)
+            n = _write(rows, n, value + off, (len(KINDS), b, -1), ends, tree, frames)
             rows.values[n - 1] = value
     return n
 
@@ -145,6 +133,31 @@ def _nearer(world: World, g: int, other: int, best: float, ends: Array) -> float
     for r in range(6):
         ends[0, r] = ends[1, r]
     return distance
+
+
+@leaf
+def surface_clearance(
+    points: Array, balls: Array, least: tuple[float, float], world: World, b: int, best: float, ends: Array
+) -> tuple[float, float]:
+    """Return by how much body `b` is farther than it may be from points, `best` if beyond, and how far it may be.
+
+    Arguments are as in `surface_rows`; for `ends` see `_nearer`.
+    """
+    used = 0.0
+    for k in range(world.first[b], world.first[b + 1]):
+        g, off = world.geom[k], least[0] if world.is_tip[k] else least[1]
+        for m in range(len(balls)):
+            reach = world.reach[k] + balls[m, 3] + best + off
+            if reach <= 0.0 or squared_way(world.place[g], balls[m]) >= reach * reach:
+                continue
+            for i in range(points.shape[1]):
+                if _before_box(world, k, points[m, i]) < best + off:
+                    for r in range(3):
+                        world.place[world.probe, r] = points[m, i, r]
+                    distance = _nearer(world, g, world.probe, best + off, ends)
+                    if distance < best + off:
+                        best, used = distance - off, off
+    return best, used
 
 
 @leaf
