@@ -66,7 +66,8 @@ def atlas_postures(proposals: Proposals, problem: GraspProblem) -> Iterator[Post
     settings, tree = problem.settings, problem.tree
     orders = assignments(settings.proposed.contacts)[: 1 if proposals.assigned else None]
     placed = place_on_atlas(proposals.contacts, proposals.normals, problem, orders, settings.neighbours)
-    placed = placed.select(problem.target.demand.faces(placed.rotations[:, :, 0]))
+    demand = problem.target.demand
+    placed = placed.select(demand.off(placed.rotations[:, :, 0]) <= demand.degrees)
     rank = loads_on(placed, problem) + _POSE * placed.scores
     tried: set[int] = set()
     found = 0
