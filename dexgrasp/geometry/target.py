@@ -155,9 +155,8 @@ class GraspTarget:
     def barred_groups(self) -> tuple[Array, Array]:
         """The same points (G, 32, 3) m in groups of neighbours, and spheres (G, 4) m around those."""
         tree = self.barred
-        points = tree.data[np.append(tree.indices, np.repeat(tree.indices[-1:], -tree.n % 32))].reshape(
-            -1, 32, 3
-        )
+        order = np.append(tree.indices, np.repeat(tree.indices[-1:], -tree.n % 32))
+        points = tree.data[order].reshape(-1, 32, 3)
         middles = points.mean(1)
         reach = np.linalg.norm(points - middles[:, None], axis=2).max(1, initial=0.0)
         return points, np.column_stack([middles, reach])

@@ -24,7 +24,7 @@ def with_request(now: Evaluation, q: Array, problem: GraspProblem) -> Evaluation
     if barred.n:
         near = np.union1d(tree.tip_body, now.labels[now.labels[:, 0] == OBJECT, 1])
         room = empty_rows(len(near), tree)
-        n = surface_rows(*problem.target.barred_groups, near, APART, tree, frames, problem.world, room)
+        n = surface_rows(problem.target.barred_groups, near, APART, tree, frames, problem.world, room)
         found.append((room.values[:n], room.gradients[:n], room.labels[:n]))
     if demand.request.approach:
         face = (frames.R[tree.palm] @ tree.palm_rotation)[:, 0]

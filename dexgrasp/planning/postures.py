@@ -92,24 +92,18 @@ def _by_room(placed: Placements, rank: Array, problem: GraspProblem) -> Index:
         robot, tree = problem.cell.robot, problem.tree
         bodies = [robot.bodies.index(name) for finger in robot.grasping for name in finger.bodies]
         of_hand, joints = np.array([tree.palm, *bodies]), hand_atlas(problem.cell).joints
-        lack = _lack(placed, joints, tree, of_hand, problem.world, *target.barred_groups)
+        lack = _lack(placed, joints, tree, of_hand, problem.world, target.barred_groups)
         rank = rank - _CROWDED * lack
     return np.argsort(-rank, kind="stable")
 
 
 @njit
 def _lack(
-    placed: Placements,
-    joints: Array,
-    tree: RobotTree,
-    bodies: Index,
-    world: World,
-    points: Array,
-    balls: Array,
-) -> Array:
+    placed: Placements, joints: Array, tree: RobotTree, bodies: Index, world: World, barred: tuple[Array, Array]
+) -> Array:  # fmt: skip
     """Return what placements lack of room (M,) m for some bodies of the hand: at most `_ROOM` from what stands around,
     and the sum of what each lacks from surface that is not to be touched.
-    """  # fmt: skip
+    """
     out, frames = np.zeros(len(placed.which)), empty_frames(tree)
     q, ends = np.zeros(len(tree.lower)), np.empty((3, 6))
     for m in range(len(out)):
@@ -121,7 +115,7 @@ def _lack(
         for b in bodies:
             place_body(world, frames, b)
             room = part_clearance(world, b, world.objects, len(world.part), room, False, ends)
-            out[m] -= surface_clearance(points, balls, APART, world, b, 0.0, ends)[0]
+            out[m] -= surface_clearance(barred, APART, world, b, 0.0, ends)[0]
         out[m] += _ROOM - room
     return out
 

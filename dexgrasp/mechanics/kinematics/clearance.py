@@ -70,22 +70,21 @@ def clearance_rows(
 
 @njit
 def surface_rows(
-    points: Array, balls: Array, bodies: Index, least: tuple[float, float], tree: RobotTree, frames: Frames,
+    surface: tuple[Array, Array], bodies: Index, least: tuple[float, float], tree: RobotTree, frames: Frames,
     world: World, rows: Rows,
 ) -> int:  # fmt: skip
-    """Write by how much bodies (B,) are farther than they may be from points, with gradients; return how many.
+    """Write by how much bodies (B,) are farther than they may be from a surface, with gradients; return how many.
 
     Args:
-        points: (G, N, 3) m of the object's surface, in groups.
-        balls: (G, 4) m, middle and radius of a sphere around each group.
+        surface: groups of points (G, N, 3) m, and the middle and radius (G, 4) m of a sphere around each.
         bodies: of the robot.
-        least: m that shapes of grasping tips, and others, are to be from them.
+        least: m that shapes of grasping tips, and others, are to be from it.
         tree, frames, world, rows: as in `clearance_rows`; their kind is one more than `KINDS` has.
     """
     n, far, ends = 0, 0.01, np.empty((3, 6))
     place(world, frames)
     for b in bodies:
-        value, off = surface_clearance(points, balls, least, world, b, far, ends)
+        value, off = surface_clearance(surface, least, world, b, far, ends)
         if value < far:
             n = _write(rows, n, value + off, (len(KINDS), b, -1), ends, tree, frames)
             rows.values[n - 1] = value
@@ -137,18 +136,18 @@ def _nearer(world: World, g: int, other: int, best: float, ends: Array) -> float
 
 @leaf
 def surface_clearance(
-    points: Array, balls: Array, least: tuple[float, float], world: World, b: int, best: float, ends: Array
+    surface: tuple[Array, Array], least: tuple[float, float], world: World, b: int, best: float, ends: Array
 ) -> tuple[float, float]:
-    """Return by how much body `b` is farther than it may be from points, `best` if beyond, and how far it may be.
+    """Return by how much body `b` is farther than it may be from a surface, `best` if beyond, and how far it may be.
 
     Arguments are as in `surface_rows`; for `ends` see `_nearer`.
     """
+    points, balls = surface
     used = 0.0
     for k in range(world.first[b], world.first[b + 1]):
         g, off = world.geom[k], least[0] if world.is_tip[k] else least[1]
         for m in range(len(balls)):
-            reach = world.reach[k] + balls[m, 3] + best + off
-            if reach <= 0.0 or squared_way(world.place[g], balls[m]) >= reach * reach:
+            if _before_box(world, k, balls[m]) - balls[m, 3] >= best + off:
                 continue
             for i in range(points.shape[1]):
                 if _before_box(world, k, points[m, i]) < best + off:
