@@ -17,7 +17,6 @@ from dexgrasp import plan_cloud
 from dexgrasp.geometry.request import (
     APPROACH_WORDS,
     REGION,
-    Approach,
     Demand,
     GraspRequest,
     Region,
@@ -118,7 +117,7 @@ def test_what_cannot_be_had_is_said_with_the_nearest_that_can():
     beside = GraspRequest(hold=["box:0.5,0.2,0,0.6,0.3,0.2"], approach="top")
     none = plan_cloud(block(), seed=1, request=beside)
     assert none.reason == "no_grasp:no_surface_as_requested"
-    assert "is to be held; one whose contacts miss it by" in none.relaxation
+    assert "is to be held; one whose tips miss it by" in none.relaxation
 
 
 @pytest.mark.parametrize("most", [3.0, 8.0])
@@ -176,7 +175,7 @@ def test_regions_and_ways_in_words():
     assert np.allclose(cube.gap(np.array([[0.5, 1, 1], [2, 1, 1], [2, 3, 1]])), [-0.5, 1.0, np.sqrt(2)])
     assert np.allclose(cube.grown(0.25).gap(np.array([[1.5, 1.0, 1.0]])), [0.25])
     assert np.allclose(ball.gap(np.array([[0, 0, 1], [0, 0, 2]])), [-0.5, 0.5])
-    side = Approach.of_text("side,10")
+    side = check("approach", "side,10", APPROACH_WORDS)
     assert np.allclose(side.off(np.array([[1, 0, 0], [0, 0, -1], [0, 1, 1] / np.sqrt(2)])), [0, 90, 45])
     for name, rule in (("hold", REGION), ("approach", APPROACH_WORDS)):
         for text in mistakes(name):

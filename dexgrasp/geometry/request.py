@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Mask, array
+from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import placed
 from dexgrasp_env.valid import (
@@ -152,16 +152,6 @@ class Approach:
             if not size > 0:
                 raise InputError("the direction of an approach has a length above 0")
             object.__setattr__(self, "direction", self.direction / size)
-
-    @classmethod
-    def of_text(cls, text: str) -> "Approach":
-        """Return the approach that `top`, `side`, `front` or `X,Y,Z` states, each with `,DEGREES` behind if it likes.
-
-        Raises:
-            InputError: for any other text.
-        """
-        approach: Approach = check("approach", text, APPROACH_WORDS)
-        return approach
 
     def off(self, faces: Array) -> Array:
         """Return by how many degrees (N,) palms that face the ways (N, 3) are off."""
@@ -308,10 +298,6 @@ class Demand:
         """Return by how many degrees (N,) palms that face the ways (N, 3), world frame, are off."""
         approach = self.request.approach
         return np.zeros(len(faces)) if approach is None else approach.off(faces @ self._pose[:3, :3].T)
-
-    def faces(self, faces: Array) -> Mask:
-        """Return which palms that face the ways (N, 3), world frame, do as is asked."""
-        return self.off(faces) <= self.degrees
 
 
 def relaxations(request: GraspRequest) -> dict[str, list[GraspRequest]]:

@@ -152,6 +152,16 @@ class GraspTarget:
         return cKDTree(points[self.demand.outside(points) > -0.0012])
 
     @cached_property
+    def barred_groups(self) -> tuple[Array, Array]:
+        """The same points (G, 32, 3) m in groups of neighbours, and spheres (G, 4) m around those."""
+        tree = self.barred
+        order = np.append(tree.indices, np.repeat(tree.indices[-1:], -tree.n % 32))
+        points = tree.data[order].reshape(-1, 32, 3)
+        middles = points.mean(1)
+        reach = np.linalg.norm(points - middles[:, None], axis=2).max(1, initial=0.0)
+        return points, np.column_stack([middles, reach])
+
+    @cached_property
     def _seen_tree(self) -> "cKDTree":
         from scipy.spatial import cKDTree
 

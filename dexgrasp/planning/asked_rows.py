@@ -12,31 +12,27 @@ from dexgrasp_env.arrays import Array
 
 ASKED_KINDS = "contact_outside_request", "palm_direction"
 
-_LINK = 0.012  # m, of other links from surface that is not to be touched: it turns when it is squeezed
+APART = (-PRESSED, 0.012)
+"""m from surface that is not to be touched: tips, and other shapes, as what is squeezed turns."""
 _TURN = 2e-4  # rad, of the palm from the edge of its cone
 
 
 def with_request(now: Evaluation, q: Array, problem: GraspProblem) -> Evaluation:
     """Return the constraints at `q` (n,) rad, and those of the request: links that touch nothing are farther off."""
-    demand, tree = problem.target.demand, problem.tree
-    frames, barred = body_frames(q, tree), problem.target.barred
-    added, rows, labels = [now.values], [now.rows], [now.labels]
+    demand, tree, barred = problem.target.demand, problem.tree, problem.target.barred
+    frames, found = body_frames(q, tree), [(now.values, now.rows, now.labels)]
     if barred.n:
         near = np.union1d(tree.tip_body, now.labels[now.labels[:, 0] == OBJECT, 1])
         room = empty_rows(len(near), tree)
-        n = surface_rows(barred.data, near, (-PRESSED, _LINK), tree, frames, problem.world, room)
-        added.append(room.values[:n])
-        rows.append(room.gradients[:n])
-        labels.append(room.labels[:n])
+        n = surface_rows(problem.target.barred_groups, near, APART, tree, frames, problem.world, room)
+        found.append((room.values[:n], room.gradients[:n], room.labels[:n]))
     if demand.request.approach:
         face = (frames.R[tree.palm] @ tree.palm_rotation)[:, 0]
         beyond, slope = demand.turned(face)
         turns, row = np.empty((6, tree.arm)), np.zeros((1, len(q)))
         palm_jacobian(tree, frames, turns)
         row[0, : tree.arm] = -ANGLE_SCALE / TURN_SCALE * np.cross(face, slope) @ turns[3:]
-        added.append(np.array([-ANGLE_SCALE * (beyond + _TURN)]))
-        rows.append(row)
-        labels.append(np.array([[len(KINDS) + 1, tree.palm, -1]]))
-    return now._replace(
-        values=np.concatenate(added), rows=np.concatenate(rows), labels=np.concatenate(labels)
-    )
+        value = -ANGLE_SCALE * (beyond + _TURN)
+        found.append((np.array([value]), row, np.array([[len(KINDS) + 1, tree.palm, -1]])))
+    values, rows, labels = map(np.concatenate, zip(*found, strict=True))
+    return now._replace(values=values, rows=rows, labels=labels)

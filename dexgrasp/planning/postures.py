@@ -12,7 +12,7 @@ import numpy as np
 
 from dexgrasp.mechanics.contacts import Contacts, Shape
 from dexgrasp.mechanics.internal_force import empty_room, squeeze_estimate
-from dexgrasp.mechanics.kinematics.clearance import part_clearance, place_body
+from dexgrasp.mechanics.kinematics.clearance import part_clearance, place_body, surface_clearance
 from dexgrasp.mechanics.kinematics.forward import (
     contact_jacobian,
     empty_frames,
@@ -25,6 +25,7 @@ from dexgrasp.mechanics.kinematics.palm_ik import PALM_DOWN, reach_palm
 from dexgrasp.mechanics.kinematics.tip_ik import solve_tips
 from dexgrasp.mechanics.kinematics.tree import RobotTree
 from dexgrasp.mechanics.kinematics.world import World
+from dexgrasp.planning.asked_rows import APART
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.certificate_builder import overlap
 from dexgrasp.planning.holding import ENOUGH, narrowed_friction
@@ -39,7 +40,7 @@ _REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
 _FOLDED, _SPREADS = 0.85, 0.3  # share of the range that a folded joint has turned; rad below 0 if it spreads
 _DEEPEST = 0.005  # m in a neighbour from which the optimiser seldom finds out
 _ROOM = 0.012  # m between hand and neighbours beyond which there is room to open
-_CROWDED = 60.0  # load that a metre less of it is worth
+_CROWDED = 60.0  # load that a metre less of room is worth
 _POSE = 0.2  # load that a unit of a placement's score is worth
 
 
@@ -65,7 +66,8 @@ def atlas_postures(proposals: Proposals, problem: GraspProblem) -> Iterator[Post
     settings, tree = problem.settings, problem.tree
     orders = assignments(settings.proposed.contacts)[: 1 if proposals.assigned else None]
     placed = place_on_atlas(proposals.contacts, proposals.normals, problem, orders, settings.neighbours)
-    placed = placed.select(problem.target.demand.faces(placed.rotations[:, :, 0]))
+    demand = problem.target.demand
+    placed = placed.select(demand.off(placed.rotations[:, :, 0]) <= demand.degrees)
     rank = loads_on(placed, problem) + _POSE * placed.scores
     tried: set[int] = set()
     found = 0
@@ -84,30 +86,37 @@ def atlas_postures(proposals: Proposals, problem: GraspProblem) -> Iterator[Post
 
 
 def _by_room(placed: Placements, rank: Array, problem: GraspProblem) -> Index:
-    """Return placements, the likeliest first: by rank (M,), those set back in which neighbours crowd the hand."""
-    if problem.target.around is not None:
+    """Return placements, the likeliest first: by rank (M,), those set back that lack room for the hand."""
+    target = problem.target
+    if target.around is not None or target.barred.n:
         robot, tree = problem.cell.robot, problem.tree
         bodies = [robot.bodies.index(name) for finger in robot.grasping for name in finger.bodies]
-        joints = hand_atlas(problem.cell).joints
-        rooms = _rooms(placed, joints, tree, np.array([tree.palm, *bodies]), problem.world)
-        rank = rank - _CROWDED * (_ROOM - rooms)
+        of_hand, joints = np.array([tree.palm, *bodies]), hand_atlas(problem.cell).joints
+        lack = _lack(placed, joints, tree, of_hand, problem.world, target.barred_groups)
+        rank = rank - _CROWDED * lack
     return np.argsort(-rank, kind="stable")
 
 
 @njit
-def _rooms(placed: Placements, joints: Array, tree: RobotTree, bodies: Index, world: World) -> Array:
-    """Clearances (M,) m of some bodies of the hand from what stands around, of placements; at most `_ROOM`."""
-    out, frames = np.empty(len(placed.which)), empty_frames(tree)
+def _lack(
+    placed: Placements, joints: Array, tree: RobotTree, bodies: Index, world: World, barred: tuple[Array, Array]
+) -> Array:  # fmt: skip
+    """Return what placements lack of room (M,) m for some bodies of the hand: at most `_ROOM` from what stands around,
+    and the sum of what each lacks from surface that is not to be touched.
+    """
+    out, frames = np.zeros(len(placed.which)), empty_frames(tree)
     q, ends = np.zeros(len(tree.lower)), np.empty((3, 6))
     for m in range(len(out)):
         q[tree.arm :] = joints[placed.which[m]]
         frames.R[tree.palm] = placed.rotations[m] @ tree.palm_rotation.T
         frames.p[tree.palm] = placed.positions[m] - frames.R[tree.palm] @ tree.palm_offset
         forward_part(q, tree, frames, tree.palm + 1, len(tree.parent))
-        out[m] = _ROOM
+        room = _ROOM
         for b in bodies:
             place_body(world, frames, b)
-            out[m] = part_clearance(world, b, world.objects, len(world.part), out[m], False, ends)
+            room = part_clearance(world, b, world.objects, len(world.part), room, False, ends)
+            out[m] -= surface_clearance(barred, APART, world, b, 0.0, ends)[0]
+        out[m] += _ROOM - room
     return out
 
 

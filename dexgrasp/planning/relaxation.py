@@ -42,13 +42,13 @@ def nearest_relaxation(planner: Planner, target: GraspTarget, seed: int, start: 
         for step in steps:
             found = planned(step)
             if found is not None:
-                words.append(_in_words(name, request, found))
+                words.append(_in_words(name, request, step, found))
                 break
     return "; ".join(words) or "there is one without the request, and none where one part of it is left out"
 
 
-def _in_words(name: str, request: GraspRequest, grasp: Grasp) -> str:
-    """Return how far a grasp is from a constraint of a request."""
+def _in_words(name: str, request: GraspRequest, step: GraspRequest, grasp: Grasp) -> str:
+    """Return how far a grasp, found for a step of its relaxation, is from a constraint of a request."""
     if name == "approach":
         face = palm_frame(grasp.q, robot_tree(grasp.cell))[0][None, :, 0]
         off = Demand(request, grasp.cell.T_base_world).off(face)[0]
@@ -60,6 +60,9 @@ def _in_words(name: str, request: GraspRequest, grasp: Grasp) -> str:
     if name == "max_force":
         press = -(grasp.forces[:, :3] * grasp.normals).sum(1).min()
         return f"none with at most {request.max_force:g} N a finger; one with {press:.1f} N"
-    off = max(0.0, 1000.0 * Demand(request, grasp.cell.T_base_world).outside(grasp.contacts).max())
+    if wider := getattr(step, name):  # what tips touch there may miss it, though contacts do not
+        off = abs(wider[0].radius - getattr(request, name)[0].radius)
+    else:
+        off = max(0.0, Demand(request, grasp.cell.T_base_world).outside(grasp.contacts).max())
     where = "to be held" if name == "hold" else "not to be avoided"
-    return f"none whose tips touch only what is {where}; one whose contacts miss it by {off:.0f} mm"
+    return f"none whose tips touch only what is {where}; one whose tips miss it by {1000.0 * off:.0f} mm"

@@ -70,32 +70,23 @@ def clearance_rows(
 
 @njit
 def surface_rows(
-    points: Array, bodies: Index, least: tuple[float, float], tree: RobotTree, frames: Frames, world: World,
-    rows: Rows,
+    surface: tuple[Array, Array], bodies: Index, least: tuple[float, float], tree: RobotTree, frames: Frames,
+    world: World, rows: Rows,
 ) -> int:  # fmt: skip
-    """Write by how much bodies (B,) are farther than they may be from points (N, 3) m, with gradients; return how many.
+    """Write by how much bodies (B,) are farther than they may be from a surface, with gradients; return how many.
 
     Args:
-        points: of the object's surface.
+        surface: groups of points (G, N, 3) m, and the middle and radius (G, 4) m of a sphere around each.
         bodies: of the robot.
-        least: m that shapes of grasping tips, and others, are to be from them.
+        least: m that shapes of grasping tips, and others, are to be from it.
         tree, frames, world, rows: as in `clearance_rows`; their kind is one more than `KINDS` has.
     """
-    n, far, used, ends = 0, 0.01, 0.0, np.empty((3, 6))
+    n, far, ends = 0, 0.01, np.empty((3, 6))
     place(world, frames)
     for b in bodies:
-        value = far
-        for k in range(world.first[b], world.first[b + 1]):
-            g, off = world.geom[k], least[0] if world.is_tip[k] else least[1]
-            for point in points:
-                reach = world.reach[k] + value + off
-                if reach > 0.0 and squared_way(world.place[g], point) < reach * reach:
-                    world.place[world.probe] = point
-                    distance = _nearer(world, g, world.probe, value + off, ends)
-                    if distance < value + off:
-                        value, used = distance - off, off
+        value, off = surface_clearance(surface, least, world, b, far, ends)
         if value < far:
-            n = _write(rows, n, value + used, (len(KINDS), b, -1), ends, tree, frames)
+            n = _write(rows, n, value + off, (len(KINDS), b, -1), ends, tree, frames)
             rows.values[n - 1] = value
     return n
 
@@ -141,6 +132,44 @@ def _nearer(world: World, g: int, other: int, best: float, ends: Array) -> float
     for r in range(6):
         ends[0, r] = ends[1, r]
     return distance
+
+
+@leaf
+def surface_clearance(
+    surface: tuple[Array, Array], least: tuple[float, float], world: World, b: int, best: float, ends: Array
+) -> tuple[float, float]:
+    """Return by how much body `b` is farther than it may be from a surface, `best` if beyond, and how far it may be.
+
+    Arguments are as in `surface_rows`; for `ends` see `_nearer`.
+    """
+    points, balls = surface
+    used = 0.0
+    for k in range(world.first[b], world.first[b + 1]):
+        g, off = world.geom[k], least[0] if world.is_tip[k] else least[1]
+        for m in range(len(balls)):
+            if _before_box(world, k, balls[m]) - balls[m, 3] >= best + off:
+                continue
+            for i in range(points.shape[1]):
+                if _before_box(world, k, points[m, i]) < best + off:
+                    for r in range(3):
+                        world.place[world.probe, r] = points[m, i, r]
+                    distance = _nearer(world, g, world.probe, best + off, ends)
+                    if distance < best + off:
+                        best, used = distance - off, off
+    return best, used
+
+
+@leaf
+def _before_box(world: World, k: int, point: Array) -> float:
+    """Return the signed distance of a point (3,) from the box around geom `k`, m: no more than that from the geom."""
+    g, inside, squared = world.geom[k], -np.inf, 0.0
+    for c in range(3):
+        along = -world.box[k, c]
+        for r in range(3):
+            along += world.axes[g, 3 * r + c] * (point[r] - world.place[g, r])
+        beyond = abs(along) - world.box[k, 3 + c]
+        inside, squared = max(inside, beyond), squared + max(beyond, 0.0) ** 2
+    return min(inside, 0.0) + squared**0.5
 
 
 @leaf

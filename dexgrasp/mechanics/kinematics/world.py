@@ -40,6 +40,7 @@ class _Geoms(NamedTuple):
     position: Array  # (ng, 3) m, body frame
     rotation: Array  # (ng, 3, 3)
     reach: Array  # (ng,) m from its middle
+    box: Array  # (ng, 6) m, middle and half sides of the box around it, in its frame
     is_tip: Mask  # (ng,): the tip of a grasping finger, which may touch the object
     bound_centre: Array  # (nb, 3) m, body frame: one sphere around all geoms of a body
     bound_radius: Array  # (nb,) m, -1 where a body has none
@@ -137,6 +138,7 @@ def _geoms_of(model: mujoco.MjModel, robot: Robot) -> dict[str, Any]:
         "position": model.geom_pos[geom],
         "rotation": np.stack([rotation_matrix(q) for q in model.geom_quat[geom]]),
         "reach": model.geom_rbound[geom],
+        "box": model.geom_aabb[geom],
         "is_tip": np.isin(geom, list(tips)),
         "bound_centre": np.array([centre for centre, _ in bounds]),
         "bound_radius": np.array([radius for _, radius in bounds]),
