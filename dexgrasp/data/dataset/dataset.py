@@ -77,14 +77,6 @@ def read_checked(path: Path, key: str | None = None, hashed: str | None = None) 
     return arrays
 
 
-def is_complete(path: Path, key: str, hashed: str | None = None) -> bool:
-    """Return True for a complete file of this dataset, unchanged where its hash is known."""
-    try:
-        return bool(read_checked(path, key, hashed))
-    except InputError:
-        return False
-
-
 def read_manifest(folder: Path) -> Fields:
     """Read manifest.json.
 

@@ -18,7 +18,6 @@ from dexgrasp.runs.progress import Show, silent
 from dexgrasp.runs.shards import (
     bytes_of,
     check_names,
-    is_shard,
     make_missing,
     read_shard,
     text_of,
@@ -90,7 +89,7 @@ def generate(
             for first in range(0, settings.episodes, settings.chunk)
         ]
         work = partial(make, settings=settings, folder=folder.resolve(), key=key)
-        make_missing(work, jobs, lambda job: is_shard(folder / job.file, key), backend, progress)
+        make_missing(work, jobs, lambda job: read_shard(folder / job.file, key), backend, progress)
         about |= _converted(settings, folder, formats, [folder / job.file for job in jobs], key)
         write_json(folder / ABOUT, about)
         shutil.rmtree(folder / _PARTS)

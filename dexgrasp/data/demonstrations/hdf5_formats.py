@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
+from dexgrasp.data.demonstrations.lerobot_format import views_of
 from dexgrasp.data.demonstrations.rollout import Demonstration
 from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, DemoSettings
 from dexgrasp_env import __version__
@@ -106,10 +107,15 @@ def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Dem
         data = file.create_group("data")
         for number, episode in enumerate(episodes):
             names.append(f"demo_{number}")
-            group, count, seen = data.create_group(names[-1]), len(episode), _seen(episode)
+            group, count, seen = data.create_group(names[-1]), len(episode), episode.whole()
+            seen |= (
+                {f"{name}_image": each for name, each in views_of(seen.pop("rgb")).items()}
+                if "rgb" in seen
+                else {}
+            )
             group.attrs.update(num_samples=count, about=json.dumps(episode.about))
             parts: Arrays = {"actions": episode.actions, "rewards": episode.rewards}
-            parts["dones"] = (np.arange(count) == count - 1).astype(np.int64)
+            parts["dones"] = (episode.terminations | episode.truncations).astype(np.int64)
             parts |= {f"obs/{key}": array[:-1] for key, array in seen.items()}
             parts |= {f"next_obs/{key}": array[1:] for key, array in seen.items()}
             for name, array in parts.items():
@@ -123,13 +129,3 @@ def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Dem
         masks = {"train": [name for name in names if name not in valid], "valid": valid}
         for mask, chosen in masks.items():
             file.create_dataset(f"mask/{mask}", data=np.array(chosen, dtype="S"))
-
-
-def _seen(episode: Demonstration) -> Arrays:
-    """Return the observations (T + 1, ...) by key; those stored once are repeated at every step."""
-    steps = len(episode) + 1
-    seen = episode.observations | {
-        key: np.broadcast_to(array, (steps, *array.shape)) for key, array in episode.once.items()
-    }
-    pictures = seen.pop("rgb", np.zeros((steps, 0)))
-    return seen | {f"view_{k}_image": pictures[:, k] for k in range(pictures.shape[1])}

@@ -54,6 +54,11 @@ class Demonstration:
     def __len__(self) -> int:
         return len(self.actions)
 
+    def whole(self) -> Arrays:
+        """Return the observations (T + 1, ...) by key; those stored once are repeated at every step."""
+        still = {key: np.broadcast_to(part, (len(self) + 1, *part.shape)) for key, part in self.once.items()}
+        return self.observations | still
+
     def arrays(self) -> Arrays:
         """Return all arrays by name, with `observations/KEY` and `once/KEY`."""
         whole = {name: getattr(self, name) for name in _STEPS}
