@@ -18,12 +18,11 @@ from dexgrasp.runs.pickles import unpickle
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import check_archive, check_bytes, read_file
+from dexgrasp_env.files import check_archive, check_bytes, read_file, readable
 
 with from_extra():
     import torch
 
-_ENTRY = re.compile(r"data|[\w.]+\.pth|_stable_baselines3_version|system_info\.txt")
 _CLASSES = re.compile(
     r"(stable_baselines3|sb3_contrib)\.((common|\w+)\.policies|common\.((recurrent|sb2_compat)\.)?"
     r"(policies|torch_layers|rmsprop_tf_like))"
@@ -46,30 +45,18 @@ def read_settings(path: Path) -> Fields:
     Raises:
         InputError: if it is no checkpoint of Stable-Baselines3.
     """
-    try:
-        check_archive(path)
-        with zipfile.ZipFile(path) as archive:
-            _check_layout(archive)
-            check_bytes(archive.getinfo("data").file_size, f"data in {path}", ".json")
-            return dict(json.loads(archive.read("data")))
-    except InputError:
-        raise
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except Exception as error:  # a zip can be damaged in many ways
-        raise InputError(
-            f"{path} is not a checkpoint of Stable-Baselines3: {first_line(error)[:100]}"
-        ) from None
-
-
-def _check_layout(archive: zipfile.ZipFile) -> None:
-    names = archive.namelist()
-    for needed in ("data", "policy.pth"):
-        if names.count(needed) != 1:
-            raise ValueError(f"no zip with one entry {needed!r}")
-    for name in names:
-        if not _ENTRY.fullmatch(name):
-            raise ValueError(f"entry {name[:60]!r} is none of theirs")
+    with readable(path):
+        try:
+            check_archive(path)
+            with zipfile.ZipFile(path) as archive:
+                check_bytes(archive.getinfo("data").file_size, f"data in {path}", ".json")
+                return dict(json.loads(archive.read("data")))
+        except (InputError, OSError):
+            raise
+        except Exception as error:  # a zip can be damaged in many ways
+            raise InputError(
+                f"{path} is not a checkpoint of Stable-Baselines3: {first_line(error)[:100]}"
+            ) from None
 
 
 def open_policy(path: Path) -> Any:

@@ -103,9 +103,7 @@ def read_policy(folder: Path) -> tuple[Fields, Weights]:
     """
     path = folder / ABOUT
     missing = f"{folder} holds no policy (no {ABOUT}): train one with `dexgrasp train`"
-    about = read_json_object(path, "train it again", missing)
-    if about.get("schema") != SCHEMA:
-        raise InputError(f"{path} is no policy of schema {SCHEMA}")
+    about = read_json_object(path, "train it again", missing, SCHEMA)
     env = about.get("env")
     keys = ("obs_mode", "control_mode", "observe", "hold")
     if not isinstance(env, dict) or any(key not in keys for key in env):

@@ -86,9 +86,7 @@ def read_manifest(folder: Path) -> Fields:
     path = folder / MANIFEST
     again = "run `dexgrasp dataset generate` with the same settings again"
     missing = f"{folder} holds no dataset (no {path.name}): make one with `dexgrasp dataset generate`"
-    manifest = read_json_object(path, again, missing)
-    if manifest.get("schema") != SCHEMA:
-        raise InputError(f"{path} has schema {manifest.get('schema')}: valid is {SCHEMA}")
+    manifest = read_json_object(path, again, missing, SCHEMA)
     if fault := _manifest_fault(manifest):
         raise InputError(f"{path} is damaged ({fault}): {again}")
     return manifest

@@ -11,7 +11,7 @@ from pathlib import Path
 from dexgrasp.data.demonstrations.hdf5_formats import DATA, write_minari, write_robomimic
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
 from dexgrasp.data.demonstrations.rollout import Demonstration, Recorder
-from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings
+from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings, Formats
 from dexgrasp.runs.folder import RunFolder, replaced
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
@@ -53,7 +53,7 @@ class Job:
 
 @checked
 def generate(
-    settings: DemoSettings, folder: str | Path, formats: tuple[str, ...] = ("minari",), backend: Backend = Backend(),
+    settings: DemoSettings, folder: str | Path, formats: Formats = ("minari",), backend: Backend = Backend(),
     progress: Show = silent,
 ) -> Fields:  # fmt: skip
     """Record demonstrations, or those that are missing; they do not depend on the backend or on interruptions.
@@ -72,9 +72,6 @@ def generate(
         InputError: other settings or another process in `folder`, an unknown format, two objects of one name, no
             cluster.
     """
-    for name in formats:
-        if name not in FORMATS:
-            raise InputError(f"format {name!r}: valid are {', '.join(FORMATS)}")
     check_names(settings.objects)
     folder = expand(folder)
     key = content_hash(json.dumps(settings.as_json(), sort_keys=True))
@@ -115,9 +112,9 @@ def read_about(folder: Path) -> Fields:
     """
     path = folder / ABOUT
     missing = f"{folder} holds no demonstrations (no {ABOUT}): make some with `dexgrasp demos generate`"
-    about = read_json_object(path, "make them anew in another folder", missing)
-    if about.get("schema") != SCHEMA or not isinstance(about.get("settings"), dict):
-        raise InputError(f"{path} is damaged, or of another schema than {SCHEMA}")
+    about = read_json_object(path, "make them anew in another folder", missing, SCHEMA)
+    if not isinstance(about.get("settings"), dict):
+        raise InputError(f"{path} is damaged: it has no settings")
     return about
 
 

@@ -1,6 +1,6 @@
 """Recording of a demonstration: an agent's rollout, converted and replayed; kept if the replay succeeds too."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from dexgrasp.agent import Env, public_info, renew_report, report_of
 from dexgrasp.data.demonstrations.convert import to_action, with_noise
-from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, MODES, DemoSettings
+from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, DemoSettings
 from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
 from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.registry import make_agent
@@ -96,10 +96,7 @@ class Recorder:
         arguments = settings.env_arguments | {"objects": [target]}
         scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction", "randomisation")}
         self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
-        alike = settings.observe == "reset" and all(asked.get(key) == arguments[key] for key in MODES)
-        alike = alike and "action_scale" not in asked
-        # Where the agent's own modes are those of the demonstrations, a replay would do the same.
-        self._demo_env = None if alike else gym.make(ENV_ID, **arguments, disable_env_checker=True)
+        self._demo_env = gym.make(ENV_ID, **arguments, disable_env_checker=True)
         cell = self._env.unwrapped.settings.cell  # type: ignore[attr-defined]
         self._robot, self._tree = cell.robot, robot_tree(cell)
 
@@ -110,16 +107,10 @@ class Recorder:
             The demonstration and "", or None and the reason of the failure.
         """
         seeds = trial_seeds(self._settings.seed, self._target, trial)
-        path, first, steps, failure = self._roll_out(seeds)
+        path, first, failure = self._roll_out(seeds)
         if failure:
             return None, failure
-        if self._demo_env is None:
-            _, (*_, truncated, _) = steps[-1]
-            if not truncated:
-                steps += follow_set_points(self._env, path[-1:], self._tree)
-            episode = _episode(first, steps, CAMERA_KEYS)
-        else:
-            episode = replay(self._demo_env, seeds.scene, path, self._tree)
+        episode = replay(self._demo_env, seeds.scene, path, self._tree)
         if episode is None:
             return None, "not_replayed"
         episode.once = {key: first[key] for key in CAMERA_KEYS if key in first} | episode.once
@@ -134,8 +125,8 @@ class Recorder:
         }
         return episode, ""
 
-    def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, list[Step], str]:
-        """Return set-points (T + 1, n) rad, the first observation, the T steps, and the reason of a failure."""
+    def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, str]:
+        """Return set-points (T + 1, n) rad, the first observation, and the reason of a failure."""
         env, agent, robot = self._env, self._agent, self._robot
         rng = np.random.default_rng([seeds.agent, 1])
         first, info = env.reset(seed=seeds.scene)
@@ -143,28 +134,25 @@ class Recorder:
         agent.seed(seeds.agent)
         agent.reset(first, public_info(env, info))
         if agent.report.failure:
-            return np.zeros((0, robot.dof)), first, [], str(agent.report.failure)
+            return np.zeros((0, robot.dof)), first, str(agent.report.failure)
         mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
-        observation, path, steps, over = first, [_targets(env)], list[Step](), False
+        observation, path, over = first, [_targets(env)], False
         while not over:
             action = np.asarray(agent.act(observation), dtype=float)
             if self._settings.noise:
                 action = with_noise(
                     mode, action, self._settings.noise * rng.standard_normal(robot.dof), robot
                 )
-            command = action.astype(np.float32)  # as it is recorded
-            observation, _, terminated, truncated, info = result = env.step(command)
-            steps.append((command, result))
+            observation, _, terminated, truncated, info = env.step(action.astype(np.float32))
             path.append(_targets(env))
             over = terminated or truncated or info["is_success"]
         failure = "" if info["is_success"] else info["failure"] or str(info["stage"])
-        return np.array(path), first, steps, failure
+        return np.array(path), first, failure
 
     def close(self) -> None:
         """Free the environments."""
         self._env.close()
-        if self._demo_env:
-            self._demo_env.close()
+        self._demo_env.close()
 
 
 def intended(episode: Demonstration, noise: float, robot: Robot) -> Array:
@@ -187,12 +175,20 @@ def intended(episode: Demonstration, noise: float, robot: Robot) -> Array:
 
 
 def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Demonstration | None:
-    """Replay set-points (T + 1, n) in another control mode from the same scene; None if that fails."""
-    settings = env.unwrapped.settings  # type: ignore[attr-defined]
+    """Replay set-points (T + 1, n) in another control mode from the same scene; None without success."""
     first, _ = env.reset(seed=seed)
-    return _episode(
-        first, list(follow_set_points(env, path, tree)), CAMERA_KEYS if settings.observe == "reset" else ()
-    )
+    actions, results = zip(*follow_set_points(env, path, tree), strict=True)
+    observations, rewards, terminated, truncated, infos = zip(*results, strict=True)
+    solved = [info["is_success"] for info in infos]
+    if not any(solved):
+        return None
+    still = CAMERA_KEYS if env.unwrapped.settings.observe == "reset" else ()  # type: ignore[attr-defined]
+    moving = {key: np.stack([o[key] for o in (first, *observations)]) for key in first if key not in still}
+    once = {key: np.asarray(first[key]) for key in first if key in still}
+    ends = *truncated[:-1], not terminated[-1]
+    rest = (np.array(part) for part in (actions, rewards, terminated, ends))
+    whole: Fields = dict(zip(_STEPS, rest, strict=True))
+    return Demonstration(moving, **whole, once=once, about={"solved": solved.index(True)})
 
 
 def follow_set_points(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
@@ -206,21 +202,6 @@ def follow_set_points(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
         yield action, result
         if result[2] or result[3]:
             return
-
-
-def _episode(first: Arrays, steps: Sequence[Step], still: Sequence[str]) -> Demonstration | None:
-    """Return the demonstration of some steps, None where none is a success; keys `still` are stored once."""
-    actions, results = zip(*steps, strict=True)
-    observations, rewards, terminated, truncated, infos = zip(*results, strict=True)
-    solved = [info["is_success"] for info in infos]
-    if not any(solved):
-        return None
-    moving = {key: np.stack([o[key] for o in (first, *observations)]) for key in first if key not in still}
-    once = {key: np.asarray(first[key]) for key in first if key in still}
-    ends = *truncated[:-1], not terminated[-1]
-    rest = (np.array(part) for part in (actions, rewards, terminated, ends))
-    whole: Fields = dict(zip(_STEPS, rest, strict=True))
-    return Demonstration(moving, **whole, once=once, about={"solved": solved.index(True)})
 
 
 def _targets(env: Env) -> Array:

@@ -99,13 +99,8 @@ def read_record(path: Path) -> EnvRecord:
     Raises:
         InputError: if it is damaged, or of another schema.
     """
-    content = read_json_object(path, "save_checkpoint() of dexgrasp writes it")
-    if (schema := content.get("schema")) != SCHEMA:
-        raise InputError(
-            f"{path} is no record of save_checkpoint(), as it has schema {schema}, not {SCHEMA}: rename it, and say "
-            "--env-kwargs"
-        )
-    return read(EnvRecord, content, str(path))
+    remedy = "where it is no record of save_checkpoint() of dexgrasp, rename it, and say --env-kwargs"
+    return read(EnvRecord, read_json_object(path, remedy, None, SCHEMA), str(path))
 
 
 def save_checkpoint(model: Any, path: str | Path) -> Path:
