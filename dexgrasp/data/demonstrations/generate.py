@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dexgrasp.data.demonstrations.hdf5_formats import DATA, write_minari, write_robomimic
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
-from dexgrasp.data.demonstrations.rollout import Demonstration, Recorder
+from dexgrasp.data.demonstrations.rollout import Demonstration, record
 from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings, Formats
 from dexgrasp.runs.folder import RunFolder, replaced
 from dexgrasp.runs.pool import Backend
@@ -95,10 +95,8 @@ def generate(
 
 def make(job: Job, settings: DemoSettings, folder: Path, key: str) -> None:
     """Make one file; an interrupted one leaves none."""
-    recorder = Recorder(settings, job.target)
     last = min(job.first + settings.chunk, settings.episodes)
-    outcomes = [recorder.record(trial) for trial in range(job.first, last)]
-    recorder.close()
+    outcomes = list(record(settings, job.target, range(job.first, last)))
     episodes = [episode for episode, _ in outcomes if episode is not None]
     failures = [failure for episode, failure in outcomes if episode is None]
     write_shard(folder / job.file, _part_arrays(episodes, failures), key)

@@ -1,22 +1,22 @@
 """Recording of a demonstration: an agent's rollout, converted and replayed; kept if the replay succeeds too."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
-from dexgrasp.agent import Env, public_info, renew_report, report_of
+from dexgrasp.agent import Env
 from dexgrasp.data.demonstrations.convert import to_action, with_noise
 from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, DemoSettings
-from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
-from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.evaluation.protocol import agent_settings, trial_seeds
+from dexgrasp.evaluation.trial import run_trial
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp.runs.weights import below
 from dexgrasp_env.arrays import Array, Arrays, Fields, Mask, Single
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_STEPS
@@ -77,82 +77,70 @@ class Demonstration:
         return cls(below(arrays, "observations/"), **steps, once=below(arrays, "once/"), about=about)
 
 
-class Recorder:
-    """Records demonstrations on one object: runs the agent in its environment, replays in that of the data set."""
+class _Demonstrated(gym.Wrapper[Any, Any, Any, Any]):
+    """Environment of a demonstrator: noise is added to its commands, its first view and its set-points are kept."""
 
-    def __init__(self, settings: DemoSettings, target: str) -> None:
-        """Make agent and environments.
+    rng: np.random.Generator
 
-        Raises:
-            InputError: for an unknown agent, or one whose settings belong to the protocol.
-        """
-        self._settings, self._target = settings, target
-        self._agent: Any = make_agent(settings.agent)
-        asked = agent_settings(settings.agent, self._agent)
-        if (pace := asked.get("frame_skip", CONTROL_STEPS)) != CONTROL_STEPS:
-            raise InputError(
-                f"agent {settings.agent!r} acts every {pace} physics steps: demonstrations have {CONTROL_STEPS}"
-            )
-        arguments = settings.env_arguments | {"objects": [target]}
-        scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction", "randomisation")}
-        self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
-        self._demo_env = gym.make(ENV_ID, **arguments, disable_env_checker=True)
-        cell = self._env.unwrapped.settings.cell  # type: ignore[attr-defined]
-        self._robot, self._tree = cell.robot, robot_tree(cell)
+    def __init__(self, env: Env, noise: float) -> None:
+        super().__init__(env)
+        self._noise = noise
 
-    def record(self, trial: int) -> tuple[Demonstration | None, str]:
-        """Record the demonstration of a scene.
+    def reset(self, **given: Any) -> tuple[Any, Fields]:
+        """Start an episode."""
+        self.first, info = self.env.reset(**given)
+        self.path = [_targets(self)]
+        return self.first, info
 
-        Returns:
-            The demonstration and "", or None and the reason of the failure.
-        """
-        seeds = trial_seeds(self._settings.seed, self._target, trial)
-        path, first, failure = self._roll_out(seeds)
-        if failure:
-            return None, failure
-        episode = replay(self._demo_env, seeds.scene, path, self._tree)
+    def step(self, action: Single) -> Any:
+        """Advance by an action with noise, which the agent may correct."""
+        if self._noise:
+            settings = self.get_wrapper_attr("settings")
+            robot = settings.cell.robot
+            drawn = self._noise * self.rng.standard_normal(robot.dof)
+            action = with_noise(settings.control_mode, action, drawn, robot)
+        result = self.env.step(action.astype(np.float32))
+        self.path.append(_targets(self))
+        return result
+
+
+def record(
+    settings: DemoSettings, target: str, trials: Iterable[int]
+) -> Iterator[tuple[Demonstration | None, str]]:
+    """Run the agent in scenes of one object, and replay in the environment of the data set what succeeds.
+
+    Yields:
+        A demonstration and "", or None and the reason of the failure.
+
+    Raises:
+        InputError: for an unknown agent, or one whose settings belong to the protocol.
+    """
+    agent: Any = make_agent(settings.agent)
+    asked = agent_settings(settings.agent, agent)
+    if (pace := asked.get("frame_skip", CONTROL_STEPS)) != CONTROL_STEPS:
+        raise InputError(
+            f"agent {settings.agent!r} acts every {pace} physics steps: demonstrations have {CONTROL_STEPS}"
+        )
+    arguments = settings.env_arguments | {"objects": [target]}
+    scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction", "randomisation")}
+    env = _Demonstrated(gym.make(ENV_ID, **(scene | asked), disable_env_checker=True), settings.noise)
+    other = gym.make(ENV_ID, **arguments, disable_env_checker=True)
+    for trial in trials:
+        seeds = trial_seeds(settings.seed, target, trial)
+        env.rng = np.random.default_rng([seeds.agent, 1])
+        outcome, _ = run_trial(env, agent, seeds, name=settings.agent)
+        episode = replay(other, seeds.scene, np.array(env.path)) if outcome.success else None
         if episode is None:
-            return None, "not_replayed"
-        episode.once = {key: first[key] for key in CAMERA_KEYS if key in first} | episode.once
+            yield None, outcome.reason or "not_replayed"
+            continue
+        episode.once = {key: env.first[key] for key in CAMERA_KEYS if key in env.first} | episode.once
         episode.about |= {
-            "object": object_name(self._target),
-            "target": self._target,
-            "trial": trial,
-            "scene_seed": seeds.scene,
-            "agent_seed": seeds.agent,
-            "certificate": jsonable(report_of(self._agent).details).get("certificate"),
-            "steps": len(episode),
-        }
-        return episode, ""
-
-    def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, str]:
-        """Return set-points (T + 1, n) rad, the first observation, and the reason of a failure."""
-        env, agent, robot = self._env, self._agent, self._robot
-        rng = np.random.default_rng([seeds.agent, 1])
-        first, info = env.reset(seed=seeds.scene)
-        renew_report(agent)
-        agent.seed(seeds.agent)
-        agent.reset(first, public_info(env, info))
-        if agent.report.failure:
-            return np.zeros((0, robot.dof)), first, str(agent.report.failure)
-        mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
-        observation, path, over = first, [_targets(env)], False
-        while not over:
-            action = np.asarray(agent.act(observation), dtype=float)
-            if self._settings.noise:
-                action = with_noise(
-                    mode, action, self._settings.noise * rng.standard_normal(robot.dof), robot
-                )
-            observation, _, terminated, truncated, info = env.step(action.astype(np.float32))
-            path.append(_targets(env))
-            over = terminated or truncated or info["is_success"]
-        failure = "" if info["is_success"] else info["failure"] or str(info["stage"])
-        return np.array(path), first, failure
-
-    def close(self) -> None:
-        """Free the environments."""
-        self._env.close()
-        self._demo_env.close()
+            "object": object_name(target), "target": target, "trial": trial, "scene_seed": seeds.scene,
+            "agent_seed": seeds.agent, "certificate": outcome.details.get("certificate"), "steps": len(episode),
+        }  # fmt: skip
+        yield episode, ""
+    env.close()
+    other.close()
 
 
 def intended(episode: Demonstration, noise: float, robot: Robot) -> Array:
@@ -174,10 +162,10 @@ def intended(episode: Demonstration, noise: float, robot: Robot) -> Array:
     return np.concatenate([targets[:1], targets[1:] - noise * drawn * max_step(robot)])
 
 
-def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Demonstration | None:
+def replay(env: Env, seed: int, path: Array) -> Demonstration | None:
     """Replay set-points (T + 1, n) in another control mode from the same scene; None without success."""
     first, _ = env.reset(seed=seed)
-    actions, results = zip(*follow_set_points(env, path, tree), strict=True)
+    actions, results = zip(*follow_set_points(env, path), strict=True)
     observations, rewards, terminated, truncated, infos = zip(*results, strict=True)
     solved = [info["is_success"] for info in infos]
     if not any(solved):
@@ -191,10 +179,11 @@ def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Demonstration |
     return Demonstration(moving, **whole, once=once, about={"solved": solved.index(True)})
 
 
-def follow_set_points(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
+def follow_set_points(env: Env, path: Array) -> Iterator[Step]:
     """Yield the steps of set-points (T + 1, n), 50 ms apart, in a running episode; the last is held for ten more."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     path, scale = path[:: settings.hold], settings.action_scale * settings.hold
+    tree = robot_tree(settings.cell)
     for step in range(len(path) - 1 + 10):
         wanted = path[min(step + 1, len(path) - 1)]
         action = to_action(settings.control_mode, _targets(env), wanted, tree, scale)
