@@ -89,8 +89,8 @@ class CheckpointAgent(Agent):
     def _foreign(self, given: Mapping[str, Any] | Sequence[str]) -> EnvRecord:
         """Return what a checkpoint was trained in that has no record: as its spaces, and the user, say."""
         statistics, policy = vec_wrapper(counted(self._path)), self._policy
-        told = {key: getattr(policy.action_space, key, None) for key in _TOLD}
-        told = {key: value for key, value in told.items() if value is not None}
+        own = vars(policy.action_space)
+        told = {key: own[key] for key in _TOLD if own.get(key) is not None}
         known = {"obs_mode": _obs_mode(policy.observation_space, told)}
         known |= agent_keywords(given, told, f"the action space of {self._path}")
         if "control_mode" not in known:

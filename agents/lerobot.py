@@ -32,7 +32,11 @@ class LeRobotAgent(Agent):
         Raises:
             InputError: if there is no such policy, or LeRobot is not installed.
         """
-        folder = _folder(spec)
+        folder = expand(spec.removeprefix("lerobot:"))
+        if not (folder / "config.json").is_file():
+            raise InputError(
+                f"{folder} holds no policy of LeRobot (no config.json): name a folder pretrained_model"
+            )
         with from_extra():
             from lerobot.configs.policies import PreTrainedConfig
             from lerobot.policies.factory import get_policy_class, make_pre_post_processors
@@ -50,19 +54,16 @@ class LeRobotAgent(Agent):
         stated = agent_keywords(env_kwargs, _trained_in(folder), folder / "train_config.json")
         modes = {"observation.environment_state": "state", "observation.image": "rgbd"}
         mode = "+".join(mode for name, mode in modes.items() if name in str(config.input_features)) or "state"
-        self.assumed = ""
-        if "control_mode" not in stated:
-            self.assumed = (
-                f"{folder} does not say what its actions mean: played with control_mode=joint_delta, unless "
-                "--env-kwargs says otherwise"
-            )
+        doubt = "does not say what its actions mean: played with control_mode=joint_delta, unless --env-kwargs does"
+        self.assumed = "" if "control_mode" in stated else f"{folder} {doubt}"
         settings = {"obs_mode": mode, "control_mode": "joint_delta"}
         self.env_settings = settings | stated  # type: ignore[misc]  # of the instance here
 
     @classmethod
     def files(cls, name: str) -> list[Path]:
         """Return the configurations and weights in a policy's folder."""
-        return sorted(path for path in _folder(name).iterdir() if path.suffix in (".json", ".safetensors"))
+        folder = expand(name.removeprefix("lerobot:"))
+        return sorted((*folder.glob("*.json"), *folder.glob("*.safetensors")))
 
     def check_info(self, info: Info) -> None:
         """Refuse an environment with other actions.
@@ -96,15 +97,6 @@ class LeRobotAgent(Agent):
         with torch.inference_mode():
             action = self._after(self._policy.select_action(self._before(seen)))
         return np.asarray(action.cpu().numpy()[0])
-
-
-def _folder(spec: str) -> Path:
-    folder = expand(spec.removeprefix("lerobot:"))
-    if not (folder / "config.json").is_file():
-        raise InputError(
-            f"{folder} holds no policy of LeRobot (no config.json): name a folder pretrained_model"
-        )
-    return folder
 
 
 def _trained_in(folder: Path) -> Fields:

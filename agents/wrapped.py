@@ -45,7 +45,7 @@ class Relay(gym.Env[Any, Any]):
 
     def __init__(self, observation_space: Any, action_space: Any, record: EnvRecord) -> None:
         self.observation_space, self.action_space = observation_space, action_space
-        self.spec = EnvSpec(record.id or "DexGrasp/Lift-v2", max_episode_steps=record.max_episode_steps)
+        self.spec = EnvSpec("Relay", max_episode_steps=record.max_episode_steps)
 
     def begin(self, policy: Any, envs: VecEnv) -> None:
         """Begin an episode of a policy behind its wrappers; the last one ends."""

@@ -88,9 +88,14 @@ class DexGraspEnv(EnvConfig):
     @property
     def gym_kwargs(self) -> Fields:
         """Keywords of `gym.make` that belong to the policy."""
-        mode = {} if self.render_mode == "none" else {"render_mode": self.render_mode}
+        mode = None if self.render_mode == "none" else self.render_mode
         limit = {"max_episode_steps": self.episode_length} if self.episode_length else {}
-        return {"obs_mode": OBS_TYPES[self.obs_type], "control_mode": self.control_mode, **mode, **limit}
+        return {
+            "obs_mode": OBS_TYPES[self.obs_type],
+            "control_mode": self.control_mode,
+            "render_mode": mode,
+            **limit,
+        }
 
     def create_envs(self, n_envs: int, use_async_envs: bool = False) -> dict[str, dict[int, Any]]:
         """Return a vector environment for every protocol and object, made on first use."""
