@@ -81,7 +81,7 @@ class CheckpointAgent(Agent):
         self.env_settings = {  # type: ignore[misc]  # of the instance here
             key: value
             for key, value in self._record.env.items()
-            if key in ("obs_mode", "control_mode") or value != _DEFAULTS[key]
+            if key in ("obs_mode", "control_mode") or value != _DEFAULTS.get(key)
         }
         self._relay: Any = None
         self._seed: int | None = None

@@ -100,7 +100,8 @@ def counted(path: Path) -> Any:
         if file.is_file():
             content = read_file(file)
             try:
-                return unpickle(content, _NAMES, _CLASSES)
+                found = unpickle(content, _NAMES, _CLASSES)
+                return found if "obs_rms" in vars(found) else None
             except Exception as error:  # damaged ones fail in many ways
                 raise InputError(f"{file} holds no VecNormalize: {first_line(error)[:120]}") from None
     return None
