@@ -9,7 +9,7 @@ from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
 from dexgrasp.learning.imitation.policy import Policy, PolicyRun
 from dexgrasp.learning.reinforcement.grip_policy import GripPolicy
 from dexgrasp.learning.reinforcement.rl_policy import RlPolicy
-from dexgrasp.runs.weights import policy_files, read_policy
+from dexgrasp.runs.weights import ABOUT, WEIGHTS, read_policy
 from dexgrasp_env.arrays import Single
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
@@ -46,7 +46,7 @@ class LearnedAgent(Agent):
     @classmethod
     def files(cls, name: str) -> list[Path]:
         """Return the files of a policy's folder."""
-        return policy_files(name)
+        return [expand(name) / ABOUT, expand(name) / WEIGHTS]
 
     def reset(self, observation: Observation, info: Info) -> None:
         """Look at the object."""

@@ -83,11 +83,6 @@ def is_policy(name: str) -> bool:
     return (expand(name) / ABOUT).is_file() if name.strip("~") else False
 
 
-def policy_files(name: str) -> list[Path]:
-    """Return the files that such an agent's outcomes rest on."""
-    return [expand(name) / ABOUT, expand(name) / WEIGHTS]
-
-
 def write_policy(folder: Path, about: Fields, arrays: Weights) -> None:
     """Write a policy; weights first, so that what is there is whole."""
     single = {name: np.asarray(array, dtype=np.float32) for name, array in arrays.items()}
