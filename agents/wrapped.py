@@ -34,10 +34,6 @@ _KNOWN = (
 """Modules of wrappers that a record may name; others are code that the user has to name."""
 
 
-class _OverError(BaseException):
-    """End of an episode, for the thread that waits in it."""
-
-
 class Relay(gym.Env[Any, Any]):
     """Stand-in for the environment below a policy's wrappers: a thread of the policy's steps it."""
 
@@ -81,7 +77,7 @@ class Relay(gym.Env[Any, Any]):
 
     def _next(self) -> Observation:
         if (observation := self._seen.get()) is None:
-            raise _OverError
+            raise SystemExit  # of the thread, which ends without a word
         return observation
 
     def _play(self, policy: Any, envs: VecEnv) -> None:
@@ -92,8 +88,6 @@ class Relay(gym.Env[Any, Any]):
                 actions, state = policy.predict(seen, state=state, episode_start=starts, deterministic=True)
                 seen, *_ = envs.step(actions)
                 starts[:] = False
-        except _OverError:
-            pass
         except Exception as error:
             self._actions.put(error)
 

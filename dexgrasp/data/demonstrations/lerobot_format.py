@@ -37,7 +37,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Demon
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-    robot = make_cell(settings.robot).robot
+    robot, common = make_cell(settings.robot).robot, read_yaml(Path(__file__).with_name("lerobot.yaml"))
     for file in (_DATA, _EPISODES):
         (folder / file).parent.mkdir(parents=True)
     writer: Any = None
@@ -54,12 +54,11 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Demon
         for name, values in columns.items():
             parts.setdefault(name, []).append(_part(values))
         own = {name: _statistics(each[-1:]) for name, each in parts.items()}
-        rows.append(_episode_row(episode, number, start, task, own))
+        rows.append(common["episode"] | _episode_row(episode, number, start, task, own))
         start += len(episode)
     writer.close()
     pq.write_table(pa.Table.from_pylist(rows), folder / _EPISODES)
     names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
-    common = read_yaml(Path(__file__).with_name("lerobot.yaml"))
     pq.write_table(
         names.replace_schema_metadata({"pandas": json.dumps(common["pandas"])}),
         folder / "meta" / "tasks.parquet",
@@ -140,10 +139,8 @@ def _episode_row(
 ) -> Fields:
     row = {
         "episode_index": number, "tasks": [task], "length": len(episode),
-        "data/chunk_index": 0, "data/file_index": 0,
         "dataset_from_index": start, "dataset_to_index": start + len(episode),
-        "meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0,
-        "scene_seed": episode.about["scene_seed"], "success": True, "about": json.dumps(episode.about),
+        "scene_seed": episode.about["scene_seed"], "about": json.dumps(episode.about),
     }  # fmt: skip
     row |= {f"once/{key}": np.ravel(array).tolist() for key, array in episode.once.items() if key != "rgb"}
     return row | {

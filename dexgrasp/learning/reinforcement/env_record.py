@@ -118,7 +118,7 @@ def save_checkpoint(model: Any, path: str | Path) -> Path:
     Raises:
         InputError: if the environment is none of DexGrasp's; the zip is written all the same.
     """
-    zipped = Path(path) if Path(path).suffix == ".zip" else Path(f"{path}.zip")
+    zipped = Path(f"{path}".removesuffix(".zip") + ".zip")
     model.save(zipped)
     return record_environment(model.get_env(), zipped)
 
