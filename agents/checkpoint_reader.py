@@ -1,30 +1,31 @@
 """Reader of Stable-Baselines3 checkpoints, without running anything that its author put in.
 
 Its zip has tensors, which torch reads as such (`weights_only`), and settings as JSON, some of them pickled. Stable-
-Baselines3 would unpickle these whatever they are; here only spaces, policies and schedules of known libraries and of
-this project are made, and what else there is, such as the optimiser's schedule, is replaced: acting needs none of it.
+Baselines3 would unpickle these whatever they are; here those that acting needs are: the policy's class, arguments and
+spaces, of known libraries and of this project. Its algorithm is not made.
 """
 
 import base64
-import binascii
+import io
 import json
-import pickle
 import re
 import zipfile
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
 from dexgrasp.runs.pickles import unpickle
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, first_line
-from dexgrasp_env.files import check_archive, check_bytes, read_file
+from dexgrasp_env.extras import from_extra
+from dexgrasp_env.files import check_archive, check_bytes, read_file, readable
 
-_ENTRY = re.compile(r"data|[\w.]+\.pth|_stable_baselines3_version|system_info\.txt")
-_NEEDED = ("policy_class", "observation_space", "action_space", "policy_kwargs")
-_REPLACED = {"learning_rate": 0.0, "clip_range": 0.2, "lr_schedule": 0.0, "train_freq": 1}
+with from_extra():
+    import torch
+
 _CLASSES = re.compile(
     r"(stable_baselines3|sb3_contrib)\.((common|\w+)\.policies|common\.((recurrent|sb2_compat)\.)?"
-    r"(buffers|policies|utils|type_aliases|torch_layers|noise|rmsprop_tf_like))"
+    r"(policies|torch_layers|rmsprop_tf_like))"
     r"|stable_baselines3\.common\.(running_mean_std|vec_env\.vec_normalize)"
     r"|gymnasium\.spaces\.\w+|torch\.nn\.modules\.activation|torch\.optim\.(adam\w*|[nr]adam|rmsprop|sgd)"
     r"|(dexgrasp|dexgrasp_env)\.[\w.]+"
@@ -44,52 +45,44 @@ def read_settings(path: Path) -> Fields:
     Raises:
         InputError: if it is no checkpoint of Stable-Baselines3.
     """
-    try:
-        check_archive(path)
-        with zipfile.ZipFile(path) as archive:
-            _check_layout(archive)
-            check_bytes(archive.getinfo("data").file_size, f"data in {path}", ".json")
-            return dict(json.loads(archive.read("data")))
-    except InputError:
-        raise
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except Exception as error:  # a zip can be damaged in many ways
-        raise InputError(
-            f"{path} is not a checkpoint of Stable-Baselines3: {first_line(error)[:100]}"
-        ) from None
+    with readable(path):
+        try:
+            check_archive(path)
+            with zipfile.ZipFile(path) as archive:
+                check_bytes(archive.getinfo("data").file_size, f"data in {path}", ".json")
+                return dict(json.loads(archive.read("data")))
+        except (InputError, OSError):
+            raise
+        except Exception as error:  # a zip can be damaged in many ways
+            raise InputError(
+                f"{path} is not a checkpoint of Stable-Baselines3: {first_line(error)[:100]}"
+            ) from None
 
 
-def _check_layout(archive: zipfile.ZipFile) -> None:
-    names = archive.namelist()
-    for needed in ("data", "policy.pth"):
-        if names.count(needed) != 1:
-            raise ValueError(f"no zip with one entry {needed!r}")
-    for name in names:
-        if not _ENTRY.fullmatch(name):
-            raise ValueError(f"entry {name[:60]!r} is none of theirs")
-
-
-def harmless_objects(path: Path, settings: Fields) -> Fields:
-    """Return what stands for each pickled setting: Stable-Baselines3 then unpickles nothing.
+def open_policy(path: Path) -> Any:
+    """Return the policy of a checkpoint, made of its class, spaces and arguments, and of its weights.
 
     Raises:
-        InputError: naming what a policy cannot do without and this reader does not make.
+        InputError: naming what this reader does not make, or does not fit.
     """
-    found: Fields = {"buffer_size": 1}  # of memory for learning
-    for key, value in settings.items():
-        if not isinstance(value, dict) or ":serialized:" not in value:
-            continue
-        try:
-            found[key] = _unpickled(value[":serialized:"])
-        except Exception as error:
-            if key in _NEEDED:
-                raise InputError(
-                    f"{path}: {key} is not read, as {first_line(error)[:120]} (an agent of your own is "
-                    "named package.module:Class)"
-                ) from None
-            found[key] = _REPLACED.get(key)
-    return found
+    settings = read_settings(path)
+    try:
+        kind, seen, acts, more = (
+            _unpickled(settings[key])
+            for key in ("policy_class", "observation_space", "action_space", "policy_kwargs")
+        )
+        usual = {"lr_schedule": lambda _: 0.0, "use_sde": settings.get("use_sde", False)}
+        usual = {key: value for key, value in usual.items() if key in signature(kind).parameters}
+        policy = kind(seen, acts, **usual | more)
+        with zipfile.ZipFile(path) as archive:
+            weights = torch.load(io.BytesIO(archive.read("policy.pth")), "cpu", weights_only=True)
+        policy.load_state_dict(weights)
+    except Exception as error:  # damaged ones fail in many ways
+        raise InputError(
+            f"{path} cannot be opened, as {first_line(error)[:160]} (an agent of your own is named "
+            "package.module:Class)"
+        ) from error
+    return policy
 
 
 def statistics_files(path: Path) -> list[Path]:
@@ -107,14 +100,15 @@ def counted(path: Path) -> Any:
         if file.is_file():
             content = read_file(file)
             try:
-                return unpickle(content, _NAMES, _CLASSES)
+                found = unpickle(content, _NAMES, _CLASSES)
+                return found if "obs_rms" in vars(found) else None
             except Exception as error:  # damaged ones fail in many ways
                 raise InputError(f"{file} holds no VecNormalize: {first_line(error)[:120]}") from None
     return None
 
 
-def _unpickled(text: Any) -> Any:
-    try:
-        return unpickle(base64.b64decode(text), _NAMES, _CLASSES)
-    except (binascii.Error, TypeError, EOFError) as error:
-        raise pickle.UnpicklingError(f"it is damaged ({error})") from None
+def _unpickled(value: Any) -> Any:
+    """Return a setting: those that JSON does not hold are pickled, in base64."""
+    if not isinstance(value, dict) or ":serialized:" not in value:
+        return value
+    return unpickle(base64.b64decode(value[":serialized:"]), _NAMES, _CLASSES)

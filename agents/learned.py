@@ -9,7 +9,7 @@ from dexgrasp.learning.imitation.cloud_grasp_policy import CloudGraspPolicy
 from dexgrasp.learning.imitation.policy import Policy, PolicyRun
 from dexgrasp.learning.reinforcement.grip_policy import GripPolicy
 from dexgrasp.learning.reinforcement.rl_policy import RlPolicy
-from dexgrasp.runs.weights import read_policy
+from dexgrasp.runs.weights import ABOUT, WEIGHTS, read_policy
 from dexgrasp_env.arrays import Single
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
@@ -42,6 +42,11 @@ class LearnedAgent(Agent):
         self._policy = kinds[kind](about, arrays)
         self.env_settings = dict(self._policy.env)  # type: ignore[misc]  # of the instance here
         self._run: PolicyRun | None = None
+
+    @classmethod
+    def files(cls, name: str) -> list[Path]:
+        """Return the files of a policy's folder."""
+        return [expand(name) / ABOUT, expand(name) / WEIGHTS]
 
     def reset(self, observation: Observation, info: Info) -> None:
         """Look at the object."""

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.agent import Agent, Info, Observation
-from dexgrasp.data.demonstrations.lerobot_format import task_of
+from dexgrasp.data.demonstrations.lerobot_format import lerobot_observation, task_of
 from dexgrasp.evaluation.protocol import agent_keywords
-from dexgrasp.learning.lerobot.env import lerobot_observation
 from dexgrasp_env.arrays import Fields, Single
 from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import from_extra
@@ -33,7 +32,11 @@ class LeRobotAgent(Agent):
         Raises:
             InputError: if there is no such policy, or LeRobot is not installed.
         """
-        folder = policy_folder(spec)
+        folder = expand(spec.removeprefix("lerobot:"))
+        if not (folder / "config.json").is_file():
+            raise InputError(
+                f"{folder} holds no policy of LeRobot (no config.json): name a folder pretrained_model"
+            )
         with from_extra():
             from lerobot.configs.policies import PreTrainedConfig
             from lerobot.policies.factory import get_policy_class, make_pre_post_processors
@@ -48,17 +51,19 @@ class LeRobotAgent(Agent):
                 f"{folder} cannot be opened as a policy of LeRobot: {first_line(error)[:160]}"
             ) from error
         self._acts = tuple(config.output_features["action"].shape)
-        stated, seen = _trained_in(folder) | agent_keywords(env_kwargs), config.input_features
-        modes = ["state"] if "observation.environment_state" in seen else []
-        modes += ["rgbd"] if any(name.startswith("observation.image") for name in seen) else []
-        self.assumed = ""
-        if "control_mode" not in stated:
-            self.assumed = (
-                f"{folder} does not say what its actions mean: played with control_mode=joint_delta, unless "
-                "--env-kwargs says otherwise"
-            )
-        settings = {"obs_mode": "+".join(modes) or "state", "control_mode": "joint_delta"}
+        stated = agent_keywords(env_kwargs, _trained_in(folder), folder / "train_config.json")
+        modes = {"observation.environment_state": "state", "observation.image": "rgbd"}
+        mode = "+".join(mode for name, mode in modes.items() if name in str(config.input_features)) or "state"
+        doubt = "does not say what its actions mean: played with control_mode=joint_delta, unless --env-kwargs does"
+        self.assumed = "" if "control_mode" in stated else f"{folder} {doubt}"
+        settings = {"obs_mode": mode, "control_mode": "joint_delta"}
         self.env_settings = settings | stated  # type: ignore[misc]  # of the instance here
+
+    @classmethod
+    def files(cls, name: str) -> list[Path]:
+        """Return the configurations and weights in a policy's folder."""
+        folder = expand(name.removeprefix("lerobot:"))
+        return sorted((*folder.glob("*.json"), *folder.glob("*.safetensors")))
 
     def check_info(self, info: Info) -> None:
         """Refuse an environment with other actions.
@@ -92,25 +97,6 @@ class LeRobotAgent(Agent):
         with torch.inference_mode():
             action = self._after(self._policy.select_action(self._before(seen)))
         return np.asarray(action.cpu().numpy()[0])
-
-
-def policy_folder(spec: str) -> Path:
-    """Return the folder that an agent's name stands for.
-
-    Raises:
-        InputError: if it holds no policy of LeRobot.
-    """
-    folder = expand(spec.removeprefix("lerobot:"))
-    if not (folder / "config.json").is_file():
-        raise InputError(
-            f"{folder} holds no policy of LeRobot (no config.json): name a folder pretrained_model"
-        )
-    return folder
-
-
-def policy_files(spec: str) -> list[Path]:
-    """Return the files that such an agent's outcomes rest on."""
-    return sorted(path for path in policy_folder(spec).iterdir() if path.suffix in (".json", ".safetensors"))
 
 
 def _trained_in(folder: Path) -> Fields:

@@ -4,11 +4,12 @@ Wrappers call an environment for a step; an agent is asked for an action. A thre
 the other, so that wrappers keep their state, act as often as they like, and see no more of the simulation than agents.
 """
 
-import importlib
+import pkgutil
 import shlex
 import threading
+from functools import reduce
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -34,28 +35,61 @@ _KNOWN = (
 
 
 class Relay(gym.Env[Any, Any]):
-    """Stand-in for the environment below a policy's wrappers.
+    """Stand-in for the environment below a policy's wrappers: a thread of the policy's steps it."""
 
-    Attributes:
-        first: observation of the next reset.
-        exchange: gives an action away, and returns the observation that comes of it.
-    """
-
-    first: Observation
-    exchange: Any
+    _thread: threading.Thread | None = None
 
     def __init__(self, observation_space: Any, action_space: Any, record: EnvRecord) -> None:
         self.observation_space, self.action_space = observation_space, action_space
-        self.spec = EnvSpec(record.id or "DexGrasp/Lift-v2", max_episode_steps=record.max_episode_steps)
+        self.spec = EnvSpec("Relay", max_episode_steps=record.max_episode_steps)
+
+    def begin(self, policy: Any, envs: VecEnv) -> None:
+        """Begin an episode of a policy behind its wrappers; the last one ends."""
+        if self._thread:
+            self._seen.put(None)
+            self._thread.join()
+        self._actions, self._seen = SimpleQueue[Any](), SimpleQueue[Any]()
+        self._thread = threading.Thread(target=self._play, args=(policy, envs), daemon=True)
+        self._thread.start()
+
+    def action(self, observation: Observation) -> Any:
+        """Return the action that answers an observation.
+
+        Raises:
+            Exception: whatever the wrappers raise.
+        """
+        self._seen.put(observation)
+        said = self._actions.get()
+        if isinstance(said, Exception):
+            self._actions.put(said)  # and to whoever asks again
+            raise said
+        return said
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, Fields]:
         """Return the first observation."""
         super().reset(seed=seed)
-        return self.first, {}
+        return self._next(), {}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, Fields]:
         """Give an action away; no episode ends here."""
-        return self.exchange(action), 0.0, False, False, {}
+        self._actions.put(np.array(action))
+        return self._next(), 0.0, False, False, {}
+
+    def _next(self) -> Observation:
+        if (observation := self._seen.get()) is None:
+            raise SystemExit  # of the thread, which ends without a word
+        return observation
+
+    def _play(self, policy: Any, envs: VecEnv) -> None:
+        starts, state = np.ones(1, dtype=bool), None
+        try:
+            seen: Any = envs.reset()
+            while True:
+                actions, state = policy.predict(seen, state=state, episode_start=starts, deterministic=True)
+                seen, *_ = envs.step(actions)
+                starts[:] = False
+        except Exception as error:
+            self._actions.put(error)
 
 
 def wrapped(relay: Relay, record: EnvRecord, own: frozenset[str]) -> VecEnv:
@@ -67,23 +101,8 @@ def wrapped(relay: Relay, record: EnvRecord, own: frozenset[str]) -> VecEnv:
         own: names of the user's own among them, which may be imported.
 
     Raises:
-        InputError: for a wrapper that cannot be made here.
-    """
-    _refuse_unnamed(record, own)
-    env: Any = relay
-    for each in record.wrappers:
-        env = _made(each, env)
-    envs: Any = DummyVecEnv([lambda: env])
-    for each in record.vec_wrappers:
-        envs = _made(each, envs)
-    return envs
-
-
-def _refuse_unnamed(record: EnvRecord, own: frozenset[str]) -> None:
-    """Refuse code that the user has not named, and wrappers whose arguments nobody knows.
-
-    Raises:
-        InputError: with the option that names them.
+        InputError: for one that cannot be made here, code that the user has not named, and wrappers whose arguments
+            nobody knows, with the option that names them.
     """
     unnamed = [
         each
@@ -96,95 +115,27 @@ def _refuse_unnamed(record: EnvRecord, own: frozenset[str]) -> None:
             f"the policy was trained in {unnamed[0].short}, a wrapper of its author's, whose code runs if you name all "
             f"of them (what is ... was not recorded): --wrappers {words}"
         )
+    env: Any = reduce(_made, record.wrappers, relay)
+    return cast(VecEnv, reduce(_made, record.vec_wrappers, DummyVecEnv([lambda: env])))
 
 
 def _written(record: WrapperRecord) -> str:
     """Return a wrapper as `--wrappers` takes it."""
-    known = record.kwargs if record.kwargs is not None else {"": ...}
-    stated = ", ".join("..." if value is ... else f"{key}={value!r}" for key, value in known.items())
-    return f"{record.name.replace(':', '.')}({stated})"
+    known = "..." if record.kwargs is None else ", ".join(f"{k}={v!r}" for k, v in record.kwargs.items())
+    return f"{record.name.replace(':', '.')}({known})"
 
 
-def _made(record: WrapperRecord, env: Any) -> Any:
-    module, _, name = record.name.partition(":")
+def _made(env: Any, record: WrapperRecord) -> Any:
     try:
-        kind = getattr(importlib.import_module(module), name)
+        kind = pkgutil.resolve_name(record.name)
         if not issubclass(kind, gym.Wrapper | VecEnvWrapper):
             raise TypeError("it is no wrapper")
         made: Any = kind(env, **{key: array_of(value) for key, value in (record.kwargs or {}).items()})
-        if record.state:
-            _restore(made, record)
+        for key, own in record.state.items():
+            counted = made.obs_rms[key] if key else made.obs_rms
+            for part, old in (("mean", counted.mean), ("var", counted.var)):
+                setattr(counted, part, np.array(own[part], old.dtype).reshape(old.shape))
+            made.training = made.update_running_mean = False  # it counts no more
     except (Exception, SystemExit) as error:  # of whatever kind the wrapper's author chose
         raise InputError(f"wrapper {record.name} cannot be made: {first_line(error)[:160]}") from error
     return made
-
-
-def _restore(wrapper: Any, record: WrapperRecord) -> None:
-    """Set what was counted, and count no more."""
-    for key, own in record.state.items():
-        counted = wrapper.obs_rms[key] if key else wrapper.obs_rms
-        counted.mean, counted.var = (
-            np.array(own[part], dtype=counted.mean.dtype).reshape(counted.mean.shape)
-            for part in ("mean", "var")
-        )
-    for name in ("training", "update_running_mean"):
-        if hasattr(wrapper, name):
-            setattr(wrapper, name, False)
-
-
-class _OverError(BaseException):
-    """End of an episode, for the thread that waits in it."""
-
-
-class Player:
-    """A policy in one episode."""
-
-    def __init__(self, policy: Any, envs: VecEnv, relay: Relay, first: Observation) -> None:
-        self._policy, self._envs = policy, envs
-        relay.first, relay.exchange = first, self._exchange
-        self._actions, self._observations = SimpleQueue[Any](), SimpleQueue[Any]()
-        self._thread = threading.Thread(target=self._play, daemon=True)
-
-    def action(self, observation: Observation) -> Any:
-        """Return the next action; the first is the answer to the observation that the player was made with.
-
-        Raises:
-            Exception: whatever the wrappers raise.
-        """
-        if self._thread.ident is None:
-            self._thread.start()
-        else:
-            self._observations.put(observation)
-        said = self._actions.get()
-        if isinstance(said, Exception):
-            self._actions.put(said)  # and to whoever asks again
-            raise said
-        return said
-
-    def end(self) -> None:
-        """End the episode."""
-        if self._thread.ident is not None:
-            self._observations.put(None)
-            self._thread.join()
-
-    def _exchange(self, action: Any) -> Observation:
-        self._actions.put(np.array(action))
-        observation = self._observations.get()
-        if observation is None:
-            raise _OverError
-        return observation
-
-    def _play(self) -> None:
-        starts, state = np.ones(1, dtype=bool), None
-        try:
-            seen: Any = self._envs.reset()
-            while True:
-                actions, state = self._policy.predict(
-                    seen, state=state, episode_start=starts, deterministic=True
-                )
-                seen, *_ = self._envs.step(actions)
-                starts[:] = False
-        except _OverError:
-            pass
-        except Exception as error:
-            self._actions.put(error)

@@ -1,10 +1,11 @@
 """The contract of agents: an object with these members can be evaluated beside the planners."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -48,6 +49,11 @@ class Agent(ABC):
 
     env_settings: ClassVar[Mapping[str, Any]] = {}
     """Keyword arguments of `gym.make` that this agent needs, e.g. obs_mode and control_mode."""
+
+    @classmethod
+    def files(cls, name: str) -> Iterable[Path]:
+        """Return the files that the outcomes of an agent of this name rest on, besides the code."""
+        return ()
 
     @cached_property
     def report(self) -> Report:

@@ -1,16 +1,16 @@
 """Agents by name."""
 
 import importlib
-import importlib.util
 import os
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from dexgrasp.agent import Agent, complete
 from dexgrasp.runs.reading import files_read
-from dexgrasp.runs.weights import is_policy, policy_files
+from dexgrasp.runs.weights import is_policy
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
@@ -32,6 +32,13 @@ AGENTS: dict[str, str] = {
 }
 """Name -> module and class; imported when asked for, some need torch."""
 
+_KINDS: dict[str, Callable[[str], bool]] = {
+    "dexgrasp.agents.remote:RemoteAgent": lambda name: is_server(name),
+    "dexgrasp.agents.checkpoint:CheckpointAgent": lambda name: name.endswith(".zip"),
+    "dexgrasp.agents.lerobot:LeRobotAgent": lambda name: name.startswith("lerobot:"),
+    "dexgrasp.agents.learned:LearnedAgent": is_policy,
+}
+"""Class of agents that are named by an address, a file or a folder -> which names are of it."""
 _READ: dict[str, dict[Path, None]] = {}
 """User's agent -> files that importing and making it has read in this process."""
 _CONNECTED: dict[str, Agent] = {}
@@ -54,19 +61,16 @@ def make_agent(name: str | os.PathLike[str], **kwargs: Any) -> Agent:
     name = str(check("agent", name, NAMED))
     if name in AGENTS:
         return _load(AGENTS[name])(**kwargs)
-    if is_server(name):
-        return _CONNECTED.pop(name, None) or _load("dexgrasp.agents.remote:RemoteAgent")(name)
-    if name.endswith(".zip"):
-        return _load("dexgrasp.agents.checkpoint:CheckpointAgent")(name, **kwargs)
-    if name.startswith("lerobot:"):
-        return _load("dexgrasp.agents.lerobot:LeRobotAgent")(name, **kwargs)
-    if is_policy(name):
-        return _load("dexgrasp.agents.learned:LearnedAgent")(name, **kwargs)
+    if kind := _kind(name):
+        return _CONNECTED.pop(name, None) or _load(kind)(name, **kwargs)
     check_name(name)
     found = dict[Path, None]()
     try:
         with files_read(found):
-            return complete(name, _load(name)(**kwargs))
+            make = _load(name)
+            module = sys.modules[name.partition(":")[0]]  # read before, where another agent is of it
+            found[Path(getattr(module, "__file__", None) or "")] = None
+            return complete(name, make(**kwargs))
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # that a class of theirs cannot be made is the user's to mend
@@ -99,7 +103,7 @@ def check_name(name: str) -> str:
     Raises:
         InputError: for a name that is neither known, nor a checkpoint, nor `module:Class`.
     """
-    if name not in AGENTS and not name.endswith(".zip") and ":" not in name and not is_policy(name):
+    if name not in AGENTS and ":" not in name and not _kind(name):
         forms = [
             "package.module:Class",
             "the folder of a trained policy",
@@ -129,31 +133,19 @@ def server_identity(name: str) -> Fields:
 def agent_files(name: str) -> list[Path]:
     """Return the files that an agent depends on: those of a policy or checkpoint, or those read to make it.
 
-    For a user's wrapper, `module:Class`, as for an agent, these include what its module imports.
+    For a user's wrapper, `module:Class`, as for an agent, these include its module and what that imports.
     """
-    if is_policy(name):
-        return policy_files(name)
-    if name.endswith(".zip"):
-        return _load("dexgrasp.agents.checkpoint:checkpoint_files")(name)
-    if name.startswith("lerobot:"):
-        return _load("dexgrasp.agents.lerobot:policy_files")(name)
+    if kind := _kind(name):
+        return [path for path in _load(kind).files(name) if path.is_file()]
     if ":" in name and name not in _READ:
         with suppress(InputError):  # whoever makes it for a trial says what is wrong
             make_agent(name)
     return list(_READ.get(name, ()))
 
 
-def agent_source(name: str) -> Path | None:
-    """Return the file of the module of an agent `package.module:Class`, without importing it."""
-    module, colon, _ = name.partition(":")
-    if not colon or name.endswith(".zip") or name.startswith("lerobot:") or is_server(name):
-        return None
-    _look_here()
-    try:
-        spec = importlib.util.find_spec(module)
-    except (ImportError, ValueError):  # make_agent says what is wrong with the name
-        return None
-    return Path(spec.origin) if spec and spec.origin and os.path.isfile(spec.origin) else None
+def _kind(name: str) -> str:
+    """Return the class of `_KINDS` that a name is of; empty for other names."""
+    return next((kind for kind, fits in _KINDS.items() if fits(name)), "")
 
 
 def _load(spec: str) -> Any:

@@ -178,52 +178,36 @@ class _Compiled(CPUDispatcher):
             note_unwritable(str(cache_dir()), "nor the folders of the code, the user, temporary files")
 
 
-class _BesideCode(caching.InTreeCacheLocator):
-    """The folder beside the code; where it can only be read, as in an image, for what has been kept there."""
+class _Folder(caching.InTreeCacheLocator):
+    """The first folder that can be written: beside the code, then `numba` in the folders of caches.
+
+    Beside the code, as in an image, what has been kept is read where nothing can be written.
+    """
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> Any:
-        """Return where a function is kept; None where nothing can be and nothing is."""
-        try:
-            found = super().from_function(function, file)
-        except OSError:  # no folder of temporary files
-            return None
-        return found or cls._kept(function, file)
-
-    @classmethod
-    def _kept(cls, function: Any, file: str) -> Any:
-        """Return a folder with the function's code in it; for `njit` one with the mark that all was compiled there."""
-        name, python = re.sub("[<>]", "", function.__qualname__), "".join(map(str, sys.version_info[:2]))
-        index = f"{Path(file).stem}.{name}-{function.__code__.co_firstlineno}.py{python}*.nbi"
-        with suppress(OSError):
-            there = cls(function, file)
-            if any(Path(there.get_cache_path()).glob("compiled-*" if function is njit else index)):
-                return there
+        """Return where a function is kept; None for nowhere."""
+        for root in (None, cache_dir, user_cache_dir, temporary_cache_dir):
+            place = cls(function, file)
+            try:
+                if root:
+                    place._cache_path = os.path.join(root(), "numba", cls.get_suitable_cache_subpath(file))
+                place.ensure_cache_path()
+            except OSError:
+                if root or not place._keeps(function, file):
+                    continue
+            return place
         return None
 
-
-class _CacheDir(_BesideCode):
-    """A folder as `numba` under DEXGRASP_CACHE, where the code's own cannot be written."""
-
-    folder = staticmethod(cache_dir)
-
-    def __init__(self, function: Any, file: str) -> None:
-        super().__init__(function, file)
-        self._cache_path = os.path.join(self.folder(), "numba", self.get_suitable_cache_subpath(file))
-
-
-class _UserCacheDir(_CacheDir):
-    folder = staticmethod(user_cache_dir)
-
-
-class _TemporaryDir(_CacheDir):
-    folder = staticmethod(temporary_cache_dir)
+    def _keeps(self, function: Any, file: str) -> bool:
+        """Return whether the function's code is here; of `njit`, the mark that all was compiled here."""
+        name, python = re.sub("[<>]", "", function.__qualname__), "".join(map(str, sys.version_info[:2]))
+        index = f"{Path(file).stem}.{name}-{function.__code__.co_firstlineno}.py{python}*.nbi"
+        return any(Path(self.get_cache_path()).glob("compiled-*" if function is njit else index))
 
 
 class _CacheFiles(caching.CompileResultCacheImpl):
-    _locator_classes = [  # noqa: RUF012  (numba's name)
-        caching.UserProvidedCacheLocator, _BesideCode, _CacheDir, _UserCacheDir, _TemporaryDir,
-    ]  # fmt: skip
+    _locator_classes = [caching.UserProvidedCacheLocator, _Folder]  # noqa: RUF012  (numba's name)
 
 
 class _CalledFiles(_CacheFiles):

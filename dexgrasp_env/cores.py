@@ -28,7 +28,7 @@ def _quota(groups: Path, own: Path = Path("/proc/self/cgroup")) -> float:
         for line in own.read_text().splitlines():
             _, kinds, path = line.split(":", 2)
             within = Path(path.lstrip("/"))
-            places += [groups / kinds / part for part in (within, *within.parents)]
+            places += [groups / kind / part for kind in (kinds, "cpu") for part in (within, *within.parents)]
     return min(map(_quota_of, places))
 
 

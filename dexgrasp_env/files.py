@@ -313,16 +313,19 @@ def parse_json(text: str | bytes) -> Any:
         raise ValueError("nested too deeply") from None
 
 
-def read_json_object(path: Path, remedy: str, missing: str | None = None) -> Fields:
+def read_json_object(
+    path: Path, remedy: str, missing: str | None = None, schema: int | None = None
+) -> Fields:
     """Read a file that holds a JSON object.
 
     Args:
         path: of the file.
         remedy: what to do about a damaged one, for the message.
         missing: the message where there is none to read; None for the system's.
+        schema: that it has to state; None for any.
 
     Raises:
-        InputError: missing, unreadable, too large, damaged, or JSON of another kind.
+        InputError: missing, unreadable, too large, damaged, JSON of another kind, or of another schema.
     """
     try:
         content = parse_json(read_file(path, ".json"))
@@ -334,6 +337,8 @@ def read_json_object(path: Path, remedy: str, missing: str | None = None) -> Fie
         content = None
     if not isinstance(content, dict):
         raise InputError(f"{path} is damaged, cut off, no JSON object, or has a key twice: {remedy}")
+    if schema and content.get("schema") != schema:
+        raise InputError(f"{path} has schema {content.get('schema')}, not {schema}: {remedy}")
     return content
 
 

@@ -74,9 +74,11 @@ def parse_yaml(text: str) -> Any:
 
         def construct_mapping(self, node: Any, deep: bool = False) -> Any:
             """Refuse a key that stands twice; of two the last would win."""
-            seen = set[str]()
-            for key in (key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
-                if key in seen and key != "<<":
+            seen = set[Any]()
+            for part in (
+                key for key, _ in node.value if isinstance(key, yaml.ScalarNode) and key.value != "<<"
+            ):
+                if (key := self.construct_object(part)) in seen:
                     raise ValueError(
                         f"key {key!r} stands twice in the mapping of line {node.start_mark.line + 1}"
                     )

@@ -116,7 +116,7 @@ def test_a_checkpoint_acts_and_is_told_by_a_file_beside_it(tmp_path):
     library = pytest.importorskip("stable_baselines3")
     env = gym.make("DexGrasp/Lift-v2", objects="lego")
     path = tmp_path / "learned.zip"
-    trained = library.SAC("MultiInputPolicy", env, device="cpu", buffer_size=10)
+    trained = library.SAC("MultiInputPolicy", env, device="cpu", buffer_size=10).learn(2)
     trained.save(path)
     for spec in (path, f"sac:{path}"):
         agent = make_agent(spec)
@@ -125,7 +125,7 @@ def test_a_checkpoint_acts_and_is_told_by_a_file_beside_it(tmp_path):
         assert_array_equal(agent.act(observation), trained.predict(observation, deterministic=True)[0])
     assert make_agent(path, env_kwargs=["observe=reset"]).env_settings["observe"] == "reset"
     path.with_suffix(".json").write_text('{"observe": "reset"}')
-    with refused("learned.json is no record of save_checkpoint"):
+    with refused("learned.json has .*no record of save_checkpoint"):
         make_agent(path)
 
 

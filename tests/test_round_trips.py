@@ -243,7 +243,7 @@ def test_a_record_names_no_code_that_is_run(tmp_path):
 
 def test_statistics_that_are_not_there_are_missed(tmp_path):
     envs = VecNormalize(DummyVecEnv([dict_env]), norm_obs_keys=["object_pose"])
-    model = sb3.SAC("MultiInputPolicy", envs, learning_starts=2, buffer_size=10, device="cpu").learn(2)
+    model = sb3.PPO("MultiInputPolicy", envs, n_steps=2, batch_size=2, device="cpu").learn(2)
     model.save(tmp_path / "p.zip")
     with refused("was trained under VecNormalize, whose counts are not beside it"):
         make_agent(tmp_path / "p.zip")

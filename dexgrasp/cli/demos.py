@@ -10,10 +10,10 @@ from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, CellOptions, Command, Folder
 from dexgrasp.cli.output import resumable, tables
-from dexgrasp.data.demonstrations.settings import DemoSettings
+from dexgrasp.data.demonstrations.settings import DemoSettings, Formats
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar
-from dexgrasp_env.valid import Count, one_of
+from dexgrasp_env.valid import Count
 
 
 class Generate(Command):
@@ -26,11 +26,11 @@ class Generate(Command):
       dexgrasp demos generate --objects ycb6 --formats minari lerobot --out runs/both
 
     The agent acts in its own modes; what it commands is converted to --control-mode and replayed from the same scene
-    under --obs-mode, and kept if that succeeds as well; where these are its own, it is kept as it was. OUT/data is a
-    Minari data set (minari.MinariDataset("OUT/data")), OUT/lerobot one in the layout of LeRobot v3,
-    OUT/robomimic/demos.hdf5 one in robomimic's. A run that was interrupted goes on when the same command is given
-    again; the demonstrations do not depend on --workers. varied-0..99 are a hundred objects of random sizes that no
-    test set has. The agent dexgrasp.agents.teacher:Teacher is `hardcoded` with choices that are easy to learn,
+    under --obs-mode, and kept if that succeeds as well. OUT/data is a Minari data set,
+    minari.MinariDataset("OUT/data"), OUT/lerobot one in the layout of LeRobot v3, OUT/robomimic/demos.hdf5 one in
+    robomimic's. A run that was interrupted goes on when the same command is given again; the demonstrations do not
+    depend on --workers. varied-0..99 are a hundred objects of random sizes that no test set has. The agent
+    dexgrasp.agents.teacher:Teacher is `hardcoded` with choices that are easy to learn,
     dexgrasp.agents.teacher:PlansOnce is `bilevel` that looks once.
 
     Attributes:
@@ -40,7 +40,7 @@ class Generate(Command):
 
     settings: Annotated[DemoSettings, {"chunk"}]
     out: Folder
-    formats: tuple[Annotated[str, one_of(("minari", "lerobot", "robomimic"))], ...] = ("minari",)
+    formats: Formats = ("minari",)
     backend: Backend = Backend()
 
     def run(self) -> Answer:

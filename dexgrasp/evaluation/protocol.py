@@ -198,11 +198,17 @@ def agent_settings(name: str, agent: Agent, preset: Mapping[str, Any] | None = N
     return dict(asked)
 
 
-def agent_keywords(given: Mapping[str, Any] | Sequence[str]) -> Fields:
-    """Return keywords of `gym.make` that are an agent's, from a mapping, or from words `KEY=VALUE`.
+def agent_keywords(given: Mapping[str, Any] | Sequence[str], known: Fields, source: object) -> Fields:
+    """Return keywords of `gym.make` that an agent was trained with: those known, and those given.
+
+    Args:
+        given: a mapping, or words `KEY=VALUE`.
+        known: keywords that are certain.
+        source: what says so.
 
     Raises:
-        InputError: for a key that is not an agent's to choose, a value that is no YAML, or a repeated key.
+        InputError: for a key that is not an agent's to choose, a value that is no YAML or contradicts what is known,
+            or a repeated key.
     """
     found = Fields(given) if isinstance(given, Mapping) else Fields()
     for word in () if isinstance(given, Mapping) else given:
@@ -213,7 +219,9 @@ def agent_keywords(given: Mapping[str, Any] | Sequence[str]) -> Fields:
             found[key] = parse_yaml(value)
         except ValueError as error:
             raise InputError(f"--env-kwargs {word!r} has no value of YAML ({error})") from None
-    for key in found:
+    for key, value in found.items():
         if key not in AGENT_KEYS:
             raise unknown_name("--env-kwargs key", key, AGENT_KEYS)
-    return found
+        if known.get(key, value) != value:
+            raise InputError(f"{source} says {key}={known[key]}, which {key}={value} contradicts")
+    return known | found

@@ -10,7 +10,7 @@ import dexgrasp_env
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, TrialSeeds, get_protocol, parts
 from dexgrasp.evaluation.store import Key
 from dexgrasp.evaluation.video import VideoSettings
-from dexgrasp.registry import agent_files, agent_source, is_server, server_identity
+from dexgrasp.registry import agent_files, is_server, server_identity
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
@@ -168,7 +168,7 @@ class EvaluationSettings:
             **({"servers": servers} if servers else {}),
             "cell": make_cell(self.robot).version,
             "files": hashes_by_name(self._files() if files is None else map(Path, files)),
-            "code": code_hash((*self.agents, *self._own_wrappers())),
+            "code": code_hash(),
             "versions": versions(),
         }
 
@@ -252,15 +252,14 @@ def versions() -> dict[str, str]:
     return package_versions(("dexgrasp", "mujoco", "numpy", "gymnasium"))
 
 
-def code_hash(agents: Sequence[str]) -> str:
-    """Return a hash of the sources and assets (without markdown) of both packages, and of users' agents' modules."""
+def code_hash(more: Iterable[Path] = ()) -> str:
+    """Return a hash of the sources and assets (without markdown) of both packages, and of more files."""
     library = Path(__file__).parents[1]
     roots = (library, library / "agents", Path(dexgrasp_env.__file__).parent)
     files = sorted({path.resolve() for root in roots for path in root.rglob("*.py")})
     digest = hashlib.sha256()
     assets = sorted(path for path in asset_path().rglob("*") if path.is_file() and path.suffix != ".md")
-    own = [path for path in map(agent_source, agents) if path is not None]
-    for path in [*files, *assets, *own]:
+    for path in (*files, *assets, *more):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 

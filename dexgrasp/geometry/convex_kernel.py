@@ -17,14 +17,11 @@ from dexgrasp_env.compiled import leaf, njit
 
 
 class Obstacle(NamedTuple):
-    """A union of convex polyhedra; one without faces (`NOTHING`) stands for no obstacle."""
+    """A union of convex polyhedra; one without faces stands for no obstacle."""
 
     triangles: Array  # (F, 3, 3) corners, counter-clockwise seen from outside, m
     planes: Array  # (F, 4) outward unit normal and offset of each triangle: n . x + offset <= 0 inside
     starts: Index  # (P + 1,) first face of each part, and the number of faces
-
-
-NOTHING = Obstacle(np.empty((0, 3, 3)), np.empty((0, 4)), np.zeros(1, np.int64))
 
 
 @leaf

@@ -19,24 +19,28 @@ T = TypeVar("T")
 
 
 def make_missing(
-    work: Callable[[T], object], pieces: Sequence[T], is_there: Callable[[T], bool], backend: Backend,
+    work: Callable[[T], object], pieces: Sequence[T], read: Callable[[T], object], backend: Backend,
     show: Callable[[int, int], object],
-) -> bool:  # fmt: skip
-    """Make every piece that is not there yet, in any order; return true if any was made.
+) -> None:  # fmt: skip
+    """Make every piece that is not there yet, in any order.
 
     Args:
         work: makes one, whole or not at all; see `run_pool`.
         pieces: all there are to be.
-        is_there: whether one is finished.
+        read: one; raises an `InputError` where it is not finished.
         backend: where the work is done.
         show: called with pieces done and pieces in all.
     """
-    left = [piece for piece in pieces if not is_there(piece)]
+    left = list[T]()
+    for piece in pieces:
+        try:
+            read(piece)
+        except InputError:
+            left.append(piece)
     there = len(pieces) - len(left)
     show(there, len(pieces))
     for done, _ in enumerate(run_pool(work, left, backend), start=there + 1):
         show(done, len(pieces))
-    return bool(left)
 
 
 def check_names(targets: Sequence[str]) -> None:
@@ -86,15 +90,6 @@ def read_shard(path: Path, key: str | None = None) -> Arrays:
     if key not in (None, made_from):
         raise InputError(f"{path} was made from other settings: remove it, or use another folder")
     return arrays
-
-
-def is_shard(path: Path, key: str) -> bool:
-    """Check that a file is there, whole, and made from what `key` names."""
-    try:
-        read_shard(path, key)
-        return True
-    except InputError:
-        return False
 
 
 def bytes_of(text: str) -> NDArray[np.uint8]:

@@ -83,11 +83,6 @@ def is_policy(name: str) -> bool:
     return (expand(name) / ABOUT).is_file() if name.strip("~") else False
 
 
-def policy_files(name: str) -> list[Path]:
-    """Return the files that such an agent's outcomes rest on."""
-    return [expand(name) / ABOUT, expand(name) / WEIGHTS]
-
-
 def write_policy(folder: Path, about: Fields, arrays: Weights) -> None:
     """Write a policy; weights first, so that what is there is whole."""
     single = {name: np.asarray(array, dtype=np.float32) for name, array in arrays.items()}
@@ -103,9 +98,7 @@ def read_policy(folder: Path) -> tuple[Fields, Weights]:
     """
     path = folder / ABOUT
     missing = f"{folder} holds no policy (no {ABOUT}): train one with `dexgrasp train`"
-    about = read_json_object(path, "train it again", missing)
-    if about.get("schema") != SCHEMA:
-        raise InputError(f"{path} is no policy of schema {SCHEMA}")
+    about = read_json_object(path, "train it again", missing, SCHEMA)
     env = about.get("env")
     keys = ("obs_mode", "control_mode", "observe", "hold")
     if not isinstance(env, dict) or any(key not in keys for key in env):

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from dexgrasp_env.objects.sets import (
     set_member,
     set_targets,
 )
-from dexgrasp_env.valid import NAMED, Mass, Positive, Rule, check, checked
+from dexgrasp_env.valid import NAMED, Mass, Positive, Rule, check, checked, read
 
 
 @checked
@@ -112,6 +112,19 @@ def _resolved(value: Any) -> tuple[str, ...]:
 
 Objects = Annotated[tuple[str, ...], Rule("a name, or a list of names", _resolved)]
 """Names and paths of objects, sets expanded: the field of settings."""
+
+
+class OfObjects:
+    """Base of settings that have `objects`."""
+
+    @classmethod
+    def of(cls, objects: Sequence[str], **rest: Any) -> Self:
+        """Expand sets of objects and validate the settings; nothing is built.
+
+        Raises:
+            InputError: for an unknown object or name, or a number out of range.
+        """
+        return read(cls, {"objects": objects, **rest})
 
 
 def _expanded(target: str) -> Sequence[str]:

@@ -18,6 +18,7 @@ import numpy as np
 from dexgrasp.cli.serving.requests import REQUESTS, answer
 from dexgrasp.cli.serving.served_agents import ServedAgents
 from dexgrasp.evaluation.settings import code_hash
+from dexgrasp.registry import agent_files
 from dexgrasp.runs.messages import pack, unpack
 from dexgrasp_env import __version__
 from dexgrasp_env.arrays import Fields
@@ -35,14 +36,13 @@ class _Service:
         """Load code and weights; return the first message of a connection."""
         self._robot = robot
         answer({"request": "plan_cloud", "points": _box(robot)}, robot)
-        metadata: Fields = {
-            "server": "dexgrasp", "version": __version__, "requests": list(REQUESTS),
-            "code": code_hash([agent] if agent else []),
-        }  # fmt: skip
         if agent:
             self._agents = ServedAgents(agent, robot)
-            metadata |= self._agents.metadata()
-        return metadata
+        return {
+            "server": "dexgrasp", "version": __version__, "requests": list(REQUESTS),
+            "code": code_hash(agent_files(agent) if agent else ()),
+            **(self._agents.metadata() if self._agents else {}),
+        }  # fmt: skip
 
     def reply(self, connection: int, waited: float, data: bytes) -> Fields:
         """Return the answer to a packed message that waited for so many seconds."""

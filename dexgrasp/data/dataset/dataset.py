@@ -3,8 +3,9 @@
 import json
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, file_hash, read_json_object
 from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.valid import TEXT, Rule, read
 from dexgrasp_env.yaml_file import read_yaml
 
 MANIFEST = "manifest.json"
@@ -77,14 +79,6 @@ def read_checked(path: Path, key: str | None = None, hashed: str | None = None) 
     return arrays
 
 
-def is_complete(path: Path, key: str, hashed: str | None = None) -> bool:
-    """Return True for a complete file of this dataset, unchanged where its hash is known."""
-    try:
-        return bool(read_checked(path, key, hashed))
-    except InputError:
-        return False
-
-
 def read_manifest(folder: Path) -> Fields:
     """Read manifest.json.
 
@@ -94,27 +88,31 @@ def read_manifest(folder: Path) -> Fields:
     path = folder / MANIFEST
     again = "run `dexgrasp dataset generate` with the same settings again"
     missing = f"{folder} holds no dataset (no {path.name}): make one with `dexgrasp dataset generate`"
-    manifest = read_json_object(path, again, missing)
-    if manifest.get("schema") != SCHEMA:
-        raise InputError(f"{path} has schema {manifest.get('schema')}: valid is {SCHEMA}")
-    if fault := _manifest_fault(manifest):
-        raise InputError(f"{path} is damaged ({fault}): {again}")
+    manifest = read_json_object(path, again, missing, SCHEMA)
+    try:
+        read(_Manifest, manifest, more=True)
+    except InputError as error:
+        raise InputError(f"{path} is damaged ({error}): {again}") from None
     return manifest
 
 
-def _manifest_fault(manifest: Fields) -> str | None:
-    """Return the fault of a manifest, or None; names of files must not leave its folder."""
-    for name, kind in {"key": str, "settings": dict, "objects": dict, "complete": bool}.items():
-        if not isinstance(manifest.get(name), kind):
-            return f"no {name}"
-    files = manifest.get("files", {})
-    if not isinstance(files, dict) or (manifest["complete"] and not files):
-        return "no files"
-    for name, hashed in files.items():
-        known = re.fullmatch(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz", name)
-        if not known or not isinstance(hashed, str):
-            return f"files has {name[:60]!r}"
-    return None
+def _files(value: Fields) -> None:
+    """Refuse what names no files of a dataset: names must not leave its folder."""
+    for name, hashed in value.items():
+        TEXT.validate(hashed)
+        if not re.fullmatch(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz", name):
+            raise ValueError
+
+
+@dataclass(frozen=True)
+class _Manifest:
+    """Fields of a manifest that are read."""
+
+    key: str
+    settings: Fields
+    objects: Fields
+    complete: bool
+    files: Annotated[Fields, Rule("hashes by names of files", _files)] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +160,7 @@ def read_dataset(folder: str | Path) -> list[PoseGrasps]:
     """
     folder = expand(folder)
     manifest = read_manifest(folder)
-    if not manifest["complete"]:
+    if not (manifest["complete"] and manifest.get("files")):
         raise InputError(
             f"{folder} is not complete: run `dexgrasp dataset generate` with the same settings again"
         )

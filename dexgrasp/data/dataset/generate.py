@@ -8,8 +8,8 @@ from pathlib import Path
 from dexgrasp.data.dataset.dataset import (
     MANIFEST,
     fields_of,
-    is_complete,
     pose_arrays,
+    read_checked,
     read_manifest,
     shard_arrays,
 )
@@ -75,7 +75,7 @@ def generate(
         make_missing(
             work,
             jobs,
-            lambda job: is_complete(folder / job.file, key, hashes.get(job.file)),
+            lambda job: read_checked(folder / job.file, key, hashes.get(job.file)),
             backend,
             progress,
         )

@@ -1,16 +1,15 @@
 """Settings of the grasp dataset."""
 
 import platform
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Annotated, Any
+from typing import Annotated
 
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.arrays import Fields
-from dexgrasp_env.objects.load import Objects, object_name
+from dexgrasp_env.objects.load import Objects, OfObjects, object_name
 from dexgrasp_env.robot.cell import Cell, make_cell, whole_path
-from dexgrasp_env.valid import CellFile, Count, Mass, Natural, Positive, Rule, read
+from dexgrasp_env.valid import CellFile, Count, Mass, Natural, Positive, Rule
 
 SCHEMA = 1
 MU = 0.4
@@ -18,7 +17,7 @@ MU = 0.4
 
 
 @dataclass(frozen=True)
-class DatasetSettings:
+class DatasetSettings(OfObjects):
     """Settings of a dataset.
 
     Attributes:
@@ -46,15 +45,6 @@ class DatasetSettings:
     robot: Annotated[CellFile, Rule("the path of a file, or a robot's name", whole_path)] = None
     # 256 candidate contact points a rest pose (section 1.3, step 2).
     planner: PlannerSettings = field(default_factory=lambda: PlannerSettings(friction=MU, surface_points=256))
-
-    @classmethod
-    def of(cls, objects: Sequence[str], **rest: Any) -> "DatasetSettings":
-        """Expand sets of objects and validate the settings.
-
-        Raises:
-            InputError: for an unknown object or a number out of range.
-        """
-        return read(cls, {"objects": objects, **rest})
 
     @property
     def cell(self) -> Cell:

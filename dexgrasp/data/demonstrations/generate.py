@@ -1,33 +1,24 @@
 """Generation of demonstrations: independent jobs, resumed where they were stopped."""
 
-import json
 import shutil
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from dexgrasp.data.demonstrations.hdf5_formats import DATA, write_minari, write_robomimic
 from dexgrasp.data.demonstrations.lerobot_format import write_lerobot
-from dexgrasp.data.demonstrations.rollout import Demonstration, Recorder
-from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings
+from dexgrasp.data.demonstrations.rollout import Demonstration, record
+from dexgrasp.data.demonstrations.settings import SCHEMA, DemoSettings, Formats
 from dexgrasp.runs.folder import RunFolder, replaced
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
-from dexgrasp.runs.shards import (
-    bytes_of,
-    check_names,
-    is_shard,
-    make_missing,
-    read_shard,
-    text_of,
-    write_shard,
-)
-from dexgrasp.runs.weights import below
-from dexgrasp_env.arrays import Arrays, Fields
+from dexgrasp.runs.shards import check_names, make_missing
+from dexgrasp.runs.weights import below, read_arrays, write_arrays
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import content_hash, expand, read_json_object, write_json
+from dexgrasp_env.files import expand, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.valid import checked
 
@@ -49,12 +40,12 @@ class Job:
     @property
     def file(self) -> str:
         """Path of its file in the folder of the demonstrations."""
-        return f"{_PARTS}/{object_name(self.target)}-{self.first:05d}.npz"
+        return f"{_PARTS}/{object_name(self.target)}-{self.first:05d}.safetensors"
 
 
 @checked
 def generate(
-    settings: DemoSettings, folder: str | Path, formats: tuple[str, ...] = ("minari",), backend: Backend = Backend(),
+    settings: DemoSettings, folder: str | Path, formats: Formats = ("minari",), backend: Backend = Backend(),
     progress: Show = silent,
 ) -> Fields:  # fmt: skip
     """Record demonstrations, or those that are missing; they do not depend on the backend or on interruptions.
@@ -73,12 +64,8 @@ def generate(
         InputError: other settings or another process in `folder`, an unknown format, two objects of one name, no
             cluster.
     """
-    for name in formats:
-        if name not in FORMATS:
-            raise InputError(f"format {name!r}: valid are {', '.join(FORMATS)}")
     check_names(settings.objects)
     folder = expand(folder)
-    key = content_hash(json.dumps(settings.as_json(), sort_keys=True))
     about = {"schema": SCHEMA, "settings": settings.as_json(), "formats": list(formats)}
     with RunFolder(folder, ABOUT, "set of demonstrations").claim(about, complete=False):
         there = read_about(folder)
@@ -89,23 +76,24 @@ def generate(
             for target in settings.objects
             for first in range(0, settings.episodes, settings.chunk)
         ]
-        work = partial(make, settings=settings, folder=folder.resolve(), key=key)
-        make_missing(work, jobs, lambda job: is_shard(folder / job.file, key), backend, progress)
-        about |= _converted(settings, folder, formats, [folder / job.file for job in jobs], key)
+        work = partial(make, settings=settings, folder=folder.resolve())
+        make_missing(work, jobs, lambda job: read_arrays(folder / job.file), backend, progress)
+        about |= _converted(settings, folder, formats, [folder / job.file for job in jobs])
         write_json(folder / ABOUT, about)
         shutil.rmtree(folder / _PARTS)
     return about
 
 
-def make(job: Job, settings: DemoSettings, folder: Path, key: str) -> None:
+def make(job: Job, settings: DemoSettings, folder: Path) -> None:
     """Make one file; an interrupted one leaves none."""
-    recorder = Recorder(settings, job.target)
     last = min(job.first + settings.chunk, settings.episodes)
-    outcomes = [recorder.record(trial) for trial in range(job.first, last)]
-    recorder.close()
-    episodes = [episode for episode, _ in outcomes if episode is not None]
-    failures = [failure for episode, failure in outcomes if episode is None]
-    write_shard(folder / job.file, _part_arrays(episodes, failures), key)
+    outcomes = list(record(settings, job.target, range(job.first, last)))
+    kept = [episode for episode, _ in outcomes if episode is not None]
+    parts = {
+        f"{i}/{name}": array for i, episode in enumerate(kept) for name, array in episode.arrays().items()
+    }
+    note = {"about": [episode.about for episode in kept], "failures": [why for _, why in outcomes if why]}
+    write_arrays(folder / job.file, parts, note)
 
 
 def read_about(folder: Path) -> Fields:
@@ -116,17 +104,15 @@ def read_about(folder: Path) -> Fields:
     """
     path = folder / ABOUT
     missing = f"{folder} holds no demonstrations (no {ABOUT}): make some with `dexgrasp demos generate`"
-    about = read_json_object(path, "make them anew in another folder", missing)
-    if about.get("schema") != SCHEMA or not isinstance(about.get("settings"), dict):
-        raise InputError(f"{path} is damaged, or of another schema than {SCHEMA}")
+    about = read_json_object(path, "make them anew in another folder", missing, SCHEMA)
+    if not isinstance(about.get("settings"), dict):
+        raise InputError(f"{path} is damaged: it has no settings")
     return about
 
 
-def _converted(
-    settings: DemoSettings, folder: Path, formats: tuple[str, ...], parts: list[Path], key: str
-) -> Fields:
+def _converted(settings: DemoSettings, folder: Path, formats: tuple[str, ...], parts: list[Path]) -> Fields:
     """Write the data sets from the parts; return their counts."""
-    notes = [_note(read_shard(path, key)) for path in parts]
+    notes = [read_arrays(path)[1] for path in parts]
     kept = Counter(about["object"] for note in notes for about in note["about"])
     failures = Counter(reason for note in notes for reason in note["failures"])
     if not kept:
@@ -135,33 +121,20 @@ def _converted(
     for name in formats:
         place, write = FORMATS[name]
         with replaced(folder / place) as making:
-            write(making, settings, _episodes(parts, key))
+            write(making, settings, _episodes(parts))
     return {
         "complete": True, "tried": len(settings.objects) * settings.episodes, "episodes": sum(kept.values()),
         "kept": dict(kept), "failures": dict(failures.most_common()),
     }  # fmt: skip
 
 
-def _part_arrays(episodes: Sequence[Demonstration], failures: Sequence[str]) -> Arrays:
-    """Return demonstrations, and the reasons of failed ones, as arrays for `write_shard`."""
-    note = {"about": [episode.about for episode in episodes], "failures": failures}
-    arrays: Arrays = {"note": bytes_of(json.dumps(note))}
-    for i, episode in enumerate(episodes):
-        arrays |= {f"{i}/{name}": array for name, array in episode.arrays().items()}
-    return arrays
-
-
-def _note(arrays: Arrays) -> Fields:
-    return json.loads(text_of(arrays["note"]))
-
-
-def _episodes(parts: Iterable[Path], key: str) -> Iterator[Demonstration]:
+def _episodes(parts: Iterable[Path]) -> Iterator[Demonstration]:
     """Yield the demonstrations of files.
 
     Raises:
-        InputError: missing, damaged, or of other settings.
+        InputError: missing or damaged.
     """
     for path in parts:
-        arrays = read_shard(path, key)
-        for i, about in enumerate(_note(arrays)["about"]):
+        arrays, note = read_arrays(path)
+        for i, about in enumerate(note["about"]):
             yield Demonstration.of_arrays(below(arrays, f"{i}/"), about)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
+from dexgrasp.data.demonstrations.lerobot_format import views_of
 from dexgrasp.data.demonstrations.rollout import Demonstration
 from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, DemoSettings
 from dexgrasp_env import __version__
@@ -101,35 +102,28 @@ def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Dem
         import h5py
 
     folder.mkdir(parents=True)
-    total, names = 0, list[str]()
     with h5py.File(folder / "demos.hdf5", "w") as file:
-        data = file.create_group("data")
+        data, names = file.create_group("data"), list[str]()
         for number, episode in enumerate(episodes):
             names.append(f"demo_{number}")
-            group, count, seen = data.create_group(names[-1]), len(episode), _seen(episode)
-            group.attrs.update(num_samples=count, about=json.dumps(episode.about))
-            parts: Arrays = {"actions": episode.actions, "rewards": episode.rewards}
-            parts["dones"] = (np.arange(count) == count - 1).astype(np.int64)
-            parts |= {f"obs/{key}": array[:-1] for key, array in seen.items()}
-            parts |= {f"next_obs/{key}": array[1:] for key, array in seen.items()}
+            group, seen = data.create_group(names[-1]), episode.whole()
+            group.attrs.update(num_samples=len(episode), about=json.dumps(episode.about))
+            pictures = views_of(seen.pop("rgb")) if "rgb" in seen else {}
+            seen |= {f"{name}_image": each for name, each in pictures.items()}
+            parts = {
+                "actions": episode.actions,
+                "rewards": episode.rewards,
+                "dones": (episode.terminations | episode.truncations).astype(np.int64),
+                **{f"obs/{key}": array[:-1] for key, array in seen.items()},
+                **{f"next_obs/{key}": array[1:] for key, array in seen.items()},
+            }
             for name, array in parts.items():
                 group.create_dataset(name, data=array, compression="gzip" if array.ndim > 2 else None)
-            total += count
-        kwargs = jsonable(settings.env_arguments) | {"objects": list(settings.objects)}
-        gym_type = 2  # of robomimic's `EnvType`
-        about = {"env_name": ENV_ID, "env_version": __version__, "type": gym_type, "env_kwargs": kwargs}
+        about = {
+            "env_name": ENV_ID, "env_version": __version__, "type": 2,  # of robomimic's `EnvType`: gym
+            "env_kwargs": jsonable(settings.env_arguments) | {"objects": list(settings.objects)},
+        }  # fmt: skip
+        total = sum(group.attrs["num_samples"] for group in data.values())
         data.attrs.update(total=total, env_args=json.dumps(about))
-        valid = names[9::10]
-        masks = {"train": [name for name in names if name not in valid], "valid": valid}
-        for mask, chosen in masks.items():
-            file.create_dataset(f"mask/{mask}", data=np.array(chosen, dtype="S"))
-
-
-def _seen(episode: Demonstration) -> Arrays:
-    """Return the observations (T + 1, ...) by key; those stored once are repeated at every step."""
-    steps = len(episode) + 1
-    seen = episode.observations | {
-        key: np.broadcast_to(array, (steps, *array.shape)) for key, array in episode.once.items()
-    }
-    pictures = seen.pop("rgb", np.zeros((steps, 0)))
-    return seen | {f"view_{k}_image": pictures[:, k] for k in range(pictures.shape[1])}
+        for mask, chosen in {"train": set(names) - {*names[9::10]}, "valid": names[9::10]}.items():
+            file.create_dataset(f"mask/{mask}", data=np.array(sorted(chosen), dtype="S"))

@@ -75,8 +75,6 @@ def _succeeds(env: gym.Env[Any, Any], episode: Demonstration) -> bool:
     env.reset(seed=episode.about["scene_seed"])
     for action in episode.actions:
         _, _, terminated, truncated, info = env.step(action)
-        if info["is_success"]:
-            return True
-        if terminated or truncated:
-            break
+        if info["is_success"] or terminated or truncated:
+            return bool(info["is_success"])
     return False

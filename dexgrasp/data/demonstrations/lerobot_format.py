@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from dexgrasp.agent import Observation
 from dexgrasp.data.demonstrations.rollout import Demonstration
 from dexgrasp.data.demonstrations.settings import DemoSettings
 from dexgrasp_env.arrays import AnyArray, Arrays, Fields
@@ -36,11 +37,11 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Demon
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-    robot = make_cell(settings.robot).robot
+    robot, common = make_cell(settings.robot).robot, read_yaml(Path(__file__).with_name("lerobot.yaml"))
     for file in (_DATA, _EPISODES):
         (folder / file).parent.mkdir(parents=True)
     writer: Any = None
-    parts: dict[str, list[tuple[Any, ...]]] = {}
+    parts: dict[str, list[tuple[int, AnyArray]]] = {}
     rows: list[Fields] = []
     tasks: dict[str, int] = {}
     start = 0
@@ -53,12 +54,11 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Demon
         for name, values in columns.items():
             parts.setdefault(name, []).append(_part(values))
         own = {name: _statistics(each[-1:]) for name, each in parts.items()}
-        rows.append(_episode_row(episode, number, start, task, own))
+        rows.append(common["episode"] | _episode_row(episode, number, start, task, own))
         start += len(episode)
     writer.close()
     pq.write_table(pa.Table.from_pylist(rows), folder / _EPISODES)
     names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
-    common = read_yaml(Path(__file__).with_name("lerobot.yaml"))
     pq.write_table(
         names.replace_schema_metadata({"pandas": json.dumps(common["pandas"])}),
         folder / "meta" / "tasks.parquet",
@@ -77,23 +77,35 @@ def task_of(name: str) -> str:
     return f"lift {name}"
 
 
-def object_keys(keys: Iterable[str]) -> list[str]:
-    """Return the keys of observations that make up `observation.environment_state`, in this order."""
-    return sorted(key for key in keys if key.startswith("object_"))
+def lerobot_observation(observation: Observation) -> Fields:
+    """Return an observation, or a batch of them, in LeRobot's layout.
+
+    `agent_pos` (..., n) joints rad; `environment_state` (..., 17) mass kg, pose, size m, velocity of the object where
+    the state is seen; `pixels` by view, (..., H, W, 3) uint8, where colours are.
+    """
+    seen: Fields = {"agent_pos": observation["joint_positions"]}
+    if about := [observation[key] for key in sorted(observation) if key.startswith("object_")]:
+        seen["environment_state"] = np.concatenate(about, axis=-1)
+    if "rgb" in observation:
+        seen["pixels"] = views_of(observation["rgb"])
+    return seen
+
+
+def views_of(pictures: AnyArray) -> Arrays:
+    """Return pictures (..., views, H, W, 3) by view."""
+    return {f"view_{k}": picture for k, picture in enumerate(np.moveaxis(pictures, -4, 0))}
 
 
 def _columns(episode: Demonstration, number: int, start: int, task: int) -> Arrays:
     count = len(episode)
-    steps = np.arange(count)
-    seen = {key: array[:-1] for key, array in episode.observations.items()}
-    once = episode.once.get("rgb", np.zeros(0, np.uint8))
-    pictures = seen.pop("rgb", np.broadcast_to(once, (count, *once.shape)))  # (T, views, H, W, 3)
-    about = [seen[key].reshape(count, -1) for key in object_keys(seen)]
+    steps, moving = np.arange(count), (*episode.observations, "rgb")
+    seen = {key: array[:-1] for key, array in episode.whole().items() if key in moving}
+    laid = lerobot_observation(seen)
+    laid = {"state": laid.pop("agent_pos")} | laid
+    laid |= {f"images.{name}": picture for name, picture in laid.pop("pixels", {}).items()}
+    laid |= {key: array.reshape(count, -1) for key, array in seen.items() if key != "rgb"}
     return {
-        "observation.state": seen["joint_positions"].astype(np.float32),
-        **({"observation.environment_state": np.hstack(about).astype(np.float32)} if about else {}),
-        **{f"observation.images.view_{k}": pictures[:, k] for k in range(pictures.shape[1])},
-        **{f"observation.{key}": array.reshape(count, -1) for key, array in seen.items()},
+        **{f"observation.{key}": array for key, array in laid.items()},
         "action": episode.actions,
         "next.reward": episode.rewards.astype(np.float32),
         "next.success": steps >= episode.about["solved"],
@@ -127,10 +139,8 @@ def _episode_row(
 ) -> Fields:
     row = {
         "episode_index": number, "tasks": [task], "length": len(episode),
-        "data/chunk_index": 0, "data/file_index": 0,
         "dataset_from_index": start, "dataset_to_index": start + len(episode),
-        "meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0,
-        "scene_seed": episode.about["scene_seed"], "success": True, "about": json.dumps(episode.about),
+        "scene_seed": episode.about["scene_seed"], "about": json.dumps(episode.about),
     }  # fmt: skip
     row |= {f"once/{key}": np.ravel(array).tolist() for key, array in episode.once.items() if key != "rgb"}
     return row | {
@@ -146,10 +156,10 @@ def _feature(values: AnyArray, joints: Names) -> Fields:
     return {"dtype": str(values.dtype), "shape": [width], "names": names}
 
 
-def _part(values: AnyArray) -> tuple[Any, ...]:
-    """Return the contribution of rows (n,) or (n, m), or of pictures (n, H, W, 3), to `_statistics`.
+def _part(values: AnyArray) -> tuple[int, AnyArray]:
+    """Return number of rows (n,) or (n, m), or of pictures (n, H, W, 3), and what `_statistics` needs of them.
 
-    These are count, extremes, sums, sums of squares and weighted quantiles; of pictures by colour, from 0 to 1.
+    This is minimum, maximum, mean, mean square and quantiles; of pictures by colour, from 0 to 1.
     """
     if values.ndim == _PICTURES:
         x = values[:, ::4, ::4].reshape(-1, 3, 1, 1) / 255.0
@@ -157,21 +167,19 @@ def _part(values: AnyArray) -> tuple[Any, ...]:
         x = values.reshape(len(values), -1).astype(float)
         # The many numbers of clouds and depth pictures are described together.
         x = x if x.shape[1] <= 256 else x.reshape(-1, 1)
-    share = len(values) / len(x)
-    sums = share * x.sum(0), share * (x**2).sum(0), len(values) * np.quantile(x, _QUANTILES, axis=0)
-    return len(values), x.min(0), x.max(0), *sums
+    moments = x.min(0), x.max(0), x.mean(0), (x**2).mean(0)
+    return len(values), np.array([*moments, *np.quantile(x, _QUANTILES, axis=0)])
 
 
-def _statistics(parts: Sequence[tuple[Any, ...]]) -> dict[str, list[float] | list[int]]:
+def _statistics(parts: Sequence[tuple[int, AnyArray]]) -> dict[str, list[float] | list[int]]:
     """Return minimum, maximum, mean, standard deviation and quantiles of a column, by LeRobot's names.
 
     Quantiles over several episodes are the means of theirs, weighted by length, as in LeRobot.
     """
-    counts, low, high, *sums = zip(*parts, strict=True)
-    count = sum(counts)
-    mean, square, quantiles = (sum(each) / count for each in sums)
+    counts, rows = zip(*parts, strict=True)
+    _, _, mean, square, *quantiles = np.average(rows, axis=0, weights=counts)
     return {
-        "min": np.min(low, axis=0).tolist(), "max": np.max(high, axis=0).tolist(), "mean": mean.tolist(),
-        "std": np.sqrt(np.maximum(square - mean**2, 0.0)).tolist(), "count": [count],
+        "min": np.min(rows, axis=0)[0].tolist(), "max": np.max(rows, axis=0)[1].tolist(), "mean": mean.tolist(),
+        "std": np.sqrt(np.maximum(square - mean**2, 0.0)).tolist(), "count": [sum(counts)],
         **{f"q{round(100 * q):02d}": row.tolist() for q, row in zip(_QUANTILES, quantiles, strict=True)},
     }  # fmt: skip

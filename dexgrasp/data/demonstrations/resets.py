@@ -14,7 +14,6 @@ from dexgrasp.data.demonstrations.generate import read_about
 from dexgrasp.data.demonstrations.hdf5_formats import read_episodes
 from dexgrasp.data.demonstrations.rollout import Demonstration, follow_set_points
 from dexgrasp.data.demonstrations.settings import ENV_ID, DemoSettings
-from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
@@ -144,7 +143,7 @@ class DemoResets(ReverseStarts):
         first, info = env.reset(seed=demo.about["scene_seed"], options=where)
         yield None, (first, 0.0, False, False, {**info, "is_success": False})
         path = demo.observations["joint_targets"].astype(float)
-        yield from follow_set_points(env, path, robot_tree(env.settings.cell))
+        yield from follow_set_points(env, path)
 
     def transitions(self, env: LiftEnv) -> Iterator[tuple[Any, Any, Single, float, bool]]:
         """Yield the steps of all demonstrations that succeed in an environment, followed in its own actions.

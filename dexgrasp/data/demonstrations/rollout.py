@@ -1,22 +1,22 @@
 """Recording of a demonstration: an agent's rollout, converted and replayed; kept if the replay succeeds too."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
-from dexgrasp.agent import Env, public_info, renew_report, report_of
+from dexgrasp.agent import Env
 from dexgrasp.data.demonstrations.convert import to_action, with_noise
-from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, MODES, DemoSettings
-from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
-from dexgrasp.mechanics.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.data.demonstrations.settings import CAMERA_KEYS, ENV_ID, DemoSettings
+from dexgrasp.evaluation.protocol import agent_settings, trial_seeds
+from dexgrasp.evaluation.trial import run_trial
+from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp.runs.weights import below
 from dexgrasp_env.arrays import Array, Arrays, Fields, Mask, Single
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_STEPS
@@ -54,6 +54,11 @@ class Demonstration:
     def __len__(self) -> int:
         return len(self.actions)
 
+    def whole(self) -> Arrays:
+        """Return the observations (T + 1, ...) by key; those stored once are repeated at every step."""
+        still = {key: np.broadcast_to(part, (len(self) + 1, *part.shape)) for key, part in self.once.items()}
+        return self.observations | still
+
     def arrays(self) -> Arrays:
         """Return all arrays by name, with `observations/KEY` and `once/KEY`."""
         whole = {name: getattr(self, name) for name in _STEPS}
@@ -72,94 +77,70 @@ class Demonstration:
         return cls(below(arrays, "observations/"), **steps, once=below(arrays, "once/"), about=about)
 
 
-class Recorder:
-    """Records demonstrations on one object: runs the agent in its environment, replays in that of the data set."""
+class _Demonstrated(gym.Wrapper[Any, Any, Any, Any]):
+    """Environment of a demonstrator: noise is added to its commands, its first view and its set-points are kept."""
 
-    def __init__(self, settings: DemoSettings, target: str) -> None:
-        """Make agent and environments.
+    rng: np.random.Generator
 
-        Raises:
-            InputError: for an unknown agent, or one whose settings belong to the protocol.
-        """
-        self._settings, self._target = settings, target
-        self._agent: Any = make_agent(settings.agent)
-        asked = agent_settings(settings.agent, self._agent)
-        if (pace := asked.get("frame_skip", CONTROL_STEPS)) != CONTROL_STEPS:
-            raise InputError(
-                f"agent {settings.agent!r} acts every {pace} physics steps: demonstrations have {CONTROL_STEPS}"
-            )
-        arguments = settings.env_arguments | {"objects": [target]}
-        scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction", "randomisation")}
-        self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
-        alike = settings.observe == "reset" and all(asked.get(key) == arguments[key] for key in MODES)
-        alike = alike and "action_scale" not in asked
-        # Where the agent's own modes are those of the demonstrations, a replay would do the same.
-        self._demo_env = None if alike else gym.make(ENV_ID, **arguments, disable_env_checker=True)
-        cell = self._env.unwrapped.settings.cell  # type: ignore[attr-defined]
-        self._robot, self._tree = cell.robot, robot_tree(cell)
+    def __init__(self, env: Env, noise: float) -> None:
+        super().__init__(env)
+        self._noise = noise
 
-    def record(self, trial: int) -> tuple[Demonstration | None, str]:
-        """Record the demonstration of a scene.
+    def reset(self, **given: Any) -> tuple[Any, Fields]:
+        """Start an episode."""
+        self.first, info = self.env.reset(**given)
+        self.path = [_targets(self)]
+        return self.first, info
 
-        Returns:
-            The demonstration and "", or None and the reason of the failure.
-        """
-        seeds = trial_seeds(self._settings.seed, self._target, trial)
-        path, first, steps, failure = self._roll_out(seeds)
-        if failure:
-            return None, failure
-        if self._demo_env is None:
-            _, (*_, truncated, _) = steps[-1]
-            if not truncated:
-                steps += follow_set_points(self._env, path[-1:], self._tree)
-            episode = _episode(first, steps, CAMERA_KEYS)
-        else:
-            episode = replay(self._demo_env, seeds.scene, path, self._tree)
+    def step(self, action: Single) -> Any:
+        """Advance by an action with noise, which the agent may correct."""
+        if self._noise:
+            settings = self.get_wrapper_attr("settings")
+            robot = settings.cell.robot
+            drawn = self._noise * self.rng.standard_normal(robot.dof)
+            action = with_noise(settings.control_mode, action, drawn, robot)
+        result = self.env.step(action.astype(np.float32))
+        self.path.append(_targets(self))
+        return result
+
+
+def record(
+    settings: DemoSettings, target: str, trials: Iterable[int]
+) -> Iterator[tuple[Demonstration | None, str]]:
+    """Run the agent in scenes of one object, and replay in the environment of the data set what succeeds.
+
+    Yields:
+        A demonstration and "", or None and the reason of the failure.
+
+    Raises:
+        InputError: for an unknown agent, or one whose settings belong to the protocol.
+    """
+    agent: Any = make_agent(settings.agent)
+    asked = agent_settings(settings.agent, agent)
+    if (pace := asked.get("frame_skip", CONTROL_STEPS)) != CONTROL_STEPS:
+        raise InputError(
+            f"agent {settings.agent!r} acts every {pace} physics steps: demonstrations have {CONTROL_STEPS}"
+        )
+    arguments = settings.env_arguments | {"objects": [target]}
+    scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction", "randomisation")}
+    env = _Demonstrated(gym.make(ENV_ID, **(scene | asked), disable_env_checker=True), settings.noise)
+    other = gym.make(ENV_ID, **arguments, disable_env_checker=True)
+    for trial in trials:
+        seeds = trial_seeds(settings.seed, target, trial)
+        env.rng = np.random.default_rng([seeds.agent, 1])
+        outcome, _ = run_trial(env, agent, seeds, name=settings.agent)
+        episode = replay(other, seeds.scene, np.array(env.path)) if outcome.success else None
         if episode is None:
-            return None, "not_replayed"
-        episode.once = {key: first[key] for key in CAMERA_KEYS if key in first} | episode.once
+            yield None, outcome.reason or "not_replayed"
+            continue
+        episode.once = {key: env.first[key] for key in CAMERA_KEYS if key in env.first} | episode.once
         episode.about |= {
-            "object": object_name(self._target),
-            "target": self._target,
-            "trial": trial,
-            "scene_seed": seeds.scene,
-            "agent_seed": seeds.agent,
-            "certificate": jsonable(report_of(self._agent).details).get("certificate"),
-            "steps": len(episode),
-        }
-        return episode, ""
-
-    def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, list[Step], str]:
-        """Return set-points (T + 1, n) rad, the first observation, the T steps, and the reason of a failure."""
-        env, agent, robot = self._env, self._agent, self._robot
-        rng = np.random.default_rng([seeds.agent, 1])
-        first, info = env.reset(seed=seeds.scene)
-        renew_report(agent)
-        agent.seed(seeds.agent)
-        agent.reset(first, public_info(env, info))
-        if agent.report.failure:
-            return np.zeros((0, robot.dof)), first, [], str(agent.report.failure)
-        mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
-        observation, path, steps, over = first, [_targets(env)], list[Step](), False
-        while not over:
-            action = np.asarray(agent.act(observation), dtype=float)
-            if self._settings.noise:
-                action = with_noise(
-                    mode, action, self._settings.noise * rng.standard_normal(robot.dof), robot
-                )
-            command = action.astype(np.float32)  # as it is recorded
-            observation, _, terminated, truncated, info = result = env.step(command)
-            steps.append((command, result))
-            path.append(_targets(env))
-            over = terminated or truncated or info["is_success"]
-        failure = "" if info["is_success"] else info["failure"] or str(info["stage"])
-        return np.array(path), first, steps, failure
-
-    def close(self) -> None:
-        """Free the environments."""
-        self._env.close()
-        if self._demo_env:
-            self._demo_env.close()
+            "object": object_name(target), "target": target, "trial": trial, "scene_seed": seeds.scene,
+            "agent_seed": seeds.agent, "certificate": outcome.details.get("certificate"), "steps": len(episode),
+        }  # fmt: skip
+        yield episode, ""
+    env.close()
+    other.close()
 
 
 def intended(episode: Demonstration, noise: float, robot: Robot) -> Array:
@@ -181,19 +162,28 @@ def intended(episode: Demonstration, noise: float, robot: Robot) -> Array:
     return np.concatenate([targets[:1], targets[1:] - noise * drawn * max_step(robot)])
 
 
-def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Demonstration | None:
-    """Replay set-points (T + 1, n) in another control mode from the same scene; None if that fails."""
-    settings = env.unwrapped.settings  # type: ignore[attr-defined]
+def replay(env: Env, seed: int, path: Array) -> Demonstration | None:
+    """Replay set-points (T + 1, n) in another control mode from the same scene; None without success."""
     first, _ = env.reset(seed=seed)
-    return _episode(
-        first, list(follow_set_points(env, path, tree)), CAMERA_KEYS if settings.observe == "reset" else ()
-    )
+    actions, results = zip(*follow_set_points(env, path), strict=True)
+    observations, rewards, terminated, truncated, infos = zip(*results, strict=True)
+    solved = [info["is_success"] for info in infos]
+    if not any(solved):
+        return None
+    still = CAMERA_KEYS if env.unwrapped.settings.observe == "reset" else ()  # type: ignore[attr-defined]
+    moving = {key: np.stack([o[key] for o in (first, *observations)]) for key in first if key not in still}
+    once = {key: np.asarray(first[key]) for key in first if key in still}
+    ends = *truncated[:-1], not terminated[-1]
+    rest = (np.array(part) for part in (actions, rewards, terminated, ends))
+    whole: Fields = dict(zip(_STEPS, rest, strict=True))
+    return Demonstration(moving, **whole, once=once, about={"solved": solved.index(True)})
 
 
-def follow_set_points(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
+def follow_set_points(env: Env, path: Array) -> Iterator[Step]:
     """Yield the steps of set-points (T + 1, n), 50 ms apart, in a running episode; the last is held for ten more."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     path, scale = path[:: settings.hold], settings.action_scale * settings.hold
+    tree = robot_tree(settings.cell)
     for step in range(len(path) - 1 + 10):
         wanted = path[min(step + 1, len(path) - 1)]
         action = to_action(settings.control_mode, _targets(env), wanted, tree, scale)
@@ -201,21 +191,6 @@ def follow_set_points(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
         yield action, result
         if result[2] or result[3]:
             return
-
-
-def _episode(first: Arrays, steps: Sequence[Step], still: Sequence[str]) -> Demonstration | None:
-    """Return the demonstration of some steps, None where none is a success; keys `still` are stored once."""
-    actions, results = zip(*steps, strict=True)
-    observations, rewards, terminated, truncated, infos = zip(*results, strict=True)
-    solved = [info["is_success"] for info in infos]
-    if not any(solved):
-        return None
-    moving = {key: np.stack([o[key] for o in (first, *observations)]) for key in first if key not in still}
-    once = {key: np.asarray(first[key]) for key in first if key in still}
-    ends = *truncated[:-1], not terminated[-1]
-    rest = (np.array(part) for part in (actions, rewards, terminated, ends))
-    whole: Fields = dict(zip(_STEPS, rest, strict=True))
-    return Demonstration(moving, **whole, once=once, about={"solved": solved.index(True)})
 
 
 def _targets(env: Env) -> Array:

@@ -1,14 +1,13 @@
 """Settings of a set of demonstrations."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from dexgrasp.evaluation.settings import versions
 from dexgrasp.registry import check_name
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.objects.load import Objects
+from dexgrasp_env.objects.load import Objects, OfObjects
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.tasks.control import DIRECT_MODES
 from dexgrasp_env.tasks.observations import OBS_MODES
@@ -29,12 +28,14 @@ from dexgrasp_env.valid import (
 SCHEMA = 1
 ENV_ID = "DexGrasp/Lift-v2"
 MODES = "obs_mode", "control_mode"
+Formats = tuple[Annotated[str, one_of(("minari", "lerobot", "robomimic"))], ...]
+"""Formats of data sets, by name."""
 CAMERA_KEYS = ("cloud", "cloud_normals", "cloud_mask", "table_plane", "depth", "rgb")
 """Observations of cameras, which with `observe="reset"` stay the same and are stored once."""
 
 
 @dataclass(frozen=True)
-class DemoSettings:
+class DemoSettings(OfObjects):
     """Settings that demonstrations depend on.
 
     Attributes:
@@ -78,15 +79,6 @@ class DemoSettings:
         make_cell(self.robot, self.mount)
         ranges(self.randomise)
         refuse_idle(self, {"observe": (self.obs_mode != "state", "an obs_mode of cameras")})
-
-    @classmethod
-    def of(cls, objects: Sequence[str], **rest: Any) -> "DemoSettings":
-        """Expand sets of objects and validate the settings; nothing is built.
-
-        Raises:
-            InputError: for an unknown object, agent or mode, or a number out of range.
-        """
-        return read(cls, {"objects": objects, **rest})
 
     @property
     def env_arguments(self) -> Fields:

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import gymnasium as gym
 
 from dexgrasp.evaluation.protocol import get_protocol
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.learning.lerobot.env import LeRobotEnv, obs_mode_of
+from dexgrasp.learning.lerobot.env import OBS_TYPES, LeRobotEnv
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -63,57 +63,61 @@ class DexGraspEnv(EnvConfig):
         Raises:
             InputError: for an unknown protocol, object, kind of observation or cell.
         """
-        settings = self._settings
         check("fps", self.fps, number(ge=_RATE, le=_RATE))
         check("render_mode", self.render_mode, one_of(("rgb_array", "none")))
-        env = self._environment(settings.objects[0], settings.parts[0])
-        seen: Any = env.observation_space.spaces  # type: ignore[attr-defined]
-        self._add(ACTION, FeatureType.ACTION, env.action_space, ACTION)
-        self._add("agent_pos", FeatureType.STATE, seen["agent_pos"], OBS_STATE)
-        if "environment_state" in seen:
-            self._add("environment_state", FeatureType.ENV, seen["environment_state"], OBS_ENV_STATE)
-        for name, part in seen.get("pixels", {}).items():
-            self._add(f"pixels/{name}", FeatureType.VISUAL, part, f"{OBS_IMAGES}.{name}")
+        check("obs_type", self.obs_type, one_of(OBS_TYPES))
+        env = self._vector(self._settings.objects[0], self._settings.parts[0])
+        seen: Any = env.single_observation_space
+        parts = {ACTION: env.single_action_space, **seen.spaces}
+        parts |= {f"pixels/{name}": part for name, part in parts.pop("pixels", {}).items()}
         env.close()
+        known = {
+            ACTION: (FeatureType.ACTION, ACTION), "agent_pos": (FeatureType.STATE, OBS_STATE),
+            "environment_state": (FeatureType.ENV, OBS_ENV_STATE),
+        }  # fmt: skip
+        for key, part in parts.items():
+            image = FeatureType.VISUAL, key.replace("pixels/", f"{OBS_IMAGES}.")
+            kind, self.features_map[key] = known.get(key, image)
+            self.features[key] = PolicyFeature(type=kind, shape=part.shape)
 
     @property
     def _settings(self) -> EvaluationSettings:
         words = {"protocols": (self.task or "").split(","), "robot": self.robot, "mount": self.mount}
         return EvaluationSettings.of(["random"], self.objects.split(","), seed=self.evaluation_seed, **words)
 
-    def _add(self, key: str, kind: Any, space: Any, policy_key: str) -> None:
-        self.features[key] = PolicyFeature(type=kind, shape=space.shape)
-        self.features_map[key] = policy_key
-
     @property
     def gym_kwargs(self) -> Fields:
         """Keywords of `gym.make` that belong to the policy."""
-        mode = {} if self.render_mode == "none" else {"render_mode": self.render_mode}
+        mode = None if self.render_mode == "none" else self.render_mode
         limit = {"max_episode_steps": self.episode_length} if self.episode_length else {}
-        return {"obs_mode": obs_mode_of(self.obs_type), "control_mode": self.control_mode, **mode, **limit}
-
-    def _environment(self, target: str, protocol: str) -> LeRobotEnv:
-        scene, env_id = self._settings.scene(protocol), get_protocol(protocol).env_id
-        env = gym.make(env_id, objects=[target], disable_env_checker=True, **scene | self.gym_kwargs)
-        return LeRobotEnv(env, target, self.evaluation_seed)
+        return {
+            "obs_mode": OBS_TYPES[self.obs_type],
+            "control_mode": self.control_mode,
+            "render_mode": mode,
+            **limit,
+        }
 
     def create_envs(self, n_envs: int, use_async_envs: bool = False) -> dict[str, dict[int, Any]]:
         """Return a vector environment for every protocol and object, made on first use."""
         settings = self._settings
         return {
             protocol: {
-                k: _Deferred(partial(self._vector, n_envs, use_async_envs, target, protocol), n_envs)
+                k: _Deferred(partial(self._vector, target, protocol, n_envs, use_async_envs), n_envs)
                 for k, target in enumerate(settings.objects)
             }
             for protocol in settings.parts
         }
 
-    def _vector(self, n_envs: int, use_async_envs: bool, target: str, protocol: str) -> gym.vector.VectorEnv:
-        makers: list[Callable[[], Any]] = [partial(self._environment, target, protocol)] * n_envs
-        same_step = gym.vector.AutoresetMode.SAME_STEP
-        if use_async_envs and n_envs > 1:
-            return gym.vector.AsyncVectorEnv(makers, context="forkserver", autoreset_mode=same_step)
-        return gym.vector.SyncVectorEnv(makers, autoreset_mode=same_step)
+    def _vector(
+        self, target: str, protocol: str, n_envs: int = 1, use_async_envs: bool = False
+    ) -> gym.vector.VectorEnv:
+        processes = use_async_envs and n_envs > 1
+        return gym.make_vec(
+            get_protocol(protocol).env_id, n_envs, "async" if processes else "sync",
+            {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP} | ({"context": "forkserver"} if processes else {}),
+            [partial(LeRobotEnv, target=target, seed=self.evaluation_seed)],
+            objects=[target], disable_env_checker=True, **self._settings.scene(protocol) | self.gym_kwargs,
+        )  # fmt: skip
 
 
 class _Deferred:
@@ -121,17 +125,17 @@ class _Deferred:
 
     def __init__(self, make: Callable[[], Any], num_envs: int) -> None:
         self._make, self.num_envs = make, num_envs
-        self._made: Any = None
+
+    @cached_property
+    def _made(self) -> Any:
+        return self._make()
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
+        if name.startswith("_"):
             raise AttributeError(name)
-        if self._made is None:
-            self._made = self._make()
         return getattr(self._made, name)
 
     def close(self) -> None:
         """Close the environment, if it was made."""
-        if self._made is not None:
-            self._made.close()
-            self._made = None
+        if made := vars(self).pop("_made", None):
+            made.close()

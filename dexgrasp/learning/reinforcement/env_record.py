@@ -5,13 +5,13 @@ pickle. A record has the id and keywords of `gym.make`, wrappers by name with th
 numbers.
 """
 
-import importlib
-import inspect
 import json
+import pkgutil
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -42,12 +42,6 @@ _IDLE = {
     "VecVideoRecorder",
 }
 """Wrappers that change neither observations nor actions."""
-_VEC_ARGUMENTS = {
-    "VecNormalize": ("clip_obs", "epsilon", "norm_obs_keys"),
-    "VecFrameStack": ("n_stack",),
-    "VecTransposeImage": ("skip",),
-    "VecExtractDictObs": ("key",),
-}
 
 
 @dataclass(frozen=True)
@@ -106,12 +100,8 @@ def read_record(path: Path) -> EnvRecord:
     Raises:
         InputError: if it is damaged, or of another schema.
     """
-    content = read_json_object(path, "save_checkpoint() of dexgrasp writes it")
-    if "schema" not in content:
-        raise InputError(f"{path} is no record of save_checkpoint(): rename it, and say --env-kwargs")
-    if content["schema"] != SCHEMA:
-        raise InputError(f"{path} has schema {content['schema']}: valid is {SCHEMA}")
-    return read(EnvRecord, content, str(path))
+    remedy = "where it is no record of save_checkpoint() of dexgrasp, rename it, and say --env-kwargs"
+    return read(EnvRecord, read_json_object(path, remedy, None, SCHEMA), str(path))
 
 
 def save_checkpoint(model: Any, path: str | Path) -> Path:
@@ -129,7 +119,7 @@ def save_checkpoint(model: Any, path: str | Path) -> Path:
     Raises:
         InputError: if the environment is none of DexGrasp's; the zip is written all the same.
     """
-    zipped = Path(path) if Path(path).suffix == ".zip" else Path(f"{path}.zip")
+    zipped = Path(f"{path}".removesuffix(".zip") + ".zip")
     model.save(zipped)
     return record_environment(model.get_env(), zipped)
 
@@ -172,6 +162,14 @@ def record_environment(env: Any, path: str | Path) -> Path:
     return beside
 
 
+def _as_json(kwargs: Fields | None) -> Fields | None:
+    """Return arguments as JSON holds them; None where it cannot, as of a function."""
+    try:
+        return json.loads(json.dumps(kwargs, default=_packed))
+    except AttributeError:
+        return None
+
+
 def _packed(array: Any) -> Fields:
     if isinstance(array, type) and issubclass(array, np.generic):
         return {"dtype": array.__name__}
@@ -200,18 +198,10 @@ def attribute_of(env: Any, name: str) -> Any:
 
 def _wrapper(spec: Any, env: Any) -> WrapperRecord:
     kwargs = spec.kwargs
-    if kwargs is None:
-        module, _, name = spec.entry_point.partition(":")
-        parameters = inspect.signature(getattr(importlib.import_module(module), name)).parameters
-        kwargs = {} if len(parameters) == 1 else None  # the environment alone
-    try:
-        kwargs = json.loads(json.dumps(kwargs, default=_packed))
-    except AttributeError:  # a function, say
-        kwargs = None
-    counted = spec.name == "NormalizeObservation" and attribute_of(env, "obs_rms")
-    return WrapperRecord(
-        _entry_point(spec.entry_point), kwargs, _statistics({"": counted}) if counted else {}
-    )
+    if kwargs is None and len(signature(pkgutil.resolve_name(spec.entry_point)).parameters) == 1:
+        kwargs = {}  # the environment alone
+    counted = attribute_of(env, "obs_rms") if spec.name == "NormalizeObservation" else None
+    return WrapperRecord(_entry_point(spec.entry_point), _as_json(kwargs), _statistics(counted))
 
 
 def _entry_point(name: str) -> str:
@@ -222,18 +212,19 @@ def _entry_point(name: str) -> str:
 
 def vec_wrapper(env: Any) -> WrapperRecord | None:
     """Return the record of a wrapper of Stable-Baselines3; None without one, or for one of rewards only."""
-    if env is None:
+    own = vars(env) if env else {"norm_obs": False}
+    if not own.get("norm_obs", True):
         return None
-    kind, state = type(env), Fields()
-    if kind.__name__ == "VecNormalize":
-        if not env.norm_obs:
-            return None
-        state = _statistics(env.obs_rms if isinstance(env.obs_rms, dict) else {"": env.obs_rms})
-    owner = env.stacked_obs if kind.__name__ == "VecFrameStack" else env
-    known = _VEC_ARGUMENTS.get(kind.__name__)
-    kwargs = None if known is None else {name: getattr(owner, name) for name in known}
-    return WrapperRecord(f"{kind.__module__}:{kind.__name__}", kwargs, state)
+    own = own | vars(own.get("stacked_obs", env))
+    kind = type(env)
+    names = [name for name in signature(kind).parameters if name != "venv"]
+    kwargs: Fields | None = {name: own[name] for name in names if name in own}
+    if len(kwargs or {}) < len(names) and not kind.__module__.startswith("stable_baselines3."):
+        kwargs = None  # kept under other names: unknown
+    name = _entry_point(f"{kind.__module__}:{kind.__name__}")
+    return WrapperRecord(name, _as_json(kwargs), _statistics(own.get("obs_rms")))
 
 
-def _statistics(counted: Mapping[str, Any]) -> Fields:
-    return {key: {"mean": own.mean.tolist(), "var": own.var.tolist()} for key, own in counted.items()}
+def _statistics(counted: Any) -> Fields:
+    by_key = counted if isinstance(counted, dict) else {"": counted} if counted else {}
+    return {key: {"mean": own.mean.tolist(), "var": own.var.tolist()} for key, own in by_key.items()}

@@ -39,22 +39,14 @@ class SB3VecEnv(VecEnv):
     def reset(self) -> Any:
         """Start all episodes, with the seeds and options set before; infos are in `reset_infos`."""
         # Of options that are given for all, `set_options` makes one copy.
-        if not any(self._options) or len({id(options) for options in self._options}) == 1:
-            observation, infos = self.envs.reset(seed=self._seeds, options=self._options[0])
-            self.reset_infos = [of_one(infos, i) for i in range(self.num_envs)]
-        else:
-            observation = self._reset_singly()
+        several = any(self._options) and len({id(options) for options in self._options}) > 1
+        self.envs.reset(seed=self._seeds, options=None if several else self._options[0])
+        for i, options in enumerate(self._options if several else ()):
+            self.envs.members[i].reset(seed=self._seeds[i], options=options)
+        observation, infos = self.envs.observe()
+        self.reset_infos = [of_one(infos, i) for i in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
-        return observation
-
-    def _reset_singly(self) -> Any:
-        """Start episodes one after the other, each with its own options."""
-        observation, _ = self.envs.reset(seed=self._seeds)
-        for i, options in enumerate(self._options):
-            only = {"reset_mask": np.arange(self.num_envs) == i}
-            observation, infos = self.envs.reset(seed=self._seeds, options=options | only)
-            self.reset_infos[i] = of_one(infos, i)
         return observation
 
     def step_async(self, actions: AnyArray) -> None:
@@ -100,8 +92,8 @@ class SB3VecEnv(VecEnv):
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """Return False for each: nothing wraps the simulations singly."""
-        return [False for _ in self._get_indices(indices)]
+        return [False] * len(self._members(indices))
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Return a picture of each environment, None for each without a `render_mode`."""
-        return list(self.envs.render()) if self.envs.render_mode else [None] * self.num_envs
+        return list(self.envs.render()) if self.render_mode else [None] * self.num_envs
