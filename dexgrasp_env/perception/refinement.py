@@ -26,7 +26,6 @@ from dexgrasp_env.perception.splinters import in_the_air, with_rims, with_splint
 from dexgrasp_env.perception.standing import (
     HIGH,
     are_two,
-    can_stand,
     has_foot,
     has_handle,
     in_order,
@@ -113,7 +112,7 @@ def _with_parts(points: Array, labels: Index, everything: Array, view: View | No
         one = points[labels == k]
         others = {j: points[labels == j] for j in objects_in(points, labels) if j != k}
         others = {j: two for j, two in others.items() if is_graspable(np.concatenate([one, two]))}
-        near = [j for j, two in others.items() if _is_near(one, two)]
+        near = [j for j, two in others.items() if _touch(one, two)]
         for j in near or sorted(others, key=lambda j: gaps_between(one, others[j]).min()):
             two = others[j]
             if near:
@@ -146,14 +145,14 @@ def _meet_unseen(one: Array, two: Array, everything: Array, view: View | None) -
     both = np.concatenate([few, many])
     small = volume_of(few) < 0.1 * volume_of(many)
     if small and 0 in hidden_in_part(view, both, np.repeat([0, 1], [len(few), len(many)])):
-        return True, False
+        return True, True
     return not over and longest_side(both) < 0.26 and not view.separates(one, two), True  # m
 
 
 def _is_part(one: Array, two: Array) -> bool:
     """Return true for points (N, 3) m that are small beside what they touch (M, 3) m, among it, or run on in it."""
     lower, upper, over = in_order(one, two)
-    if over and can_stand(upper, lower):
+    if over and is_carried(upper, lower):
         return False
     least, most, whole = (volume_of(some) for some in (one, two, np.concatenate([one, two])))
     if whole < 1.05 * most and longest_side(two) > 0.20:  # m: of a bin, which holds it
@@ -176,8 +175,3 @@ def _touch(one: Array, other: Array) -> bool:
     one, other = (points[thinned(points, THIN)] for points in (one, other))
     near = gaps_between(other, one) < max(0.005, 1.5 * spacing(one))  # m
     return bool(near.sum() >= min(12, 0.2 * len(one), 0.2 * len(other)))
-
-
-def _is_near(one: Array, two: Array) -> bool:
-    """Return true for points (N, 3) m as near to others (M, 3) m as those of one thing lie."""
-    return bool(gaps_between(one, two).min() <= max(0.006, 1.7 * spacing(two)))

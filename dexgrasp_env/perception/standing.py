@@ -63,22 +63,6 @@ class Cut(NamedTuple):
         tops = [low_and_high(part)[1] for part in beside if len(part)]
         return bool(tops and np.ptp(tops) < min(0.003, 0.2 * points[:, 2].max()))
 
-    def is_neck(self, points: Array) -> bool:
-        """Return true where points (N, 3) m are lower and narrower at the cut than on both its sides."""
-        band, up = 0.012, np.array([0.0, 0.0, 1.0])  # m
-        strips = np.round((points @ self.across - self.place) / band)
-        flat, none = points @ np.stack([np.cross(self.across, up), up], axis=1), np.zeros(2)
-        counts = zip(*np.unique(strips, return_counts=True), strict=True)
-        held = {
-            k: np.ptp(np.quantile(flat[strips == k], (0.02, 0.98), axis=0), axis=0)
-            for k, n in counts
-            if n > 8
-        }
-        sides = (
-            np.max([none, *(size for k, size in held.items() if way * k > 0)], axis=0) for way in (-1, 1)
-        )
-        return bool((held.get(0.0, none) < 0.8 * np.minimum(*sides)).all())
-
 
 def is_odd(points: Array, share: float = 0.07) -> bool:
     """Return true for points (N, 3) m of which more than a share lie deep in their hull, though it is not hollow."""
@@ -97,8 +81,6 @@ def may_be_two(points: Array) -> bool:
     upright = Cut.of(few, np.stack([np.cos(angles), np.sin(angles), np.zeros(12)], axis=1))
     (low, high), (one, other) = level.parts(points), upright.parts(points)
     if has_handle(one, other) or not is_carried(high, low):
-        return False
-    if upright.volume(few) < level.volume(few) and upright.is_neck(points):
         return False
     whole = upright.is_topped(points) and not any(is_odd(part, 0.03) for part in (one, other))
     return not whole or level.volume(few) < 0.7 * volume_of(few)
@@ -144,20 +126,6 @@ def has_foot(upper: Array, lower: Array) -> bool:
     return not is_slim(upper) and all(
         np.ptp(some[:, :2], axis=0).max() > least for some in (foot, neck) if len(some)
     )
-
-
-def can_stand(upper: Array, lower: Array) -> bool:
-    """Return true for points (N, 3) m that are seen to stand by themselves on a lower thing (M, 3) m.
-
-    They have their middle over what touches it.
-    """
-    some = upper[thinned(upper, THIN)]
-    low = low_and_high(some)[0]
-    if not has_foot(some, lower):
-        return False
-    foot = some[some[:, 2] < low + _FOOT]
-    foot = foot[gaps_between(foot, lower) < 0.015]
-    return overhang(some, foot) < 0.010
 
 
 def is_carried(upper: Array, lower: Array) -> bool:
