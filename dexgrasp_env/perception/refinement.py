@@ -112,7 +112,7 @@ def _with_parts(points: Array, labels: Index, everything: Array, view: View | No
         one = points[labels == k]
         others = {j: points[labels == j] for j in objects_in(points, labels) if j != k}
         others = {j: two for j, two in others.items() if is_graspable(np.concatenate([one, two]))}
-        near = [j for j, two in others.items() if _touch(one, two)]
+        near = [j for j, two in others.items() if _is_near(one, two)]
         for j in near or sorted(others, key=lambda j: gaps_between(one, others[j]).min()):
             two = others[j]
             if near:
@@ -142,11 +142,10 @@ def _meet_unseen(one: Array, two: Array, everything: Array, view: View | None) -
     if gap > 0.037 or view is None:  # m
         return False, True
     few, many = sorted((one, two), key=volume_of)
-    both = np.concatenate([few, many])
-    small = volume_of(few) < 0.1 * volume_of(many)
-    if small and 0 in hidden_in_part(view, both, np.repeat([0, 1], [len(few), len(many)])):
+    both, labels = np.concatenate([few, many]), np.repeat([0, 1], [len(few), len(many)])
+    if not over and longest_side(both) < 0.26 and not view.separates(one, two):  # m
         return True, True
-    return not over and longest_side(both) < 0.26 and not view.separates(one, two), True  # m
+    return volume_of(few) < 0.1 * volume_of(many) and 0 in hidden_in_part(view, both, labels), True
 
 
 def _is_part(one: Array, two: Array) -> bool:
@@ -175,3 +174,8 @@ def _touch(one: Array, other: Array) -> bool:
     one, other = (points[thinned(points, THIN)] for points in (one, other))
     near = gaps_between(other, one) < max(0.005, 1.5 * spacing(one))  # m
     return bool(near.sum() >= min(12, 0.2 * len(one), 0.2 * len(other)))
+
+
+def _is_near(one: Array, two: Array) -> bool:
+    """Return true for points (N, 3) m as near to others (M, 3) m as those of one thing lie."""
+    return bool(gaps_between(one, two).min() <= max(0.006, 1.7 * spacing(two)))
