@@ -26,7 +26,6 @@ from dexgrasp_env.perception.splinters import in_the_air, with_rims, with_splint
 from dexgrasp_env.perception.standing import (
     HIGH,
     are_two,
-    can_stand,
     has_foot,
     has_handle,
     in_order,
@@ -131,22 +130,28 @@ def _with_parts(points: Array, labels: Index, everything: Array, view: View | No
 def _meet_unseen(one: Array, two: Array, everything: Array, view: View | None) -> tuple[bool, bool]:
     """Return whether points (N, 3) m and others (M, 3) m may meet where nothing was seen, and whether that is doubtful.
 
-    What hangs in the air over the other and would topple does, a rod with its end, and what no ray passes between.
+    What hangs in the air over the other and would topple does, a rod with its end, what no ray passes between, and what
+    is small and seen behind the other.
     """
     gap, (lower, upper, over) = gaps_between(one, two).min(), in_order(one, two)
-    if over:
+    if over and in_the_air(upper, everything) and not is_carried(upper, lower):
         beside = gaps_between(one[:, :2], two[:, :2]).min() < 0.02  # m
-        return beside and in_the_air(upper, everything) and not is_carried(upper, lower), False
-    if has_handle(one, two):
-        return gap < 0.02, True  # m
-    short = longest_side(np.concatenate([one, two])) < 0.20 and gap < 0.03  # m
-    return short and view is not None and not view.separates(one, two), True
+        return beside, False
+    if gap < 0.02 and not over and has_handle(one, two):  # m
+        return True, True
+    if gap > 0.037 or view is None:  # m
+        return False, True
+    few, many = sorted((one, two), key=volume_of)
+    both, labels = np.concatenate([few, many]), np.repeat([0, 1], [len(few), len(many)])
+    if not over and longest_side(both) < 0.26 and not view.separates(one, two):  # m
+        return True, True
+    return volume_of(few) < 0.1 * volume_of(many) and 0 in hidden_in_part(view, both, labels), True
 
 
 def _is_part(one: Array, two: Array) -> bool:
     """Return true for points (N, 3) m that are small beside what they touch (M, 3) m, among it, or run on in it."""
     lower, upper, over = in_order(one, two)
-    if over and can_stand(upper, lower):
+    if over and is_carried(upper, lower):
         return False
     least, most, whole = (volume_of(some) for some in (one, two, np.concatenate([one, two])))
     if whole < 1.05 * most and longest_side(two) > 0.20:  # m: of a bin, which holds it

@@ -128,20 +128,6 @@ def has_foot(upper: Array, lower: Array) -> bool:
     )
 
 
-def can_stand(upper: Array, lower: Array) -> bool:
-    """Return true for points (N, 3) m that are seen to stand by themselves on a lower thing (M, 3) m.
-
-    They have their middle over what touches it.
-    """
-    some = upper[thinned(upper, THIN)]
-    low = low_and_high(some)[0]
-    if not has_foot(some, lower):
-        return False
-    foot = some[some[:, 2] < low + _FOOT]
-    foot = foot[gaps_between(foot, lower) < 0.015]
-    return overhang(some, foot) < 0.010
-
-
 def is_carried(upper: Array, lower: Array) -> bool:
     """Return true for points (N, 3) m that may stand on a lower thing (M, 3) m: their middle is over it, about."""
     return has_foot(upper, lower) and overhang(upper, lower) <= 0.03  # m
