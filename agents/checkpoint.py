@@ -212,9 +212,8 @@ def _parsed(text: str) -> WrapperRecord:
 
 def _parts(seen: spaces.Space[Any], acts: spaces.Space[Any]) -> Fields:
     """Return the shapes of observations, by key if they have any, and the space of actions."""
-    several = isinstance(seen, spaces.Dict)
-    shapes = {key: part.shape for key, part in seen.items()} if several else {"observations": seen.shape}
-    return shapes | {"actions": acts}
+    parts = seen.items() if isinstance(seen, spaces.Dict) else [("observations", seen)]
+    return {**{key: part.shape for key, part in parts}, "actions": acts}
 
 
 def _path(spec: str) -> Path:
