@@ -110,7 +110,7 @@ def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Dem
             group.attrs.update(num_samples=len(episode), about=json.dumps(episode.about))
             pictures = views_of(seen.pop("rgb")) if "rgb" in seen else {}
             seen |= {f"{name}_image": each for name, each in pictures.items()}
-            parts = {
+            parts: Arrays = {
                 "actions": episode.actions,
                 "rewards": episode.rewards,
                 "dones": (episode.terminations | episode.truncations).astype(np.int64),

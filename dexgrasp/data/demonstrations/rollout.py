@@ -92,7 +92,7 @@ class _Demonstrated(gym.Wrapper[Any, Any, Any, Any]):
         self.path = [_targets(self)]
         return self.first, info
 
-    def step(self, action: Single) -> Any:
+    def step(self, action: Any) -> Any:
         """Advance by an action with noise, which the agent may correct."""
         if self._noise:
             settings = self.get_wrapper_attr("settings")
