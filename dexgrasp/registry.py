@@ -69,7 +69,8 @@ def make_agent(name: str | os.PathLike[str], **kwargs: Any) -> Agent:
         with files_read(found):
             make = _load(name)
             module = sys.modules[name.partition(":")[0]]  # read before, where another agent is of it
-            found[Path(getattr(module, "__file__", None) or "")] = None
+            if file := getattr(module, "__file__", None):
+                found[Path(file)] = None
             return complete(name, make(**kwargs))
     except InputError:
         raise

@@ -38,6 +38,7 @@ def test_an_example_runs(example, tmp_path):
     done = subprocess.run([sys.executable, example, *few], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout
+    assert not any("__main__" in record.read_text() for record in tmp_path.rglob("*.json"))
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
