@@ -113,9 +113,10 @@ def wrapped(relay: Relay, record: EnvRecord, own: frozenset[str]) -> VecEnv:
     ]
     if unnamed:
         words = " ".join(shlex.quote(_written(each)) for each in record.wrappers)
+        missing = " (what is ... was not recorded)" if "(...)" in words else ""
         raise InputError(
             f"the policy was trained in {unnamed[0].short}, a wrapper of its author's, whose code runs if you name all "
-            f"of them (what is ... was not recorded): --wrappers {words}"
+            f"of them{missing}: --wrappers {words}"
         )
     env: Any = reduce(_made, record.wrappers, relay)
     return cast(VecEnv, reduce(_made, record.vec_wrappers, DummyVecEnv([lambda: env])))
