@@ -63,10 +63,15 @@ class RequestOptions(Options):
 
     def _region(self, name: str, said: Any, marked: "Callable[[Mask], Array]") -> "Region":
         from dexgrasp.geometry.request import REGION, Region
+
+        if (mask := self._mask(name, said)) is not None:
+            return Region.of_points(marked(mask))
+        region: Region = check(name, said, REGION)
+        return region
+
+    def _mask(self, name: str, said: Any) -> "Mask | None":
+        """Return the mask of a region; None for one that is stated in numbers."""
         from dexgrasp_env.perception.selection import read_mask
 
         kind, _, path = said.partition(":")
-        if kind == "mask":
-            return Region.of_points(marked(read_mask(Path(path))))
-        region: Region = check(name, said, REGION)
-        return region
+        return read_mask(Path(path)) if kind == "mask" else None
