@@ -53,10 +53,12 @@ class LeRobotAgent(Agent):
         self._acts = tuple(config.output_features["action"].shape)
         stated = agent_keywords(env_kwargs, _trained_in(folder), folder / "train_config.json")
         modes = {"observation.environment_state": "state", "observation.image": "rgbd"}
-        mode = "+".join(mode for name, mode in modes.items() if name in str(config.input_features)) or "state"
+        seen = [
+            own for key, own in modes.items() if any(name.startswith(key) for name in config.input_features)
+        ]
         doubt = "does not say what its actions mean: played with control_mode=joint_delta, unless --env-kwargs does"
         self.assumed = "" if "control_mode" in stated else f"{folder} {doubt}"
-        settings = {"obs_mode": mode, "control_mode": "joint_delta"}
+        settings = {"obs_mode": "+".join(seen) or "state", "control_mode": "joint_delta"}
         self.env_settings = settings | stated  # type: ignore[misc]  # of the instance here
 
     @classmethod

@@ -101,8 +101,9 @@ def _by_room(placed: Placements, rank: Array, problem: GraspProblem) -> Index:
 def _lack(
     placed: Placements, joints: Array, tree: RobotTree, bodies: Index, world: World, barred: tuple[Array, Array]
 ) -> Array:  # fmt: skip
-    """Return what placements lack of room (M,) m for some bodies of the hand: at most `_ROOM` from what stands around,
-    and the sum of what each lacks from surface that is not to be touched.
+    """Return what placements lack of room (M,) m for some bodies of the hand.
+
+    At most `_ROOM` from what stands around, and the sum of what each lacks from surface that is not to be touched.
     """
     out, frames = np.zeros(len(placed.which)), empty_frames(tree)
     q, ends = np.zeros(len(tree.lower)), np.empty((3, 6))

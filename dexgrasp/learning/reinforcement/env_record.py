@@ -212,11 +212,9 @@ def _entry_point(name: str) -> str:
 
 def vec_wrapper(env: Any) -> WrapperRecord | None:
     """Return the record of a wrapper of Stable-Baselines3; None without one, or for one of rewards only."""
-    own = vars(env) if env else {"norm_obs": False}
-    if not own.get("norm_obs", True):
+    if env is None or not vars(env).get("norm_obs", True):
         return None
-    own = own | vars(own.get("stacked_obs", env))
-    kind = type(env)
+    own, kind = vars(env) | vars(vars(env).get("stacked_obs", env)), type(env)
     names = [name for name in signature(kind).parameters if name != "venv"]
     kwargs: Fields | None = {name: own[name] for name in names if name in own}
     if len(kwargs or {}) < len(names) and not kind.__module__.startswith("stable_baselines3."):
