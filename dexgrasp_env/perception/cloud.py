@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Fields, Index, Mask, Single
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.neighbourhoods import local_planes
 from dexgrasp_env.robot.camera import Camera
 
 MIN_POINTS = 40
@@ -145,9 +144,9 @@ def remove_outliers(cloud: Cloud, radius: float = 0.012, least: int = 4) -> Clou
     """Return the points with at least `least` others within `radius` metres (Open3D's radius filter)."""
     if len(cloud) <= least:
         return cloud.select(np.zeros(len(cloud), bool))
-    from scipy.spatial import cKDTree
+    from dexgrasp_env.perception.kernels import counts_within
 
-    return cloud.select(cKDTree(cloud.points).query(cloud.points, k=[least + 1])[0][:, 0] <= radius)
+    return cloud.select(counts_within(np.ascontiguousarray(cloud.points), radius) > least)
 
 
 def downsample(points: Array, count: int, rng: Generator) -> Index:
@@ -218,7 +217,10 @@ def smooth(cloud: Cloud, queries: Cloud, noise: float, radius: float = 0.010) ->
     Returns:
         Points (Q, 3) m and unit normals (Q, 3) towards the cameras.
     """
-    centres, normals, residuals = local_planes(queries.points, cloud.points, cloud.depth**-4.0, radius, 8)
+    from dexgrasp_env.perception.kernels import local_planes
+
+    points, every = np.ascontiguousarray(queries.points), np.ascontiguousarray(cloud.points)
+    centres, normals, residuals = local_planes(points, every, cloud.depth**-4.0, radius, 8)
     normals = np.where((normals * queries.views).sum(-1, keepdims=True) < 0, -normals, normals)
     normals = np.where((normals**2).sum(-1, keepdims=True) < 0.5, queries.views, normals)
     offset = ((queries.points - centres) * normals).sum(-1)

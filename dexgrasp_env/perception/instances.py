@@ -62,8 +62,8 @@ def objects_in(points: Array, labels: Index) -> list[int]:
 
 def is_graspable(points: Array) -> bool:
     """Return true for points (N, 3) m no larger than things to grasp, of which pans are longer than others."""
-    narrow = longest_side(points) < 0.50 and width_of(points) < 0.22 and not _is_sheet(points)  # m
-    return narrow or longest_side(points) <= MOST_EXTENT
+    side = longest_side(points)
+    return side <= MOST_EXTENT or (side < 0.50 and width_of(points) < 0.22 and not _is_sheet(points))  # m
 
 
 def segment_instances(cloud: Cloud, plane: Plane) -> Instances:

@@ -1,10 +1,11 @@
 """Loops over points in numba; import inside functions only, so that perception imports without it."""
 
+from typing import NamedTuple
+
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index
-from dexgrasp_env.compiled import njit, wide
+from dexgrasp_env.compiled import leaf, njit, wide
 
 
 @wide
@@ -48,49 +49,151 @@ def first_of_each(numbers: Index) -> Index:
     return kept[:count]
 
 
-@njit
-def pairs_within(
-    queries: Array, points: Array, reach: float
-) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
-    """Return the pairs of queries (Q, 3) m and points (M, 3) m that are at most `reach` m apart, by their points.
-
-    Returns:
-        The query of each pair (P,), where the pairs of each point begin (M + 1,), and squared distances (P,).
+class _Grid(NamedTuple):
+    """Points in cells: themselves (M, 3) m, cell after cell, which they were (M,), where those of each cell begin; a
+    corner of the cells (3,) m, their side, m, and how many they are (3,).
     """
+
+    points: Array
+    rows: Index
+    first: Index
+    low: Array
+    side: float
+    size: Index
+
+
+@njit
+def _in_cells(points: Array, side: float) -> _Grid:
+    """Return points (M, 3) m in cells `side` m wide, or wider, so that a row has no more than a hundred."""
     low, high, size = np.empty(3), np.empty(3), np.empty(3, np.int64)
     for a in range(3):
-        low[a], high[a] = queries[:, a].min(), queries[:, a].max()
-    # m, of the cells that queries are sorted into; a little more, so that rounding takes no pair beyond the next cell
-    side = max(1.001 * reach, 0.01 * (high - low).max())
+        low[a], high[a] = points[:, a].min(), points[:, a].max()
+    side = max(side, 0.01 * (high - low).max())
     for a in range(3):
         size[a] = int((high[a] - low[a]) / side) + 1
-    cell, first = np.empty(len(queries), np.int64), np.zeros(size[0] * size[1] * size[2] + 1, np.int64)
-    for i in range(len(queries)):
-        cell[i] = 0
+    cell, first = np.zeros(len(points), np.int64), np.zeros(size[0] * size[1] * size[2] + 2, np.int64)
+    for i in range(len(points)):
         for a in range(3):
-            cell[i] = cell[i] * size[a] + int((queries[i, a] - low[a]) / side)
+            cell[i] = cell[i] * size[a] + int((points[i, a] - low[a]) / side)
+        first[cell[i] + 2] += 1
+    first, rows = np.cumsum(first), np.empty(len(points), np.int64)
+    for i in range(len(points)):
+        rows[first[cell[i] + 1]] = i
         first[cell[i] + 1] += 1
-    first = np.cumsum(first)
-    order = np.argsort(cell, kind="mergesort")
-    sorted_queries = queries[order]
-    room = len(queries) + 32 * len(points)  # of pairs, doubled where there are more
-    within, away, count = np.empty(room, np.int32), np.empty(room), 0
-    begins, least, last = np.zeros(len(points) + 1, np.int32), np.empty(3, np.int64), np.empty(3, np.int64)
-    for j in range(len(points)):
+    return _Grid(points[rows], rows, first, low, side, size)
+
+
+@leaf
+def _near(grid: _Grid, x: float, y: float, z: float, reach: float, found: Index, limits: Index) -> int:
+    """Write which points of a grid are at most `reach` m from a place, m, into `found`, and return how many they are.
+
+    Args:
+        limits: (3, 2) that are written over.
+    """
+    count, points, size = 0, grid.points, grid.size
+    for a, at in enumerate((x, y, z)):
+        for end in range(2):
+            place = (at - grid.low[a] + (2 * end - 1) * reach) / grid.side
+            limits[a, end] = int(min(max(place, 0.0), size[a] - 0.5))
+    for row in range(limits[0, 0], limits[0, 1] + 1):
+        for line in range(row * size[1] + limits[1, 0], row * size[1] + limits[1, 1] + 1):
+            start = line * size[2]
+            for k in range(grid.first[start + limits[2, 0]], grid.first[start + limits[2, 1] + 1]):
+                dx, dy, dz = points[k, 0] - x, points[k, 1] - y, points[k, 2] - z
+                found[count] = k
+                count += dx * dx + dy * dy + dz * dz <= reach * reach  # without a branch: three times as fast
+    return count
+
+
+@njit
+def counts_within(points: Array, reach: float) -> Index:
+    """Return how many of points (M, 3) m are at most `reach` m from each (M,), which is one of them."""
+    grid, counts = _in_cells(points, reach), np.empty(len(points), np.int64)
+    found, limits = np.empty(len(points) + 1, np.int64), np.empty((3, 2), np.int64)
+    for i in range(len(points)):
+        x, y, z = grid.points[i]
+        counts[grid.rows[i]] = _near(grid, x, y, z, reach, found, limits)
+    return counts
+
+
+@njit
+def local_planes(
+    queries: Array, points: Array, weights: Array, radius: float, least: int
+) -> tuple[Array, Array, Array]:
+    """Fit a plane to the weighted neighbourhood of each query.
+
+    Args:
+        queries: (Q, 3).
+        points: (M, 3).
+        weights: (M,) confidence of each point; a Gaussian of the distance multiplies it.
+        radius: of the neighbourhood, metres; doubled once where fewer than `least` points are in it.
+        least: fewest points of a fit.
+
+    Returns:
+        Centroids (Q, 3), unit normals (Q, 3; zero where no fit), RMS residuals (Q,).
+    """
+    grid, offset, mean, spread = _in_cells(points, radius), np.empty(3), np.empty(3), np.empty((3, 3))
+    found, limits = np.empty(len(points) + 1, np.int64), np.empty((3, 2), np.int64)
+    weights = weights[grid.rows]
+    centres, normals, residuals = queries.copy(), np.zeros(queries.shape), np.zeros(len(queries))
+    for i in range(len(queries)):
+        reach, (x, y, z) = radius, queries[i]
+        count = _near(grid, x, y, z, reach, found, limits)
+        if count < least:
+            reach = 2.0 * radius
+            count = _near(grid, x, y, z, reach, found, limits)
+        if count < 3:
+            continue
+        total = mx = my = mz = xx = xy = yy = xz = yz = zz = 0.0
+        for k in found[:count]:
+            dx, dy, dz = grid.points[k, 0] - x, grid.points[k, 1] - y, grid.points[k, 2] - z
+            weight = weights[k] * np.exp(-2.0 * (dx * dx + dy * dy + dz * dz) / (reach * reach))
+            total += weight
+            mx += weight * dx
+            my += weight * dy
+            mz += weight * dz
+            xx += weight * dx * dx
+            xy += weight * dx * dy
+            yy += weight * dy * dy
+            xz += weight * dx * dz
+            yz += weight * dy * dz
+            zz += weight * dz * dz
+        mean[0], mean[1], mean[2] = mx / total, my / total, mz / total
+        spread[0, 0], spread[0, 1], spread[0, 2] = xx / total, xy / total, xz / total
+        spread[1, 1], spread[1, 2], spread[2, 2] = yy / total, yz / total, zz / total
         for a in range(3):
-            at = min(max((points[j, a] - low[a]) / side, -2.0), size[a] + 1.0)
-            least[a], last[a] = max(int(np.floor(at)) - 1, 0), min(int(np.floor(at)) + 1, size[a] - 1)
-        x, y, z = points[j]
-        for row in range(least[0], last[0] + 1):
-            for line in range(row * size[1] + least[1], row * size[1] + last[1] + 1):
-                if least[2] > last[2]:
-                    continue
-                run = range(first[line * size[2] + least[2]], first[line * size[2] + last[2] + 1])
-                if count + len(run) > len(within):
-                    within, away = np.append(within, within), np.append(away, away)
-                for k in run:
-                    dx, dy, dz = sorted_queries[k, 0] - x, sorted_queries[k, 1] - y, sorted_queries[k, 2] - z
-                    within[count], away[count] = order[k], dx * dx + dy * dy + dz * dz
-                    count += away[count] <= reach * reach  # without a branch: three times as fast
-        begins[j + 1] = count
-    return within[:count], begins, away[:count]
+            for b in range(3):
+                spread[a, b] -= mean[a] * mean[b]
+        centres[i] += mean
+        residuals[i] = np.sqrt(max(_least_across(spread, normals[i]), 0.0))
+    return centres, normals, residuals
+
+
+@leaf
+def _least_across(spread: Array, way: Array) -> float:
+    """Return the least eigenvalue of a covariance (3, 3), and write its unit eigenvector into `way` (3,).
+
+    The eigenvector stays as it is where there are two such, as of points in a row.
+    """
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = spread
+    trace, minors = xx + yy + zz, xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz
+    whole = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    value = 0.0
+    for _ in range(60):  # Newton's steps: from below they end at the least root
+        slope = minors - value * (2.0 * trace - 3.0 * value)
+        step = (whole - value * (minors - value * (trace - value))) / slope if slope > 0.0 else 0.0
+        value += step
+        if step < 1e-14 * trace:
+            break
+    best = 0.0
+    xx, yy, zz = xx - value, yy - value, zz - value
+    for x, y, z in (
+        (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy),
+        (xz * yz - xy * zz, xx * zz - xz * xz, xy * xz - xx * yz),
+        (xy * yz - xz * yy, xy * xz - xx * yz, xx * yy - xy * xy),
+    ):  # columns of the adjugate: each is the eigenvector, of some length
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > best:
+            best = length
+            way[0], way[1], way[2] = x / length, y / length, z / length
+    return value

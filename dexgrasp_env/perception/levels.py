@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.perception.cloud import thinned
-from dexgrasp_env.perception.neighbourhoods import local_planes
 from dexgrasp_env.perception.plane import Plane, fit_plane, refine_plane
 from dexgrasp_env.poses import placed
 
@@ -111,6 +110,8 @@ def _surface(points: Array) -> tuple[Array, float]:
 
     Where two levels meet, a patch of both is thicker than noise: it is left out.
     """
+    from dexgrasp_env.perception.kernels import local_planes
+
     thin, some = points[thinned(points, _THIN)], points[thinned(points, 0.5 * _THIN)]
     middles, normals, residuals = local_planes(thin, some, np.ones(len(some)), 0.022, 8)
     flat = np.abs(normals[:, 2]) > np.cos(STEEPEST)

@@ -1,12 +1,8 @@
-"""Neighbourhoods of a cloud's points: clusters, local planes."""
+"""Neighbourhoods of a cloud's points: clusters, gaps, spacing."""
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array, Index
-
-_AT_ONCE = 8192  # queries: the pairs of more would fill the memory
-# Of a symmetric matrix's six entries, and which of these each of all nine is.
-_ROW, _COLUMN, _WHOLE = [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2], [0, 1, 3, 1, 2, 4, 3, 4, 5]
 
 
 def linked(points: Array, step: float) -> Index:
@@ -38,52 +34,3 @@ def spacing(points: Array) -> float:
 
     few = points[:: max(1, len(points) // 2000)]
     return float(np.median(cKDTree(points).query(few, k=[2])[0]))
-
-
-def local_planes(
-    queries: Array, points: Array, weights: Array, radius: float, least: int
-) -> tuple[Array, Array, Array]:
-    """Fit a plane to the weighted neighbourhood of each query.
-
-    Args:
-        queries: (Q, 3).
-        points: (M, 3).
-        weights: (M,) confidence of each point; a Gaussian of the distance multiplies it.
-        radius: of the neighbourhood, metres; doubled once where fewer than `least` points are in it.
-        least: fewest points of a fit.
-
-    Returns:
-        Centroids (Q, 3), unit normals (Q, 3; zero where no fit), RMS residuals (Q,).
-    """
-    from scipy.sparse import csc_matrix
-
-    from dexgrasp_env.perception.kernels import pairs_within
-
-    x = points - points.mean(0)
-    moments = np.column_stack([np.ones(len(x)), x, x[:, _ROW] * x[:, _COLUMN]])
-    n = len(queries)
-    sums, counts = np.zeros((n, 10)), np.zeros(n, np.int64)
-    for start in range(0, n, _AT_ONCE):
-        rows = np.arange(start, min(start + _AT_ONCE, n))
-        for reach in (radius, 2.0 * radius):
-            within, begins, away = pairs_within(queries[rows], points, reach)
-            # In place: of half a million pairs new memory takes longer than figures.
-            weight = np.sqrt(away, out=away)
-            weight /= reach
-            weight *= weight
-            weight *= -2.0
-            np.exp(weight, out=weight)
-            weight *= np.repeat(weights, np.diff(begins))
-            near = csc_matrix((weight, within, begins), shape=(len(rows), len(points)))
-            sums[rows], counts[rows] = near @ moments, np.bincount(within, minlength=len(rows))
-            rows = rows[counts[rows] < least]
-            if not len(rows):
-                break
-    fit = counts >= 3
-    mean, squares = sums[fit, 1:4] / sums[fit, :1], sums[fit, 4:] / sums[fit, :1]
-    covariance = (squares - mean[:, _ROW] * mean[:, _COLUMN])[:, _WHOLE].reshape(-1, 3, 3)
-    values, vectors = np.linalg.eigh(covariance)
-    centres, normals, residuals = queries.copy(), np.zeros((n, 3)), np.zeros(n)
-    centres[fit], normals[fit] = mean + points.mean(0), vectors[:, :, 0]
-    residuals[fit] = np.sqrt(np.maximum(values[:, 0], 0.0))
-    return centres, normals, residuals
