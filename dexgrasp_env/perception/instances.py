@@ -227,12 +227,10 @@ def _with_crumbs(points: Array, labels: Index) -> Index:
 
 def _with_shared(points: Array, labels: Index) -> Index:
     """Return labels (M,) in which things whose hulls share space are one: the inside of a cup is seen apart from it."""
-    numbers = [k for k in np.unique(labels) if (labels == k).sum() >= 10]
-    hulls = {
-        k: corners_and_volume(points[labels == k])
-        for k in sorted(numbers, key=lambda k: -(labels == k).sum())
-    }
-    small = [k for k, (corners, _) in hulls.items() if longest_side(corners) <= 0.15]
+    counts = np.bincount(labels)
+    small = [k for k in np.argsort(-counts, kind="stable") if counts[k] >= 10]
+    small = [k for k in small if longest_side(points[labels == k]) <= 0.15]
+    hulls = {k: corners_and_volume(points[labels == k]) for k in small if len(small) > 1}
     for j, other in enumerate(small):
         for k in small[:j]:
             (mine, volume), (its, least) = hulls[k], hulls[other]

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Index
+from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import leaf, njit, wide
 
 
@@ -84,11 +84,14 @@ def _in_cells(points: Array, side: float) -> _Grid:
 
 
 @leaf
-def _near(grid: _Grid, x: float, y: float, z: float, reach: float, found: Index, limits: Index) -> int:
+def _near(
+    grid: _Grid, x: float, y: float, z: float, reach: float, found: Index, limits: Index, enough: int
+) -> int:
     """Write which points of a grid are at most `reach` m from a place, m, into `found`, and return how many they are.
 
     Args:
         limits: (3, 2) that are written over.
+        enough: after so many the others may be left out.
     """
     count, points, size = 0, grid.points, grid.size
     for a, at in enumerate((x, y, z)):
@@ -102,18 +105,20 @@ def _near(grid: _Grid, x: float, y: float, z: float, reach: float, found: Index,
                 dx, dy, dz = points[k, 0] - x, points[k, 1] - y, points[k, 2] - z
                 found[count] = k
                 count += dx * dx + dy * dy + dz * dz <= reach * reach  # without a branch: three times as fast
+            if count >= enough:
+                return count
     return count
 
 
 @njit
-def counts_within(points: Array, reach: float) -> Index:
-    """Return how many of points (M, 3) m are at most `reach` m from each (M,), which is one of them."""
-    grid, counts = _in_cells(points, reach), np.empty(len(points), np.int64)
+def has_near(queries: Array, points: Array, reach: float, least: int) -> Mask:
+    """Return which queries (Q, 3) m have at least so many of points (M, 3) m at most `reach` m away."""
+    grid, has = _in_cells(points, reach), np.empty(len(queries), np.bool_)
     found, limits = np.empty(len(points) + 1, np.int64), np.empty((3, 2), np.int64)
-    for i in range(len(points)):
-        x, y, z = grid.points[i]
-        counts[grid.rows[i]] = _near(grid, x, y, z, reach, found, limits)
-    return counts
+    for i in range(len(queries)):
+        x, y, z = queries[i]
+        has[i] = _near(grid, x, y, z, reach, found, limits, least) >= least
+    return has
 
 
 @njit
@@ -132,16 +137,16 @@ def local_planes(
     Returns:
         Centroids (Q, 3), unit normals (Q, 3; zero where no fit), RMS residuals (Q,).
     """
-    grid, offset, mean, spread = _in_cells(points, radius), np.empty(3), np.empty(3), np.empty((3, 3))
+    grid, mean, spread = _in_cells(points, radius), np.empty(3), np.empty((3, 3))
     found, limits = np.empty(len(points) + 1, np.int64), np.empty((3, 2), np.int64)
     weights = weights[grid.rows]
     centres, normals, residuals = queries.copy(), np.zeros(queries.shape), np.zeros(len(queries))
     for i in range(len(queries)):
         reach, (x, y, z) = radius, queries[i]
-        count = _near(grid, x, y, z, reach, found, limits)
+        count = _near(grid, x, y, z, reach, found, limits, len(points))
         if count < least:
             reach = 2.0 * radius
-            count = _near(grid, x, y, z, reach, found, limits)
+            count = _near(grid, x, y, z, reach, found, limits, len(points))
         if count < 3:
             continue
         total = mx = my = mz = xx = xy = yy = xz = yz = zz = 0.0

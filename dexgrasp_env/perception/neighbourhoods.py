@@ -1,5 +1,7 @@
 """Neighbourhoods of a cloud's points: clusters, gaps, spacing."""
 
+from typing import Any
+
 import numpy as np
 
 from dexgrasp_env.arrays import Array, Index
@@ -23,14 +25,17 @@ def linked(points: Array, step: float) -> Index:
 
 def gaps_between(points: Array, others: Array, most: float = np.inf) -> Array:
     """Return how far (N,) m points (N, n) lie from the nearest of others (M, n), infinity where that is `most` m."""
-    from scipy.spatial import cKDTree
-
-    return np.asarray(cKDTree(others).query(points, distance_upper_bound=most)[0])
+    return np.asarray(_tree(others).query(points, distance_upper_bound=most)[0])
 
 
 def spacing(points: Array) -> float:
     """Return the median distance, m, of points (N, 3) from the next one; of many, 2000 or so are asked."""
+    few = points[:: max(1, len(points) // 2000)]
+    return float(np.median(_tree(points).query(few, k=[2])[0]))
+
+
+def _tree(points: Array) -> Any:
+    """Return a tree of points (N, n) for few questions: it is made in half the time of scipy's own."""
     from scipy.spatial import cKDTree
 
-    few = points[:: max(1, len(points) // 2000)]
-    return float(np.median(cKDTree(points).query(few, k=[2])[0]))
+    return cKDTree(points, balanced_tree=False, compact_nodes=False)

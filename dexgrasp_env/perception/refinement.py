@@ -56,9 +56,9 @@ def refine_instances(cloud: Cloud, everything: Cloud, plane: Plane, *, pointed: 
     for k in objects_in(points, labels):
         if is_odd(points[labels == k]):
             labels = _by_level(points, labels, labels == k)
-    joined = set[int]()
-    view = _view_of(cloud, everything) if len(objects_in(points, labels)) > 1 else None
-    if not pointed:
+    joined, several = set[int](), len(objects_in(points, labels)) > 1
+    view = _view_of(cloud, everything) if several else None
+    if several and not pointed:
         labels, joined = _with_parts(points, labels, seen, view)
     things = {k: points[labels == k] for k in objects_in(points, labels)}
     marked = np.where(np.isin(labels, list(things)), labels, -1)

@@ -17,12 +17,10 @@ from dexgrasp_env.perception.cloud import (
     Cloud,
     cells_of,
     crop,
-    inside,
     means_of,
     thinned,
 )
 from dexgrasp_env.perception.levels import Level, choose_level, find_levels
-from dexgrasp_env.perception.neighbourhoods import gaps_between
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, refine_plane
 from dexgrasp_env.perception.reasons import NoTargetError
 from dexgrasp_env.poses import placed
@@ -108,7 +106,7 @@ def table_around(support: Support, target: Array) -> SeenTable:
     """
     points, heights = support.cloud.points, support.cloud.points[:, 2]
     flat, standing = points[np.abs(heights) < TOLERANCE], points[(heights > TOLERANCE) & (heights < 0.05)]
-    squares = _averaged(flat[_away(flat[:, :2], standing[:, :2], 0.012)])
+    squares = _averaged(flat[_away(flat, standing, 0.012)])
     if len(squares) <= _FEW_SQUARES:
         squares = _averaged(flat)
     away = np.linalg.norm(squares[:, :2] - middle(target)[:2], axis=1)
@@ -123,12 +121,12 @@ def table_around(support: Support, target: Array) -> SeenTable:
 
 
 def _away(points: Array, others: Array, reach: float) -> Mask:
-    """Return which points (M, 2) m have none of others (N, 2) m within `reach` m: few are near, and are looked up."""
-    away = np.ones(len(points), bool)
-    if len(others):
-        near = inside(points, others.min(0) - 2.0 * reach, others.max(0) + 2.0 * reach)
-        away[near] = gaps_between(points[near], others, reach) == np.inf
-    return away
+    """Return which points (M, 3) m have none of others (N, 3) m within `reach` m, seen from above."""
+    from dexgrasp_env.perception.kernels import has_near
+
+    if not len(others):
+        return np.ones(len(points), bool)
+    return ~has_near(points * [1.0, 1.0, 0.0], others * [1.0, 1.0, 0.0], reach, 1)
 
 
 def _averaged(points: Array) -> Array:
@@ -165,12 +163,12 @@ def _reaches_beyond(cloud: Cloud, plane: Plane) -> bool:
     """Return true for a plane that is seen beside what stands on it, as a table is, unlike the rim of an underside."""
     heights = plane.heights(cloud.points)
     level, above = (
-        cloud.points[where, :2]
+        cloud.points[where]
         for where in (np.abs(heights) < TOLERANCE, (heights > 2.0 * TOLERANCE) & (heights < 0.08))
     )
     level = level[:: max(1, len(level) // 5000)]
     free = level[_away(level, above, 2.0 * TOLERANCE)]
-    area = TOLERANCE**2 * len(np.unique(cells_of(free, TOLERANCE)))
+    area = TOLERANCE**2 * len(thinned(free[:, :2], TOLERANCE))
     return len(free) > 0.1 * len(level) and area > 0.02
 
 
