@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -189,6 +188,11 @@ def means_of(which: Index, rows: Array) -> Array:
     return sums / np.maximum(np.bincount(which), 1)[:, None]
 
 
+def dot(rows: Array, others: Array) -> Array:
+    """Return the products (M,) of rows (M, n) and others, in a quarter of the time of their products' sums."""
+    return np.einsum("ij,ij->i", rows, others)
+
+
 def thinned(points: Array, side: float) -> Index:
     """Return the indices, in order, of the first of points (M, n) in each cell, `side` m wide."""
     from dexgrasp_env.perception.kernels import first_of_each
@@ -223,7 +227,6 @@ def smooth(cloud: Cloud, queries: Cloud, noise: float, radius: float = 0.010) ->
 
     points, every = np.ascontiguousarray(queries.points), np.ascontiguousarray(cloud.points)
     centres, normals, residuals = local_planes(points, every, cloud.depth**-4.0, radius, 8)
-    dot = partial(np.einsum, "ij,ij->i")  # four times as fast as the sum of products
     normals = np.where(dot(normals, queries.views)[:, None] < 0, -normals, normals)
     normals = np.where(dot(normals, normals)[:, None] < 0.5, queries.views, normals)
     offset = dot(queries.points - centres, normals)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index, Mask, unit
-from dexgrasp_env.perception.cloud import Cloud, cells_of, means_of, smooth
+from dexgrasp_env.perception.cloud import Cloud, cells_of, dot, means_of, smooth
 from dexgrasp_env.perception.hulls import corners_and_volume, longest_side, width_of
 from dexgrasp_env.perception.neighbourhoods import linked, spacing
 from dexgrasp_env.perception.plane import Plane
@@ -139,10 +139,10 @@ def _seams(
     pairs = pairs[patches[pairs[:, 0]] != patches[pairs[:, 1]]]
     a, b = pairs.T
     way = unit(points[a] - points[b])
-    crease = np.minimum((normals[a] * way).sum(1), -(normals[b] * way).sum(1))
+    crease = np.minimum(dot(normals[a], way), -dot(normals[b], way))
     parts = (  # by logistic regression
         -3.4 * crease
-        - 2.8 * (normals[a] * normals[b]).sum(1)
+        - 2.8 * dot(normals[a], normals[b])
         - 18.0 * np.minimum(0.5 * (up[a] + up[b]), 0.1)  # m above the table; more tells nothing
         - 0.38 * np.minimum(dense[a], dense[b])
         + 2.36
@@ -218,10 +218,11 @@ def _with_crumbs(points: Array, labels: Index) -> Index:
     large = ((counts >= LEAST_POINTS) & (sides >= LEAST_EXTENT))[labels]
     if not large.any():
         return labels
-    crumbs = np.flatnonzero(~large)
-    distance, nearest = cKDTree(points[large]).query(points[crumbs], distance_upper_bound=0.015)  # m
-    near = np.isfinite(distance)
-    labels[crumbs[near]] = labels[large][nearest[near]]
+    if not large.all():
+        crumbs = np.flatnonzero(~large)
+        distance, nearest = cKDTree(points[large]).query(points[crumbs], distance_upper_bound=0.015)  # m
+        near = np.isfinite(distance)
+        labels[crumbs[near]] = labels[large][nearest[near]]
     return _with_shared(points, labels)
 
 

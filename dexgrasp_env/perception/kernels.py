@@ -149,10 +149,11 @@ def local_planes(
             count = _near(grid, x, y, z, reach, found, limits, len(points))
         if count < 3:
             continue
-        total = mx = my = mz = xx = xy = yy = xz = yz = zz = 0.0
+        fall, total = -2.0 / (reach * reach), 0.0
+        mx = my = mz = xx = xy = yy = xz = yz = zz = total
         for k in found[:count]:
             dx, dy, dz = grid.points[k, 0] - x, grid.points[k, 1] - y, grid.points[k, 2] - z
-            weight = weights[k] * np.exp(-2.0 * (dx * dx + dy * dy + dz * dz) / (reach * reach))
+            weight = weights[k] * np.exp(fall * (dx * dx + dy * dy + dz * dz))
             total += weight
             mx += weight * dx
             my += weight * dy

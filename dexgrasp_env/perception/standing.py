@@ -141,9 +141,9 @@ def overhang(upper: Array, lower: Array) -> float:
 
 def foot_of(points: Array, mine: Mask) -> float:
     """Return the height, m, of what carries a thing (N,) among points (N, 3) m; 0 for the table."""
-    low, outline = low_and_high(points[mine])[0], hull_of(points[mine, :2])
+    low = low_and_high(points[mine])[0]
     under = ~mine & (np.abs(points[:, 2] - low) < _FOOT)
-    if low < HIGH or outline is None or not under.any():
+    if low < HIGH or not under.any() or (outline := hull_of(points[mine, :2])) is None:
         return 0.0
     under[under] = beyond(outline, points[under, :2]) < 0.0
     return float(min(np.median(points[under, 2]), low)) if under.sum() >= 5 else 0.0

@@ -83,7 +83,7 @@ def find_support(cloud: Cloud, rng: Generator, cell: Cell, meant: Mask | None = 
     plane, levels = _find_table(cloud, rng, meant)
     if np.arccos(min(plane.normal[2], 1.0)) > np.radians(20.5):
         raise NoTargetError("table_tilted", f"{np.degrees(np.arccos(plane.normal[2])):.0f} degrees")
-    flat = cloud.select(np.abs(plane.heights(cloud.points)) < TOLERANCE).points
+    flat = cloud.points[np.abs(plane.heights(cloud.points)) < TOLERANCE]
     offset = float(plane.offset - plane.normal @ cell.base)
     seen = SeenTable(plane.normal, offset, placed(cell.T_base_world, flat[:: len(flat) // 500 + 1]))
     if abs(seen.off(cell.table_height)) > 0.05:  # m: the frame is wrong
@@ -113,8 +113,8 @@ def table_around(support: Support, target: Array) -> SeenTable:
     squares = squares[np.argsort(away, kind="stable")[:500]]  # 20 cm around it where all of the table is seen
     held = squares
     for _ in range(3):
-        fit = SeenTable.of(held)
-        off = squares @ fit.normal - np.median(held @ fit.normal)
+        normal = np.linalg.eigh(np.cov(held.T))[1][:, 0]
+        off = squares @ normal - np.median(held @ normal)
         noise = np.median(np.abs(off)) / 0.6745  # the standard deviation of normal noise
         held = squares[np.abs(off) < np.clip(3.0 * noise, 0.0015, 0.004)]
     return SeenTable.of(np.round(placed(support.cell.T_base_world, held), 5))
