@@ -84,24 +84,24 @@ def _in_cells(points: Array, side: float) -> _Grid:
 
 
 @leaf
-def _near(
-    grid: _Grid, x: float, y: float, z: float, reach: float, found: Index, limits: Index, enough: int
-) -> int:
-    """Write which points of a grid are at most `reach` m from a place, m, into `found`, and return how many they are.
+def _near(grid: _Grid, place: Array, reach: float, found: Index, limits: Index, enough: int) -> int:
+    """Write which points of a grid are at most `reach` m from a place (3,) m, and return how many they are.
 
     Args:
+        found: that are written.
         limits: (3, 2) that are written over.
         enough: after so many the others may be left out.
     """
     count, points, size = 0, grid.points, grid.size
-    for a, at in enumerate((x, y, z)):
+    for a in range(3):
         for end in range(2):
-            place = (at - grid.low[a] + (2 * end - 1) * reach) / grid.side
-            limits[a, end] = int(min(max(place, 0.0), size[a] - 0.5))
+            cell = (place[a] - grid.low[a] + (2 * end - 1) * reach) / grid.side
+            limits[a, end] = int(min(max(cell, 0.0), size[a] - 0.5))
+    x, y, z = place
     for row in range(limits[0, 0], limits[0, 1] + 1):
         for line in range(row * size[1] + limits[1, 0], row * size[1] + limits[1, 1] + 1):
-            start = line * size[2]
-            for k in range(grid.first[start + limits[2, 0]], grid.first[start + limits[2, 1] + 1]):
+            run = grid.first[line * size[2] + limits[2, 0] : line * size[2] + limits[2, 1] + 2]
+            for k in range(run[0], run[-1]):
                 dx, dy, dz = points[k, 0] - x, points[k, 1] - y, points[k, 2] - z
                 found[count] = k
                 count += dx * dx + dy * dy + dz * dz <= reach * reach  # without a branch: three times as fast
@@ -116,8 +116,7 @@ def has_near(queries: Array, points: Array, reach: float, least: int) -> Mask:
     grid, has = _in_cells(points, reach), np.empty(len(queries), np.bool_)
     found, limits = np.empty(len(points) + 1, np.int64), np.empty((3, 2), np.int64)
     for i in range(len(queries)):
-        x, y, z = queries[i]
-        has[i] = _near(grid, x, y, z, reach, found, limits, least) >= least
+        has[i] = _near(grid, queries[i], reach, found, limits, least) >= least
     return has
 
 
@@ -137,39 +136,32 @@ def local_planes(
     Returns:
         Centroids (Q, 3), unit normals (Q, 3; zero where no fit), RMS residuals (Q,).
     """
-    grid, mean, spread = _in_cells(points, radius), np.empty(3), np.empty((3, 3))
+    grid, off, mean, spread = _in_cells(points, radius), np.empty(3), np.empty(3), np.empty((3, 3))
     found, limits = np.empty(len(points) + 1, np.int64), np.empty((3, 2), np.int64)
-    weights = weights[grid.rows]
     centres, normals, residuals = queries.copy(), np.zeros(queries.shape), np.zeros(len(queries))
     for i in range(len(queries)):
-        reach, (x, y, z) = radius, queries[i]
-        count = _near(grid, x, y, z, reach, found, limits, len(points))
-        if count < least:
-            reach = 2.0 * radius
-            count = _near(grid, x, y, z, reach, found, limits, len(points))
+        for reach in (radius, 2.0 * radius):
+            count = _near(grid, queries[i], reach, found, limits, len(points))
+            if count >= least:
+                break
         if count < 3:
             continue
-        fall, total = -2.0 / (reach * reach), 0.0
-        mx = my = mz = xx = xy = yy = xz = yz = zz = total
+        total, mean[:], spread[:] = 0.0, 0.0, 0.0
         for k in found[:count]:
-            dx, dy, dz = grid.points[k, 0] - x, grid.points[k, 1] - y, grid.points[k, 2] - z
-            weight = weights[k] * np.exp(fall * (dx * dx + dy * dy + dz * dz))
+            away = 0.0
+            for a in range(3):
+                off[a] = grid.points[k, a] - queries[i, a]
+                away += off[a] * off[a]
+            weight = weights[grid.rows[k]] * np.exp(-2.0 * away / (reach * reach))
             total += weight
-            mx += weight * dx
-            my += weight * dy
-            mz += weight * dz
-            xx += weight * dx * dx
-            xy += weight * dx * dy
-            yy += weight * dy * dy
-            xz += weight * dx * dz
-            yz += weight * dy * dz
-            zz += weight * dz * dz
-        mean[0], mean[1], mean[2] = mx / total, my / total, mz / total
-        spread[0, 0], spread[0, 1], spread[0, 2] = xx / total, xy / total, xz / total
-        spread[1, 1], spread[1, 2], spread[2, 2] = yy / total, yz / total, zz / total
+            for a in range(3):
+                mean[a] += weight * off[a]
+                for b in range(a, 3):
+                    spread[a, b] += weight * off[a] * off[b]
+        mean /= total
         for a in range(3):
-            for b in range(3):
-                spread[a, b] -= mean[a] * mean[b]
+            for b in range(a, 3):
+                spread[a, b] = spread[a, b] / total - mean[a] * mean[b]
         centres[i] += mean
         residuals[i] = np.sqrt(max(_least_across(spread, normals[i]), 0.0))
     return centres, normals, residuals
@@ -177,29 +169,28 @@ def local_planes(
 
 @leaf
 def _least_across(spread: Array, way: Array) -> float:
-    """Return the least eigenvalue of a covariance (3, 3), and write its unit eigenvector into `way` (3,).
+    """Return the least eigenvalue of a covariance (3, 3), of its upper half, and write its eigenvector into `way` (3,).
 
     The eigenvector stays as it is where there are two such, as of points in a row.
     """
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = spread
-    trace, minors = xx + yy + zz, xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz
-    whole = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
-    value = 0.0
-    for _ in range(60):  # Newton's steps: from below they end at the least root
-        slope = minors - value * (2.0 * trace - 3.0 * value)
-        step = (whole - value * (minors - value * (trace - value))) / slope if slope > 0.0 else 0.0
+    a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy  # cofactors
+    d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    trace, value = xx + yy + zz, 0.0
+    for _ in range(
+        60
+    ):  # Newton's steps: from below they end at the least root of the characteristic polynomial
+        slope = a + d + f - value * (2.0 * trace - 3.0 * value)
+        left = xx * a + xy * b + xz * c - value * (a + d + f - value * (trace - value))
+        step = left / slope if slope > 0.0 else 0.0
         value += step
         if step < 1e-14 * trace:
             break
-    best = 0.0
-    xx, yy, zz = xx - value, yy - value, zz - value
-    for x, y, z in (
-        (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy),
-        (xz * yz - xy * zz, xx * zz - xz * xz, xy * xz - xx * yz),
-        (xy * yz - xz * yy, xy * xz - xx * yz, xx * yy - xy * xy),
-    ):  # columns of the adjugate: each is the eigenvector, of some length
-        length = np.sqrt(x * x + y * y + z * z)
-        if length > best:
-            best = length
-            way[0], way[1], way[2] = x / length, y / length, z / length
+    # The columns of the adjugate without the eigenvalue are the eigenvector, of some length.
+    a, b, c = a + value * (value - yy - zz), b + value * xy, c + value * xz
+    d, e, f = d + value * (value - xx - zz), e + value * yz, f + value * (value - xx - yy)
+    x, y, z = (a, b, c) if a >= max(d, f) else (b, d, e) if d >= f else (c, e, f)
+    length = np.sqrt(x * x + y * y + z * z)
+    if length > 0.0:
+        way[0], way[1], way[2] = x / length, y / length, z / length
     return value
