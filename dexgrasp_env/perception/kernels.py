@@ -136,7 +136,7 @@ def local_planes(
     Returns:
         Centroids (Q, 3), unit normals (Q, 3; zero where no fit), RMS residuals (Q,).
     """
-    grid, off, mean, spread = _in_cells(points, radius), np.empty(3), np.empty(3), np.empty((3, 3))
+    grid, off, mean, covariance = _in_cells(points, radius), np.empty(3), np.empty(3), np.empty((3, 3))
     found, limits = np.empty(len(points) + 1, np.int64), np.empty((3, 2), np.int64)
     centres, normals, residuals = queries.copy(), np.zeros(queries.shape), np.zeros(len(queries))
     for i in range(len(queries)):
@@ -146,7 +146,7 @@ def local_planes(
                 break
         if count < 3:
             continue
-        total, mean[:], spread[:] = 0.0, 0.0, 0.0
+        total, mean[:], covariance[:] = 0.0, 0.0, 0.0
         for k in found[:count]:
             away = 0.0
             for a in range(3):
@@ -157,23 +157,23 @@ def local_planes(
             for a in range(3):
                 mean[a] += weight * off[a]
                 for b in range(a, 3):
-                    spread[a, b] += weight * off[a] * off[b]
+                    covariance[a, b] += weight * off[a] * off[b]
         mean /= total
         for a in range(3):
             for b in range(a, 3):
-                spread[a, b] = spread[a, b] / total - mean[a] * mean[b]
+                covariance[a, b] = covariance[a, b] / total - mean[a] * mean[b]
         centres[i] += mean
-        residuals[i] = np.sqrt(max(_least_across(spread, normals[i]), 0.0))
+        residuals[i] = np.sqrt(max(_least_across(covariance, normals[i]), 0.0))
     return centres, normals, residuals
 
 
 @leaf
-def _least_across(spread: Array, way: Array) -> float:
+def _least_across(covariance: Array, way: Array) -> float:
     """Return the least eigenvalue of a covariance (3, 3), of its upper half, and write its eigenvector into `way` (3,).
 
     The eigenvector stays as it is where there are two such, as of points in a row.
     """
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = spread
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = covariance
     a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy  # cofactors
     d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
     trace, value = xx + yy + zz, 0.0
