@@ -106,7 +106,7 @@ def refine_plane(
 
 
 def _least_squares(points: Array) -> tuple[Array, float, float]:
-    centre = np.full(len(points), 1.0 / len(points)) @ points  # ten times as fast as their mean
+    centre = points.mean(0)
     local = points - centre
     values, vectors = np.linalg.eigh(local.T @ local / len(points))
     normal = vectors[:, 0] * np.sign(vectors[2, 0])
