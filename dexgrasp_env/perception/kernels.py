@@ -177,9 +177,7 @@ def _least_across(covariance: Array, way: Array) -> float:
     a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy  # cofactors
     d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
     trace, value = xx + yy + zz, 0.0
-    for _ in range(
-        60
-    ):  # Newton's steps: from below they end at the least root of the characteristic polynomial
+    for _ in range(60):  # Newton's steps: from below they end at the characteristic polynomial's least root
         slope = a + d + f - value * (2.0 * trace - 3.0 * value)
         left = xx * a + xy * b + xz * c - value * (a + d + f - value * (trace - value))
         step = left / slope if slope > 0.0 else 0.0
