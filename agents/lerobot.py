@@ -52,10 +52,11 @@ class LeRobotAgent(Agent):
             ) from error
         self._acts = tuple(config.output_features["action"].shape)
         stated = agent_keywords(env_kwargs, _trained_in(folder), folder / "train_config.json")
-        modes = {"observation.environment_state": "state", "observation.image": "rgbd"}
-        seen = [
-            own for key, own in modes.items() if any(name.startswith(key) for name in config.input_features)
-        ]
+        modes, names = (
+            {"observation.environment_state": "state", "observation.image": "rgbd"},
+            " ".join(config.input_features),
+        )
+        seen = [mode for key, mode in modes.items() if key in names]
         doubt = "does not say what its actions mean: played with control_mode=joint_delta, unless --env-kwargs does"
         self.assumed = "" if "control_mode" in stated else f"{folder} {doubt}"
         settings = {"obs_mode": "+".join(seen) or "state", "control_mode": "joint_delta"}
@@ -93,12 +94,10 @@ class LeRobotAgent(Agent):
         from lerobot.envs.utils import preprocess_observation
 
         # No agent is told the object's name, which a policy that reads its task may have learned by.
-        batch = {key: np.asarray(values)[None] for key, values in observation.items()}
-        seen = preprocess_observation(lerobot_observation(batch))
-        seen["task"] = [task_of("the object")]
+        seen = preprocess_observation(lerobot_observation(observation)) | {"task": [task_of("the object")]}
         with torch.inference_mode():
             action = self._after(self._policy.select_action(self._before(seen)))
-        return np.asarray(action.cpu().numpy()[0])
+        return np.asarray(action[0].cpu())
 
 
 def _trained_in(folder: Path) -> Fields:

@@ -124,7 +124,10 @@ class Member(EpisodeAccess):
 
     def render(self) -> Any:
         """Return a picture."""
-        return self._envs.render_one(self._i)
+        self._envs._check_open("render")
+        simulation = self._envs.simulation(self._i)
+        mujoco.mj_forward(simulation.model, simulation.data)
+        return self._episodes.views.render(self._envs.render_mode, simulation)
 
     def set(self, name: str, value: Any) -> None:
         """Set an attribute of the user's own.

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import mujoco
 import numpy as np
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.utils import EzPickle, seeding
@@ -208,15 +207,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
 
     def render(self) -> tuple[Any, ...] | None:
         """Return a picture of each environment."""
-        return tuple(map(self.render_one, range(self.num_envs)))
-
-    def render_one(self, i: int) -> Any:
-        """Return a picture of environment `i`."""
-        self._check_open("render")
-        self._check_index(i)
-        simulation = self.simulation(i)
-        mujoco.mj_forward(simulation.model, simulation.data)
-        return self._views.render(self.render_mode, simulation)
+        return self.call("render")
 
     def _check_open(self, what: str) -> None:
         if self.closed:
