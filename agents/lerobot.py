@@ -10,9 +10,9 @@ from dexgrasp.agent import Agent, Info, Observation
 from dexgrasp.data.demonstrations.lerobot_format import lerobot_observation, task_of
 from dexgrasp.evaluation.protocol import agent_keywords
 from dexgrasp_env.arrays import Fields, Single
-from dexgrasp_env.errors import InputError, first_line
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import expand, read_json_object
+from dexgrasp_env.files import expand, read_json_object, understood
 
 
 class LeRobotAgent(Agent):
@@ -40,16 +40,12 @@ class LeRobotAgent(Agent):
         with from_extra():
             from lerobot.configs.policies import PreTrainedConfig
             from lerobot.policies.factory import get_policy_class, make_pre_post_processors
-        try:
+        with understood(folder, "a policy of LeRobot"):
             config = PreTrainedConfig.from_pretrained(folder)
             config.device = "cpu"
             self._policy = get_policy_class(config.type).from_pretrained(folder, config=config).eval()
             here = {"preprocessor_overrides": {"device_processor": {"device": "cpu"}}}
             self._before, self._after = make_pre_post_processors(config, pretrained_path=str(folder), **here)
-        except Exception as error:  # of whatever kind its author chose
-            raise InputError(
-                f"{folder} cannot be opened as a policy of LeRobot: {first_line(error)[:160]}"
-            ) from error
         self._acts = tuple(config.output_features["action"].shape)
         stated = agent_keywords(env_kwargs, _trained_in(folder), folder / "train_config.json")
         modes, names = (

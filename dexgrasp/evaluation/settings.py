@@ -33,6 +33,7 @@ from dexgrasp_env.valid import (
     Positive,
     Rule,
     read,
+    refuse_idle,
 )
 
 _OF_CHECKPOINTS = {"env_kwargs": r"lerobot:.*|.*\.zip", "wrappers": r".*\.zip"}
@@ -106,10 +107,8 @@ class EvaluationSettings:
                 f"protocol {own[0]!r} has a friction of its own: leave --friction out, or take lift"
             )
         used = {key for agent in self.agents for key in self.checkpoint_settings(agent)}
-        for key in _OF_CHECKPOINTS:
-            if getattr(self, key) and key not in used:
-                option = f"--{key.replace('_', '-')}"
-                raise InputError(f"{option} is of checkpoints (.zip, lerobot:): {self.agents[0]!r} is none")
+        need = "a checkpoint (.zip, for env_kwargs also lerobot:) among the agents"
+        refuse_idle(self, {key: (key in used, need) for key in _OF_CHECKPOINTS})
 
     @classmethod
     def of(cls, agents: Sequence[str], objects: Sequence[str], **rest: Any) -> "EvaluationSettings":

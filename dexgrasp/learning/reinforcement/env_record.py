@@ -10,7 +10,7 @@ import pkgutil
 import sys
 import warnings
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
@@ -150,7 +150,7 @@ def record_environment(env: Any, path: str | Path) -> Path:
         vec_wrappers,
     )
     beside = Path(path).with_suffix(".json")
-    write_json(beside, jsonable(asdict(record)))
+    write_json(beside, jsonable(record))
     return beside
 
 
@@ -220,4 +220,4 @@ def vec_wrapper(env: Any) -> tuple[WrapperRecord, ...]:
 
 def _statistics(counted: Any) -> Fields:
     by_key = counted if isinstance(counted, dict) else {"": counted} if counted else {}
-    return {key: {"mean": own.mean.tolist(), "var": own.var.tolist()} for key, own in by_key.items()}
+    return {key: {"mean": own.mean, "var": own.var} for key, own in by_key.items()}
