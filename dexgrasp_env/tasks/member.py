@@ -111,8 +111,7 @@ class Member(EpisodeAccess):
         return self._mine(*self._envs.observe())
 
     def _mine(self, observations: Arrays, infos: Fields) -> tuple[Arrays, Fields]:
-        mine = {key: values[self._i] for key, values in observations.items()}
-        return mine, of_one(infos, self._i) | self.agent_info
+        return of_one(observations, self._i), of_one(infos, self._i) | self.agent_info
 
     def get_state(self) -> EpisodeState:
         """Return the state of the episode; see `LiftEnv.get_state`."""
