@@ -48,10 +48,8 @@ class LeRobotAgent(Agent):
             self._before, self._after = make_pre_post_processors(config, pretrained_path=str(folder), **here)
         self._acts = tuple(config.output_features["action"].shape)
         stated = agent_keywords(env_kwargs, _trained_in(folder), folder / "train_config.json")
-        modes, names = (
-            {"observation.environment_state": "state", "observation.image": "rgbd"},
-            " ".join(config.input_features),
-        )
+        modes = {"observation.environment_state": "state", "observation.image": "rgbd"}
+        names = " ".join(config.input_features)
         seen = [mode for key, mode in modes.items() if key in names]
         doubt = "does not say what its actions mean: played with control_mode=joint_delta, unless --env-kwargs does"
         self.assumed = "" if "control_mode" in stated else f"{folder} {doubt}"

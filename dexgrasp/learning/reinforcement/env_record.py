@@ -130,7 +130,7 @@ def record_environment(env: Any, path: str | Path) -> Path:
     Raises:
         InputError: if the environment is none of DexGrasp's.
     """
-    vec_wrappers = tuple[WrapperRecord, ...]()
+    vec_wrappers: _Wrappers = ()
     while hasattr(env, "venv"):
         vec_wrappers = vec_wrapper(env) + vec_wrappers
         env = env.venv
@@ -188,14 +188,15 @@ def _wrapper(spec: Any, env: Any) -> WrapperRecord:
     kwargs = spec.kwargs
     if kwargs is None and len(signature(pkgutil.resolve_name(spec.entry_point)).parameters) == 1:
         kwargs = {}  # the environment alone
+    name = _entry_point(spec.entry_point)
     if (kwargs := _as_json(kwargs)) is None:
         warnings.warn(
-            f"{spec.entry_point} does not tell its arguments (gymnasium.utils.RecordConstructorArgs): `evaluate` will "
-            "ask for them with --wrappers",
-            stacklevel=4,
+            f"{name} does not tell its arguments (gymnasium.utils.RecordConstructorArgs): `evaluate` will ask for them "
+            "with --wrappers",
+            stacklevel=5,  # who saves the checkpoint
         )
     counted = attribute_of(env, "obs_rms") if spec.name == "NormalizeObservation" else None
-    return WrapperRecord(_entry_point(spec.entry_point), kwargs, _statistics(counted))
+    return WrapperRecord(name, kwargs, _statistics(counted))
 
 
 def _entry_point(name: str) -> str:
@@ -204,7 +205,7 @@ def _entry_point(name: str) -> str:
     return name.replace("__main__:", f"{Path(program).stem}:") if program else name
 
 
-def vec_wrapper(env: Any) -> tuple[WrapperRecord, ...]:
+def vec_wrapper(env: Any) -> _Wrappers:
     """Return the record of a wrapper of Stable-Baselines3; none for None, or for what changes nothing for a policy."""
     kind = type(env)
     if env is None or kind.__name__ in _IDLE or not vars(env).get("norm_obs", True):
