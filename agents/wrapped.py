@@ -38,6 +38,7 @@ class Relay(gym.Env[Any, Any]):
     """Stand-in for the environment below a policy's wrappers: a thread of the policy's steps it."""
 
     _thread: threading.Thread | None = None
+    _seen: SimpleQueue[Any]
 
     def __init__(self, observation_space: Any, action_space: Any, record: EnvRecord) -> None:
         self.observation_space, self.action_space = observation_space, action_space
@@ -48,7 +49,7 @@ class Relay(gym.Env[Any, Any]):
         if self._thread:
             self._seen.put(None)
             self._thread.join()
-        self._actions, self._seen = SimpleQueue[Any](), SimpleQueue[Any]()
+        self._actions, self._seen = SimpleQueue[Any](), SimpleQueue()
         self._thread = threading.Thread(target=self._play, args=(policy, envs), daemon=True)
         self._thread.start()
 
