@@ -50,7 +50,7 @@ class LeRobotEnv(TransformObservation[Any, Any, Any]):
         observation, info = super().reset(seed=scene, options=options)
         return observation, _passed_on(info)
 
-    def step(self, action: Any) -> tuple[Fields, float, bool, bool, Fields]:
+    def step(self, action: Any) -> tuple[Fields, Any, bool, bool, Fields]:
         """Advance; an episode ends with success, as a trial does."""
         observation, reward, terminated, truncated, info = super().step(action)
         return observation, reward, terminated or info["is_success"], truncated, _passed_on(info)
