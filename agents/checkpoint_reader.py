@@ -16,8 +16,9 @@ from typing import Any
 
 from dexgrasp.runs.pickles import unpickle
 from dexgrasp_env.arrays import Fields
+from dexgrasp_env.errors import understood
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import check_archive, check_bytes, read_file, readable, understood
+from dexgrasp_env.files import check_archive, check_bytes, read_file, readable
 
 with from_extra():
     import torch

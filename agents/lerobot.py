@@ -10,9 +10,9 @@ from dexgrasp.agent import Agent, Info, Observation
 from dexgrasp.data.demonstrations.lerobot_format import lerobot_observation, task_of
 from dexgrasp.evaluation.protocol import agent_keywords
 from dexgrasp_env.arrays import Fields, Single
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, understood
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import expand, read_json_object, understood
+from dexgrasp_env.files import expand, read_json_object
 
 
 class LeRobotAgent(Agent):

@@ -22,7 +22,7 @@ import numpy as np
 import platformdirs
 
 from dexgrasp_env.arrays import Arrays, Fields
-from dexgrasp_env.errors import InputError, first_line
+from dexgrasp_env.errors import InputError
 
 _MIB = 1 << 20
 _LARGEST = {
@@ -80,23 +80,6 @@ def readable(what: object) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(f"cannot read {what}: {error.strerror or error}") from None
-
-
-@contextmanager
-def understood(path: Path, kind: str) -> Iterator[None]:
-    """Turn whatever a parser raises on a damaged file into one line.
-
-    Raises:
-        InputError: for any error within.
-    """
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(
-            f"{path} cannot be read as {kind} ({type(error).__name__}: {first_line(error)})"
-        ) from None
 
 
 def read_file(path: Path, kind: str = "") -> bytes:

@@ -13,8 +13,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import LARGEST, Array
 from dexgrasp_env.arrays import unit as unit_vectors
-from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import understood
+from dexgrasp_env.errors import InputError, understood
 from dexgrasp_env.perception.bag_file import BAGS, bag_of, read_bag
 from dexgrasp_env.perception.camera_files import CAMERAS_FILE, read_cameras
 from dexgrasp_env.perception.cloud import MIN_POINTS, Cloud, check_count, gather, remove_flying
