@@ -8,7 +8,7 @@ import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces, wrappers
@@ -111,7 +111,7 @@ class CheckpointAgent(Agent):
             f"{self._path} says no more of what it was trained in than its spaces: played with {words}; --env-kwargs "
             "and --wrappers say otherwise, and save_checkpoint() of dexgrasp records it"
         )
-        return EnvRecord(known, vec_wrappers=(statistics,) if statistics else ())
+        return EnvRecord(known, vec_wrappers=statistics)
 
     def _with_wrappers(self, record: EnvRecord, named: Sequence[WrapperRecord]) -> EnvRecord:
         """Return a record with the wrappers that the user names, which are those of the record if it has any."""
@@ -173,15 +173,13 @@ class CheckpointAgent(Agent):
         self._envs.seed(self._seed)
         self._relay.begin(self._policy, self._envs)
 
-    def act(self, observation: Observation) -> Any:
+    def act(self, observation: Any) -> Any:
         """Return the action that the policy's mean one comes to behind its wrappers."""
         if self._relay is None:
             self.reset(observation, {})
-        known, seen = self._relay.observation_space, cast("Any", observation)
-        if isinstance(known, spaces.Box) and np.shape(seen) != known.shape:
-            raise InputError(
-                f"the checkpoint was trained on {known.shape[0]} features, of another control_mode"
-            )
+        known = self._relay.observation_space.shape  # None with keys
+        if known and np.shape(observation) != known:
+            raise InputError(f"the checkpoint was trained on {known[0]} features, of another control_mode")
         return self._relay.action(observation)
 
     @classmethod

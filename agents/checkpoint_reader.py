@@ -16,7 +16,7 @@ from typing import Any
 
 from dexgrasp.runs.pickles import unpickle
 from dexgrasp_env.arrays import Fields
-from dexgrasp_env.errors import InputError, first_line
+from dexgrasp_env.errors import understood
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import check_archive, check_bytes, read_file, readable
 
@@ -45,18 +45,11 @@ def read_settings(path: Path) -> Fields:
     Raises:
         InputError: if it is no checkpoint of Stable-Baselines3.
     """
-    with readable(path):
-        try:
-            check_archive(path)
-            with zipfile.ZipFile(path) as archive:
-                check_bytes(archive.getinfo("data").file_size, f"data in {path}", ".json")
-                return dict(json.loads(archive.read("data")))
-        except (InputError, OSError):
-            raise
-        except Exception as error:  # a zip can be damaged in many ways
-            raise InputError(
-                f"{path} is not a checkpoint of Stable-Baselines3: {first_line(error)[:100]}"
-            ) from None
+    with understood(path, "a checkpoint of Stable-Baselines3"), readable(path):
+        check_archive(path)
+        with zipfile.ZipFile(path) as archive:
+            check_bytes(archive.getinfo("data").file_size, f"data in {path}", ".json")
+            return dict(json.loads(archive.read("data")))
 
 
 def open_policy(path: Path) -> Any:
@@ -66,7 +59,7 @@ def open_policy(path: Path) -> Any:
         InputError: naming what this reader does not make, or does not fit.
     """
     settings = read_settings(path)
-    try:
+    with understood(path, "a policy here: valid is an agent of your own too, named package.module:Class"):
         kind, seen, acts, more = (
             _unpickled(settings[key])
             for key in ("policy_class", "observation_space", "action_space", "policy_kwargs")
@@ -77,11 +70,6 @@ def open_policy(path: Path) -> Any:
         with zipfile.ZipFile(path) as archive:
             weights = torch.load(io.BytesIO(archive.read("policy.pth")), "cpu", weights_only=True)
         policy.load_state_dict(weights)
-    except Exception as error:  # damaged ones fail in many ways
-        raise InputError(
-            f"{path} cannot be opened, as {first_line(error)[:160]} (an agent of your own is named "
-            "package.module:Class)"
-        ) from error
     return policy
 
 
@@ -98,12 +86,9 @@ def counted(path: Path) -> Any:
     """
     for file in statistics_files(path):
         if file.is_file():
-            content = read_file(file)
-            try:
-                found = unpickle(content, _NAMES, _CLASSES)
+            with understood(file, "a VecNormalize"):
+                found = unpickle(read_file(file), _NAMES, _CLASSES)
                 return found if "obs_rms" in vars(found) else None
-            except Exception as error:  # damaged ones fail in many ways
-                raise InputError(f"{file} holds no VecNormalize: {first_line(error)[:120]}") from None
     return None
 
 

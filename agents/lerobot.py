@@ -10,7 +10,7 @@ from dexgrasp.agent import Agent, Info, Observation
 from dexgrasp.data.demonstrations.lerobot_format import lerobot_observation, task_of
 from dexgrasp.evaluation.protocol import agent_keywords
 from dexgrasp_env.arrays import Fields, Single
-from dexgrasp_env.errors import InputError, first_line
+from dexgrasp_env.errors import InputError, understood
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import expand, read_json_object
 
@@ -40,22 +40,17 @@ class LeRobotAgent(Agent):
         with from_extra():
             from lerobot.configs.policies import PreTrainedConfig
             from lerobot.policies.factory import get_policy_class, make_pre_post_processors
-        try:
+        with understood(folder, "a policy of LeRobot"):
             config = PreTrainedConfig.from_pretrained(folder)
             config.device = "cpu"
             self._policy = get_policy_class(config.type).from_pretrained(folder, config=config).eval()
             here = {"preprocessor_overrides": {"device_processor": {"device": "cpu"}}}
             self._before, self._after = make_pre_post_processors(config, pretrained_path=str(folder), **here)
-        except Exception as error:  # of whatever kind its author chose
-            raise InputError(
-                f"{folder} cannot be opened as a policy of LeRobot: {first_line(error)[:160]}"
-            ) from error
         self._acts = tuple(config.output_features["action"].shape)
         stated = agent_keywords(env_kwargs, _trained_in(folder), folder / "train_config.json")
         modes = {"observation.environment_state": "state", "observation.image": "rgbd"}
-        seen = [
-            own for key, own in modes.items() if any(name.startswith(key) for name in config.input_features)
-        ]
+        names = " ".join(config.input_features)
+        seen = [mode for key, mode in modes.items() if key in names]
         doubt = "does not say what its actions mean: played with control_mode=joint_delta, unless --env-kwargs does"
         self.assumed = "" if "control_mode" in stated else f"{folder} {doubt}"
         settings = {"obs_mode": "+".join(seen) or "state", "control_mode": "joint_delta"}
@@ -93,12 +88,10 @@ class LeRobotAgent(Agent):
         from lerobot.envs.utils import preprocess_observation
 
         # No agent is told the object's name, which a policy that reads its task may have learned by.
-        batch = {key: np.asarray(values)[None] for key, values in observation.items()}
-        seen = preprocess_observation(lerobot_observation(batch))
-        seen["task"] = [task_of("the object")]
+        seen = preprocess_observation(lerobot_observation(observation)) | {"task": [task_of("the object")]}
         with torch.inference_mode():
             action = self._after(self._policy.select_action(self._before(seen)))
-        return np.asarray(action.cpu().numpy()[0])
+        return np.asarray(action[0].cpu())
 
 
 def _trained_in(folder: Path) -> Fields:

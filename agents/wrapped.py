@@ -38,7 +38,6 @@ class Relay(gym.Env[Any, Any]):
     """Stand-in for the environment below a policy's wrappers: a thread of the policy's steps it."""
 
     _thread: threading.Thread | None = None
-    _actions: SimpleQueue[Any]
     _seen: SimpleQueue[Any]
 
     def __init__(self, observation_space: Any, action_space: Any, record: EnvRecord) -> None:
@@ -50,7 +49,7 @@ class Relay(gym.Env[Any, Any]):
         if self._thread:
             self._seen.put(None)
             self._thread.join()
-        self._actions, self._seen = SimpleQueue(), SimpleQueue()
+        self._actions, self._seen = SimpleQueue[Any](), SimpleQueue()
         self._thread = threading.Thread(target=self._play, args=(policy, envs), daemon=True)
         self._thread.start()
 
@@ -106,18 +105,14 @@ def wrapped(relay: Relay, record: EnvRecord, own: frozenset[str]) -> VecEnv:
         InputError: for one that cannot be made here, code that the user has not named, and wrappers whose arguments
             nobody knows, with the option that names them.
     """
-    unnamed = [
-        each
-        for each in (*record.wrappers, *record.vec_wrappers)
-        if each.kwargs is None or not (each.name.startswith(_KNOWN) or each.name in own)
-    ]
-    if unnamed:
-        words = " ".join(shlex.quote(_written(each)) for each in record.wrappers)
-        missing = " (what is ... was not recorded)" if "(...)" in words else ""
-        raise InputError(
-            f"the policy was trained in {unnamed[0].short}, a wrapper of its author's, whose code runs if you name all "
-            f"of them{missing}: --wrappers {words}"
-        )
+    for each in (*record.wrappers, *record.vec_wrappers):
+        if each.kwargs is None or not (each.name.startswith(_KNOWN) or each.name in own):
+            words = " ".join(shlex.quote(_written(known)) for known in record.wrappers)
+            missing = " (what is ... was not recorded)" if "(...)" in words else ""
+            raise InputError(
+                f"the policy was trained in {each.short}, a wrapper of its author's, whose code runs if you name all "
+                f"of them{missing}: --wrappers {words}"
+            )
     env: Any = reduce(_made, record.wrappers, relay)
     return cast(VecEnv, reduce(_made, record.vec_wrappers, DummyVecEnv([lambda: env])))
 
@@ -136,8 +131,8 @@ def _made(env: Any, record: WrapperRecord) -> Any:
         made: Any = kind(env, **{key: array_of(value) for key, value in (record.kwargs or {}).items()})
         for key, own in record.state.items():
             counted = made.obs_rms[key] if key else made.obs_rms
-            for part, old in (("mean", counted.mean), ("var", counted.var)):
-                setattr(counted, part, np.array(own[part], old.dtype).reshape(old.shape))
+            counted.mean = np.full_like(counted.mean, own["mean"])
+            counted.var = np.full_like(counted.var, own["var"])
             made.training = made.update_running_mean = False  # it counts no more
     except (Exception, SystemExit) as error:  # of whatever kind the wrapper's author chose
         raise InputError(f"wrapper {record.name} cannot be made: {first_line(error)[:160]}") from error

@@ -39,7 +39,7 @@ _KINDS: dict[str, Callable[[str], bool]] = {
     "dexgrasp.agents.learned:LearnedAgent": is_policy,
 }
 """Class of agents that are named by an address, a file or a folder -> which names are of it."""
-_READ: dict[str, dict[Path, None]] = {}
+_READ: dict[str, set[Path]] = {}
 """User's agent -> files that importing and making it has read in this process."""
 _CONNECTED: dict[str, Agent] = {}
 """Address of a policy server -> the agent that holds the connection, until `make_agent` takes it."""
@@ -64,20 +64,20 @@ def make_agent(name: str | os.PathLike[str], **kwargs: Any) -> Agent:
     if kind := _kind(name):
         return _CONNECTED.pop(name, None) or _load(kind)(name, **kwargs)
     check_name(name)
-    found = dict[Path, None]()
+    found = set[Path]()
     try:
         with files_read(found):
             make = _load(name)
             module = sys.modules[name.partition(":")[0]]  # read before, where another agent is of it
             if file := getattr(module, "__file__", None):
-                found[Path(file)] = None
+                found.add(Path(file))
             return complete(name, make(**kwargs))
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # that a class of theirs cannot be made is the user's to mend
         raise InputError(f"agent {name!r} cannot be made: {type(error).__name__}: {error}") from error
     finally:
-        _READ.setdefault(name, {}).update(found)
+        _READ.setdefault(name, set()).update(found)
 
 
 def placing_agent(name: str, env_id: str = "DexGrasp/Place-v2", **kwargs: Any) -> Agent:
@@ -141,7 +141,7 @@ def agent_files(name: str) -> list[Path]:
     if ":" in name and name not in _READ:
         with suppress(InputError):  # whoever makes it for a trial says what is wrong
             make_agent(name)
-    return list(_READ.get(name, ()))
+    return sorted(_READ.get(name, ()))
 
 
 def _kind(name: str) -> str:
@@ -151,7 +151,8 @@ def _kind(name: str) -> str:
 
 def _load(spec: str) -> Any:
     module_name, _, attribute = spec.partition(":")
-    _look_here()
+    if "" not in sys.path:  # the current folder, where `python -c` looks too
+        sys.path.append("")
     try:
         module = importlib.import_module(module_name)
     except InputError:  # it needs an extra, and says which
@@ -161,9 +162,3 @@ def _load(spec: str) -> Any:
     if not callable(found := getattr(module, attribute, None)):
         raise InputError(f"agent {spec!r}: module {module_name!r} has no class {attribute!r}")
     return found
-
-
-def _look_here() -> None:
-    """Add the current directory to the module search path, as `python -c` does."""
-    if "" not in sys.path:
-        sys.path.append("")

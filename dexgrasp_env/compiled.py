@@ -7,7 +7,6 @@ emitted within those that Python calls: the rest of numba's work is of no use he
 
 import gc
 import os
-import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -201,8 +200,8 @@ class _Folder(caching.InTreeCacheLocator):
 
     def _keeps(self, function: Any, file: str) -> bool:
         """Return whether the function's code is here; of `njit`, the mark that all was compiled here."""
-        name, python = re.sub("[<>]", "", function.__qualname__), "".join(map(str, sys.version_info[:2]))
-        index = f"{Path(file).stem}.{name}-{function.__code__.co_firstlineno}.py{python}*.nbi"
+        python = "".join(map(str, sys.version_info[:2]))
+        index = f"{Path(file).stem}.{function.__name__}-{function.__code__.co_firstlineno}.py{python}*.nbi"
         return any(Path(self.get_cache_path()).glob("compiled-*" if function is njit else index))
 
 

@@ -36,6 +36,6 @@ def _quota_of(group: Path) -> float:
     with suppress(OSError, ValueError, ZeroDivisionError):
         names = ("cpu.max",) if (group / "cpu.max").is_file() else ("cpu.cfs_quota_us", "cpu.cfs_period_us")
         quota, period = " ".join((group / name).read_text() for name in names).split()
-        if quota != "max" and float(quota) > 0:
+        if float(quota) > 0:  # "max" is none
             return float(quota) / float(period)
     return math.inf

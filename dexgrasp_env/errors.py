@@ -1,6 +1,9 @@
 """Errors that are the user's to mend."""
 
 import difflib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 
 class InputError(ValueError):
@@ -48,3 +51,20 @@ def unknown_argument(name: str, valid: object) -> UnknownArgumentError:
 def first_line(error: BaseException) -> str:
     """Return the first line of what an error says, its kind where it says nothing."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
+@contextmanager
+def understood(path: Path, kind: str) -> Iterator[None]:
+    """Turn whatever a parser raises on a damaged file into one line.
+
+    Raises:
+        InputError: for any error within.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"{path} cannot be read as {kind} ({type(error).__name__}: {first_line(error)})"
+        ) from None

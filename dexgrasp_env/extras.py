@@ -68,8 +68,8 @@ def missing_extra(error: ImportError) -> MissingExtraError | None:
 
 def remedy(extra: str) -> str:
     """Return how to install an extra, or why this Python has not all of it."""
-    first, what = NO_WHEEL.get(extra, (None, ""))
+    first, what = NO_WHEEL.get(extra, ((4, 0), ""))
     install = f"pip install 'dexgrasp[{extra}]'"
-    if first is None or sys.version_info < first:
+    if sys.version_info < first:
         return install
     return f"{what} has no wheel for Python {sys.version_info[0]}.{sys.version_info[1]}: {install} under an older one"

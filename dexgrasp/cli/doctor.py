@@ -16,8 +16,8 @@ from dexgrasp_env.extras import NO_WHEEL, remedy
 from dexgrasp_env.findings import Finding
 
 _OPTIONAL = {
-    "torch": "the learned agents and training need it: pip install 'dexgrasp[learning]'",
-    "stable-baselines3": "reinforcement learning needs it: pip install 'dexgrasp[learning]'",
+    "torch": "the learned agents and training",
+    "stable-baselines3": "checkpoints and reinforcement learning",
 }
 _RENDER = """
 import mujoco
@@ -93,7 +93,7 @@ def _judged(package: str) -> Finding:
     found = package_version(package)
     if found is None:
         if package in _OPTIONAL:
-            return Finding("info", f"no {package}", _OPTIONAL[package])
+            return Finding("info", f"no {package}", f"{_OPTIONAL[package]} need it: {remedy('learning')}")
         return Finding("error", f"{package} is not installed", f"pip install {package}")
     if package == "mujoco" and int(found.split(".")[0]) >= 4:
         problem = f"mujoco {found}: 4.0 breaks dm-control 1.0.50 and solves sparse systems wrongly"

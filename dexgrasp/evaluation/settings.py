@@ -1,6 +1,8 @@
 """Settings of an evaluation, its identity, and the trials that it consists of."""
 
 import hashlib
+import os
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -31,10 +33,11 @@ from dexgrasp_env.valid import (
     Positive,
     Rule,
     read,
+    refuse_idle,
 )
 
-_CHECKPOINTS = {".zip": ("env_kwargs", "wrappers"), "lerobot:": ("env_kwargs",)}
-"""Kind of checkpoint -> settings of `EvaluationSettings` that apply to it."""
+_OF_CHECKPOINTS = {"env_kwargs": r"lerobot:.*|.*\.zip", "wrappers": r".*\.zip"}
+"""Setting of `EvaluationSettings` -> checkpoints that it applies to."""
 
 
 def _unique(names: Iterable[str]) -> tuple[str, ...]:
@@ -104,10 +107,8 @@ class EvaluationSettings:
                 f"protocol {own[0]!r} has a friction of its own: leave --friction out, or take lift"
             )
         used = {key for agent in self.agents for key in self.checkpoint_settings(agent)}
-        for key in ("env_kwargs", "wrappers"):
-            if getattr(self, key) and key not in used:
-                option, kinds = f"--{key.replace('_', '-')}", ", ".join(_CHECKPOINTS)
-                raise InputError(f"{option} is of checkpoints ({kinds}): {self.agents[0]!r} is none")
+        need = "a checkpoint (.zip, for env_kwargs also lerobot:) among the agents"
+        refuse_idle(self, {key: (key in used, need) for key in _OF_CHECKPOINTS})
 
     @classmethod
     def of(cls, agents: Sequence[str], objects: Sequence[str], **rest: Any) -> "EvaluationSettings":
@@ -130,8 +131,11 @@ class EvaluationSettings:
 
     def checkpoint_settings(self, agent: str) -> Fields:
         """Return the keywords of `make_agent` for a checkpoint; none for other agents."""
-        kind = ".zip" if agent.endswith(".zip") else agent[: len("lerobot:")]
-        return {key: getattr(self, key) for key in _CHECKPOINTS.get(kind, ()) if getattr(self, key)}
+        return {
+            key: getattr(self, key)
+            for key, names in _OF_CHECKPOINTS.items()
+            if getattr(self, key) and re.fullmatch(names, agent)
+        }
 
     @property
     def protocol(self) -> str:
@@ -172,15 +176,12 @@ class EvaluationSettings:
             "versions": versions(),
         }
 
-    def _own_wrappers(self) -> list[str]:
-        """Return the user's own wrappers as `module:Class`."""
-        named = [text.partition("(")[0].rpartition(".") for text in self.wrappers]
-        return [f"{module}:{name}" for module, _, name in named if module]
-
     def _files(self) -> list[Path]:
         """Return the files that outcomes depend on: meshes, checkpoints with their records, files that agents read."""
         named = [path for name in self.objects for path in target_files(name)]
-        named += [path for name in (*self.agents, *self._own_wrappers()) for path in agent_files(name)]
+        # Wrappers of the user's own are `module:Class`, as agents are.
+        wrappers = (":".join(text.partition("(")[0].rsplit(".", 1)) for text in self.wrappers)
+        named += [path for name in (*self.agents, *wrappers) for path in agent_files(name)]
         found = [path for path in dict.fromkeys(map(expand, named)) if path.is_file()]
         for path in found:
             if path.suffix in (".zip", ".obj", ".ply", ".stl", ".glb"):  # what users' agents read is theirs
@@ -276,6 +277,5 @@ def short_hash(path: Path) -> str:
 
 def hashes_by_name(paths: Iterable[Path]) -> dict[str, str]:
     """Return the hashes of files by their paths, relative to the current folder where they are below it."""
-    here = Path.cwd()
-    names = ((path.relative_to(here) if path.is_relative_to(here) else path, path) for path in paths)
-    return {str(name): short_hash(path) for name, path in names}
+    here = f"{Path.cwd()}{os.sep}"
+    return {str(path).removeprefix(here): short_hash(path) for path in paths}

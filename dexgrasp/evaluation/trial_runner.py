@@ -39,7 +39,7 @@ class TrialRunner:
         """
         agent, env = self.agent(spec), self._env(spec)
         seeds = spec.seeds or trial_seeds(self.settings.seed, spec.target, spec.trial)
-        late = dict[Path, None]()
+        late = set[Path]()
         with Video(spec.video) if spec.video else nullcontext() as video, files_read(late):
             outcome, grasp = run_trial(env, agent, seeds, name=spec.agent, frames=video)
         row = {
@@ -48,7 +48,7 @@ class TrialRunner:
         }  # fmt: skip
         # An agent of the user's reads when it acts; a served one does so elsewhere.
         if late and ":" in spec.agent and not is_server(spec.agent):
-            row["files"] = hashes_by_name(late)
+            row["files"] = hashes_by_name(sorted(late))
         return jsonable(row | asdict(outcome)), grasp
 
     def agent(self, spec: TrialSpec) -> Any:

@@ -13,11 +13,11 @@ from typing import Any
 import dexgrasp_env
 from dexgrasp_env.files import cache_dir
 
-_watches: list[dict[Path, None]] = []
+_watches: list[set[Path]] = []
 
 
 @contextmanager
-def files_read(found: dict[Path, None]) -> Iterator[None]:
+def files_read(found: set[Path]) -> Iterator[None]:
     """Collect the user's files that are opened for reading within, and the modules that are imported, in `found`.
 
     Files of Python, of installed packages and of caches are nobody's own; what native code opens is not seen.
@@ -28,8 +28,7 @@ def files_read(found: dict[Path, None]) -> Iterator[None]:
         yield
     finally:
         _watches[:] = [each for each in _watches if each is not found]  # equal ones may be nested
-        for path in [path for path in found if not _is_own(path)]:
-            del found[path]
+        found -= {path for path in found if not _is_own(path)}
 
 
 @cache
@@ -46,7 +45,7 @@ def _note(event: str, args: tuple[Any, ...]) -> None:
     with suppress(ValueError, NotImplementedError):  # a module is its source, whichever form of it is read
         path = source_from_cache(path)
     for found in _watches:
-        found[Path(path)] = None
+        found.add(Path(path))
 
 
 @cache

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Fields, Single
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, understood
 from dexgrasp_env.perception.camera_pose import POSE
 from dexgrasp_env.perception.cloud import check_count, is_valid
-from dexgrasp_env.perception.cloud_files import check_scan, understood
+from dexgrasp_env.perception.cloud_files import check_scan
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.valid import Rule, check, number, read, several
 from dexgrasp_env.yaml_file import read_yaml

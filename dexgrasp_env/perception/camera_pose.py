@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, understood
 from dexgrasp_env.files import expand, parse_json
-from dexgrasp_env.perception.cloud_files import check_scan, understood
+from dexgrasp_env.perception.cloud_files import check_scan
 from dexgrasp_env.poses import inverse, quat_to_matrix, rigid
 from dexgrasp_env.texts import plain_text, without_decimal_commas
 from dexgrasp_env.valid import Rule, check

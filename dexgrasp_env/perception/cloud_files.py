@@ -2,8 +2,8 @@
 
 import io
 import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError, first_line
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import check_bytes, check_file, read_npz
 from dexgrasp_env.perception.cloud import check_count
@@ -35,23 +35,6 @@ def check_scan(path: Path) -> None:
         raise
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
-
-
-@contextmanager
-def understood(path: Path, kind: str) -> Iterator[None]:
-    """Turn whatever a parser raises on a damaged file into one line.
-
-    Raises:
-        InputError: for any error within.
-    """
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(
-            f"{path} cannot be read as {kind} ({type(error).__name__}: {first_line(error)})"
-        ) from None
 
 
 def read_pcd(path: Path) -> Array:

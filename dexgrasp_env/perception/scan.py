@@ -13,11 +13,11 @@ import numpy as np
 
 from dexgrasp_env.arrays import LARGEST, Array
 from dexgrasp_env.arrays import unit as unit_vectors
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, understood
 from dexgrasp_env.perception.bag_file import BAGS, bag_of, read_bag
 from dexgrasp_env.perception.camera_files import CAMERAS_FILE, read_cameras
 from dexgrasp_env.perception.cloud import MIN_POINTS, Cloud, check_count, gather, remove_flying
-from dexgrasp_env.perception.cloud_files import READERS, check_scan, understood
+from dexgrasp_env.perception.cloud_files import READERS, check_scan
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 

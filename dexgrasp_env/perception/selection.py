@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from dexgrasp_env.arrays import Array, Mask, middle
-from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.errors import InputError, understood, unknown_name
 from dexgrasp_env.perception.camera_files import CAMERAS_FILE, read_cameras
 from dexgrasp_env.perception.cloud import WORKSPACE_HIGH, WORKSPACE_LOW, Cloud, deproject, inside
-from dexgrasp_env.perception.cloud_files import check_scan, understood
+from dexgrasp_env.perception.cloud_files import check_scan
 from dexgrasp_env.perception.detected import in_words
 from dexgrasp_env.perception.reasons import NoTargetError
 from dexgrasp_env.poses import placed

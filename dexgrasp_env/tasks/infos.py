@@ -1,6 +1,6 @@
 """Infos of episodes: plain values of one, arrays by key of many, with Gymnasium's masks."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -54,11 +54,13 @@ def with_masks(infos: Fields, number: int) -> Fields:
     return values | {f"_{key}": mask for key, mask in zip(infos, masks, strict=True)}
 
 
-def of_one(infos: Fields, i: int) -> Fields:
-    """Return the infos of environment `i` alone, without masks and without those of an episode that has ended."""
+def of_one(values: Any, i: int) -> Any:
+    """Return observation or infos of environment `i` alone, without masks and those of an episode that has ended."""
+    if not isinstance(values, dict):
+        return values[i]
     return {
-        key: of_one(value, i) if isinstance(value, dict) else value[i]
-        for key, value in infos.items()
+        key: of_one(value, i)
+        for key, value in values.items()
         if not key.startswith("_") and key not in ("final_obs", "final_info")
     }
 

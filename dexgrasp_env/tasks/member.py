@@ -111,8 +111,7 @@ class Member(EpisodeAccess):
         return self._mine(*self._envs.observe())
 
     def _mine(self, observations: Arrays, infos: Fields) -> tuple[Arrays, Fields]:
-        mine = {key: values[self._i] for key, values in observations.items()}
-        return mine, of_one(infos, self._i) | self.agent_info
+        return of_one(observations, self._i), of_one(infos, self._i) | self.agent_info
 
     def get_state(self) -> EpisodeState:
         """Return the state of the episode; see `LiftEnv.get_state`."""
@@ -124,7 +123,10 @@ class Member(EpisodeAccess):
 
     def render(self) -> Any:
         """Return a picture."""
-        return self._envs.render_one(self._i)
+        self._envs._check_open("render")
+        simulation = self._envs.simulation(self._i)
+        mujoco.mj_forward(simulation.model, simulation.data)
+        return self._episodes.views.render(self._envs.render_mode, simulation)
 
     def set(self, name: str, value: Any) -> None:
         """Set an attribute of the user's own.

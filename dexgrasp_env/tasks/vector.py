@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import mujoco
 import numpy as np
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.utils import EzPickle, seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector.utils import batch_space, create_empty_array
 from numpy.random import Generator
 
 from dexgrasp_env.arrays import AnyArray, Array, Arrays, Fields
@@ -22,7 +21,7 @@ from dexgrasp_env.tasks.clutter import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import check_actions
 from dexgrasp_env.tasks.gentle import GentleEnv
-from dexgrasp_env.tasks.infos import infos_of, masked, with_masks
+from dexgrasp_env.tasks.infos import infos_of, masked, of_one, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.member import MemberAccess, one_for_each
 from dexgrasp_env.tasks.place import GoalRewards, PlaceEnv
@@ -115,10 +114,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         self._rngs, self._drawn_from = map(
             list, zip(*(seeding.np_random() for _ in range(num_envs)), strict=True)
         )
-        self._observation: Arrays = {
-            key: np.zeros((num_envs, *(part.shape or ())), part.dtype)
-            for key, part in self._episodes.observation_space().items()
-        }
+        self._observation: Any = create_empty_array(self._episodes.observation_space(), num_envs)
         self._notes: list[Fields] = [{} for _ in range(num_envs)]
         self._ended = np.ones(num_envs, bool)  # waiting for a reset
         self._started = np.zeros(num_envs, bool)
@@ -208,15 +204,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
 
     def render(self) -> tuple[Any, ...] | None:
         """Return a picture of each environment."""
-        return tuple(map(self.render_one, range(self.num_envs)))
-
-    def render_one(self, i: int) -> Any:
-        """Return a picture of environment `i`."""
-        self._check_open("render")
-        self._check_index(i)
-        simulation = self.simulation(i)
-        mujoco.mj_forward(simulation.model, simulation.data)
-        return self._views.render(self.render_mode, simulation)
+        return self.call("render")
 
     def _check_open(self, what: str) -> None:
         if self.closed:
@@ -325,8 +313,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         ended, infos, now = self._ended.copy(), self._infos(), self._observations()
         last = np.full(self.num_envs, None, object)
         for i in np.flatnonzero(ended).tolist():
-            own = {key: values[i] for key, values in now.items()} if isinstance(now, dict) else now[i]
-            last[i] = copy.deepcopy(own)
+            last[i] = copy.deepcopy(of_one(now, i))
             self._reset_one(i)
         final = {"final_obs": last, "final_info": masked(infos, ended)}
         return final | dict.fromkeys(("_final_obs", "_final_info"), ended)

@@ -57,7 +57,7 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Demons
             group = file[f"episode_{number}"]
             group.attrs["about"] = json.dumps(episode.about)
             for name, array in episode.once.items():
-                group.create_dataset(f"once/{name}", data=array)
+                group[f"once/{name}"] = array
     storage.update_metadata({
         "dataset_id": f"dexgrasp/{settings.agent.rpartition(':')[2].lower()}-{settings.obs_mode}-v0",
         "minari_version": minari.__version__,
@@ -103,11 +103,11 @@ def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Dem
 
     folder.mkdir(parents=True)
     with h5py.File(folder / "demos.hdf5", "w") as file:
-        data, names = file.create_group("data"), list[str]()
+        data, total = file.create_group("data"), 0
         for number, episode in enumerate(episodes):
-            names.append(f"demo_{number}")
-            group, seen = data.create_group(names[-1]), episode.whole()
+            group, seen = data.create_group(f"demo_{number}"), episode.whole()
             group.attrs.update(num_samples=len(episode), about=json.dumps(episode.about))
+            total += len(episode)
             pictures = views_of(seen.pop("rgb")) if "rgb" in seen else {}
             seen |= {f"{name}_image": each for name, each in pictures.items()}
             parts: Arrays = {
@@ -123,7 +123,7 @@ def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Dem
             "env_name": ENV_ID, "env_version": __version__, "type": 2,  # of robomimic's `EnvType`: gym
             "env_kwargs": jsonable(settings.env_arguments) | {"objects": list(settings.objects)},
         }  # fmt: skip
-        total = sum(group.attrs["num_samples"] for group in data.values())
         data.attrs.update(total=total, env_args=json.dumps(about))
-        for mask, chosen in {"train": set(names) - {*names[9::10]}, "valid": names[9::10]}.items():
-            file.create_dataset(f"mask/{mask}", data=np.array(sorted(chosen), dtype="S"))
+        names = np.array([f"demo_{k}" for k in range(len(data))], dtype="S")
+        tenth = np.arange(len(data)) % 10 == 9
+        file["mask/train"], file["mask/valid"] = names[~tenth], names[tenth]

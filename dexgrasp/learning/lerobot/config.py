@@ -69,31 +69,34 @@ class DexGraspEnv(EnvConfig):
         env = self._vector(self._settings.objects[0], self._settings.parts[0])
         seen: Any = env.single_observation_space
         parts = {ACTION: env.single_action_space, **seen.spaces}
-        parts |= {f"pixels/{name}": part for name, part in parts.pop("pixels", {}).items()}
+        # LeRobot records pictures under the names that policies know them by.
+        parts |= {f"{OBS_IMAGES}.{name}": part for name, part in parts.pop("pixels", {}).items()}
         env.close()
-        known = {
-            ACTION: (FeatureType.ACTION, ACTION), "agent_pos": (FeatureType.STATE, OBS_STATE),
-            "environment_state": (FeatureType.ENV, OBS_ENV_STATE),
-        }  # fmt: skip
+        kinds = {
+            ACTION: FeatureType.ACTION,
+            "agent_pos": FeatureType.STATE,
+            "environment_state": FeatureType.ENV,
+        }
+        names = {"agent_pos": OBS_STATE, "environment_state": OBS_ENV_STATE}
         for key, part in parts.items():
-            image = FeatureType.VISUAL, key.replace("pixels/", f"{OBS_IMAGES}.")
-            kind, self.features_map[key] = known.get(key, image)
-            self.features[key] = PolicyFeature(type=kind, shape=part.shape)
+            self.features_map[key] = names.get(key, key)
+            self.features[key] = PolicyFeature(type=kinds.get(key, FeatureType.VISUAL), shape=part.shape)
 
     @property
     def _settings(self) -> EvaluationSettings:
-        words = {"protocols": (self.task or "").split(","), "robot": self.robot, "mount": self.mount}
-        return EvaluationSettings.of(["random"], self.objects.split(","), seed=self.evaluation_seed, **words)
+        return EvaluationSettings.of(
+            ["random"], self.objects.split(","), seed=self.evaluation_seed, protocols=(self.task or "").split(","),
+            robot=self.robot, mount=self.mount,
+        )  # fmt: skip
 
     @property
     def gym_kwargs(self) -> Fields:
         """Keywords of `gym.make` that belong to the policy."""
-        mode = None if self.render_mode == "none" else self.render_mode
         limit = {"max_episode_steps": self.episode_length} if self.episode_length else {}
         return {
             "obs_mode": OBS_TYPES[self.obs_type],
             "control_mode": self.control_mode,
-            "render_mode": mode,
+            "render_mode": None if self.render_mode == "none" else self.render_mode,
             **limit,
         }
 
@@ -102,7 +105,7 @@ class DexGraspEnv(EnvConfig):
         settings = self._settings
         return {
             protocol: {
-                k: _Deferred(partial(self._vector, target, protocol, n_envs, use_async_envs), n_envs)
+                k: _Deferred(partial(self._vector, target, protocol, n_envs, use_async_envs))
                 for k, target in enumerate(settings.objects)
             }
             for protocol in settings.parts
@@ -111,10 +114,9 @@ class DexGraspEnv(EnvConfig):
     def _vector(
         self, target: str, protocol: str, n_envs: int = 1, use_async_envs: bool = False
     ) -> gym.vector.VectorEnv:
-        processes = use_async_envs and n_envs > 1
+        mode, more = ("async", {"context": "forkserver"}) if use_async_envs and n_envs > 1 else ("sync", {})
         return gym.make_vec(
-            get_protocol(protocol).env_id, n_envs, "async" if processes else "sync",
-            {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP} | ({"context": "forkserver"} if processes else {}),
+            get_protocol(protocol).env_id, n_envs, mode, {"autoreset_mode": "SameStep", **more},
             [partial(LeRobotEnv, target=target, seed=self.evaluation_seed)],
             objects=[target], disable_env_checker=True, **self._settings.scene(protocol) | self.gym_kwargs,
         )  # fmt: skip
@@ -123,8 +125,8 @@ class DexGraspEnv(EnvConfig):
 class _Deferred:
     """Vector environment that is made on first use: of many tasks one is open at a time."""
 
-    def __init__(self, make: Callable[[], Any], num_envs: int) -> None:
-        self._make, self.num_envs = make, num_envs
+    def __init__(self, make: Callable[[], Any]) -> None:
+        self._make = make
 
     @cached_property
     def _made(self) -> Any:

@@ -5,6 +5,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.wrappers import TransformObservation
 
 from dexgrasp.data.demonstrations.lerobot_format import lerobot_observation, task_of
 from dexgrasp.evaluation.protocol import trial_seeds
@@ -19,7 +20,7 @@ OBS_TYPES = {
 """Kind of observations, as LeRobot calls them -> `obs_mode`."""
 
 
-class LeRobotEnv(gym.Wrapper[Any, Any, Any, Any]):
+class LeRobotEnv(TransformObservation[Any, Any, Any]):
     """Environment of one object under one protocol; a seed is the number of a trial of `dexgrasp evaluate`.
 
     Attributes:
@@ -35,24 +36,24 @@ class LeRobotEnv(gym.Wrapper[Any, Any, Any, Any]):
             target: the object, as `gym.make` takes it.
             seed: of the evaluation whose scenes are used.
         """
-        super().__init__(env)
+        super().__init__(
+            env, lerobot_observation, _space(lerobot_observation(env.observation_space.sample()))
+        )
         self._target, self._evaluation_seed = target, seed
         self.task = object_name(target)
         self.task_description = task_of(self.task)
         self._max_episode_steps = env.spec and env.spec.max_episode_steps
-        self.observation_space = _space(lerobot_observation(env.observation_space.sample()))
 
     def reset(self, *, seed: int | None = None, options: Fields | None = None) -> tuple[Fields, Fields]:
         """Start the scene of trial `seed`; None for any scene."""
         scene = None if seed is None else trial_seeds(self._evaluation_seed, self._target, int(seed)).scene
-        observation, info = self.env.reset(seed=scene, options=options)
-        return lerobot_observation(observation), _passed_on(info)
+        observation, info = super().reset(seed=scene, options=options)
+        return observation, _passed_on(info)
 
-    def step(self, action: Any) -> tuple[Fields, float, bool, bool, Fields]:
+    def step(self, action: Any) -> tuple[Fields, Any, bool, bool, Fields]:
         """Advance; an episode ends with success, as a trial does."""
-        observation, reward, terminated, truncated, info = self.env.step(np.asarray(action, dtype=np.float64))
-        over = terminated or bool(info["is_success"])
-        return lerobot_observation(observation), float(reward), over, truncated, _passed_on(info)
+        observation, reward, terminated, truncated, info = super().step(action)
+        return observation, reward, terminated or info["is_success"], truncated, _passed_on(info)
 
     def render(self) -> Any:
         """Return a picture; a small black one without a `render_mode`, as `lerobot-eval` always films."""

@@ -9,8 +9,8 @@ import json
 import pkgutil
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
@@ -130,23 +130,15 @@ def record_environment(env: Any, path: str | Path) -> Path:
     Raises:
         InputError: if the environment is none of DexGrasp's.
     """
-    vec_wrappers: list[WrapperRecord | None] = []
+    vec_wrappers: _Wrappers = ()
     while hasattr(env, "venv"):
-        vec_wrappers.insert(0, vec_wrapper(env))
+        vec_wrappers = vec_wrapper(env) + vec_wrappers
         env = env.venv
     settings, spec = attribute_of(env, "settings"), attribute_of(env, "spec")
     if settings is None or spec is None:
         raise InputError(
             "the environment is none of DexGrasp's, or was not made by gym.make: it is not recorded"
         )
-    wrappers = _acting([_wrapper(each, env) for each in spec.additional_wrappers])
-    for each in wrappers:
-        if each.kwargs is None:
-            warnings.warn(
-                f"{each.name} does not tell its arguments (gymnasium.utils.RecordConstructorArgs): `evaluate` will ask "
-                "for them with --wrappers",
-                stacklevel=3,
-            )
     record = EnvRecord(
         {key: getattr(settings, key) for key in AGENT_KEYS},
         spec.id,
@@ -154,11 +146,11 @@ def record_environment(env: Any, path: str | Path) -> Path:
         settings.cell.robot.stamp,
         settings.mount,
         spec.kwargs.get("max_episode_steps", spec.max_episode_steps),
-        wrappers,
-        _acting(vec_wrappers),
+        tuple(_wrapper(each, env) for each in spec.additional_wrappers if each.name not in _IDLE),
+        vec_wrappers,
     )
     beside = Path(path).with_suffix(".json")
-    write_json(beside, jsonable(asdict(record)))
+    write_json(beside, jsonable(record))
     return beside
 
 
@@ -184,10 +176,6 @@ def array_of(value: Any) -> Any:
     return np.array(value["array"], dtype=dtype)[()] if "array" in value else dtype.type
 
 
-def _acting(records: Sequence[WrapperRecord | None]) -> tuple[WrapperRecord, ...]:
-    return tuple(record for record in records if record and record.short not in _IDLE)
-
-
 def attribute_of(env: Any, name: str) -> Any:
     """Return an attribute of the first environment of an algorithm, through its wrappers; None without one."""
     try:
@@ -200,8 +188,15 @@ def _wrapper(spec: Any, env: Any) -> WrapperRecord:
     kwargs = spec.kwargs
     if kwargs is None and len(signature(pkgutil.resolve_name(spec.entry_point)).parameters) == 1:
         kwargs = {}  # the environment alone
+    name = _entry_point(spec.entry_point)
+    if (kwargs := _as_json(kwargs)) is None:
+        warnings.warn(
+            f"{name} does not tell its arguments (gymnasium.utils.RecordConstructorArgs): `evaluate` will ask for them "
+            "with --wrappers",
+            stacklevel=5,  # who saves the checkpoint
+        )
     counted = attribute_of(env, "obs_rms") if spec.name == "NormalizeObservation" else None
-    return WrapperRecord(_entry_point(spec.entry_point), _as_json(kwargs), _statistics(counted))
+    return WrapperRecord(name, kwargs, _statistics(counted))
 
 
 def _entry_point(name: str) -> str:
@@ -210,19 +205,20 @@ def _entry_point(name: str) -> str:
     return name.replace("__main__:", f"{Path(program).stem}:") if program else name
 
 
-def vec_wrapper(env: Any) -> WrapperRecord | None:
-    """Return the record of a wrapper of Stable-Baselines3; None without one, or for one of rewards only."""
-    if env is None or not vars(env).get("norm_obs", True):
-        return None
-    own, kind = vars(env) | vars(vars(env).get("stacked_obs", env)), type(env)
+def vec_wrapper(env: Any) -> _Wrappers:
+    """Return the record of a wrapper of Stable-Baselines3; none for None, or for what changes nothing for a policy."""
+    kind = type(env)
+    if env is None or kind.__name__ in _IDLE or not vars(env).get("norm_obs", True):
+        return ()
+    own = vars(env) | vars(vars(env).get("stacked_obs", env))
     names = [name for name in signature(kind).parameters if name != "venv"]
     kwargs: Fields | None = {name: own[name] for name in names if name in own}
     if len(kwargs or {}) < len(names) and not kind.__module__.startswith("stable_baselines3."):
         kwargs = None  # kept under other names: unknown
     name = _entry_point(f"{kind.__module__}:{kind.__name__}")
-    return WrapperRecord(name, _as_json(kwargs), _statistics(own.get("obs_rms")))
+    return (WrapperRecord(name, _as_json(kwargs), _statistics(own.get("obs_rms"))),)
 
 
 def _statistics(counted: Any) -> Fields:
     by_key = counted if isinstance(counted, dict) else {"": counted} if counted else {}
-    return {key: {"mean": own.mean.tolist(), "var": own.var.tolist()} for key, own in by_key.items()}
+    return {key: {"mean": own.mean, "var": own.var} for key, own in by_key.items()}
