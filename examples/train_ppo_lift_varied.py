@@ -2,7 +2,7 @@
 
 `python examples/train_ppo_lift_varied.py` learns on forty drawn shapes and is looked at on forty others; it writes
 `out/varied.zip`, an agent by its path (`dexgrasp evaluate --agents ppo:out/varied.zip --protocol varied --wrappers
-examples.train_ppo_lift_varied.Place`), and its curve. Observed are few numbers, in units of the action.
+examples.train_ppo_lift_varied.Place`), and its curve. Actions are told from where the object lies and how it is turned.
 """
 
 import argparse
@@ -23,32 +23,46 @@ from dexgrasp.learning.reinforcement.env_record import save_checkpoint
 PARSER = argparse.ArgumentParser(description=__doc__)
 PARSER.add_argument("--objects", nargs="+", default=["drawn-1000..1039"], help="names, sets, mesh files")
 PARSER.add_argument("--test", nargs="+", default=["drawn-0..39"], help="objects to look at")
-PARSER.add_argument("--episodes", type=int, default=6000, help="one action each")
-PARSER.add_argument("--every", type=int, default=1000, help="episodes from one look to the next")
+PARSER.add_argument("--episodes", type=int, default=4000, help="one action each")
+PARSER.add_argument("--every", type=int, default=500, help="episodes from one look to the next")
 PARSER.add_argument("--trials", type=int, default=200, help="fresh scenes in the end")
 PARSER.add_argument("--seed", type=int, default=0)
 PARSER.add_argument("--out", type=Path, default=Path("out/varied"))
 TURNS = np.deg2rad(np.arange(-90, 90, 5))  # of the palm from where it faces at home, -45 degrees
 
 
-class Place(gym.ObservationWrapper):
-    """Observation (10,) of the object as a box: where it lies and how it is turned, in units of the action; sides."""
+class Place(gym.Wrapper):
+    """Observation (10,) of the object as a box; an action is told from it: 6 cm along and across, height, turn."""
 
     def __init__(self, env: gym.Env) -> None:
         super().__init__(env)
         self.observation_space = gym.spaces.Box(-10.0, 10.0, (10,), np.float32)
 
-    def observation(self, observation: dict[str, np.ndarray]) -> np.ndarray:
-        """Return x, y, top, turn that closes on the narrowest side, its sine and cosine; sides, top, middle, dm."""
+    def reset(self, **how: object) -> tuple[np.ndarray, dict]:
+        """Begin an episode."""
+        observation, info = self.env.reset(**how)
+        return self.look(observation), info
+
+    def step(self, action: np.ndarray) -> tuple:
+        """Grasp beside the object's place; what lies beyond the table's is cut off."""
+        yaw = self.place[3] * np.pi / 2 - np.pi / 4
+        (a, b), c, s = 0.06 * action[:2], np.cos(yaw), np.sin(yaw)
+        moved = (c * a - s * b) / 0.12, (s * a + c * b) / 0.23, action[2], 0.5 * action[3]
+        told = np.clip([*(self.place + moved), *action[4:]], -1.0, 1.0)
+        observation, *rest = self.env.step(told.astype(np.float32))
+        return self.look(observation), *rest
+
+    def look(self, observation: dict[str, np.ndarray]) -> np.ndarray:
+        """Return x, y, height, turn that closes on the narrowest side, in units of the action; its sine ...; sides."""
         (x, y, z, *quat), size = observation["object_pose"], observation["object_size"]
         R = Rotation.from_quat(quat, scalar_first=True).as_matrix()
         ways = np.stack([np.cos(TURNS - np.pi / 4), np.sin(TURNS - np.pi / 4)], axis=1)
         widths = np.abs(ways @ R[:2]) @ size
         k = np.argmin(np.where(widths < 1.03 * widths.min() + 0.003, np.abs(TURNS), np.inf))  # turns least
         turn, top = TURNS[k], z + 0.5 * np.abs(R[2]) @ size
-        place = (x - 0.51) / 0.12, y / 0.23, (top - 0.075) / 0.065, turn / (np.pi / 2)
+        self.place = np.array([(x - 0.51) / 0.12, y / 0.23, (top - 0.155) / 0.065, turn / (np.pi / 2)])
         sides = np.sin(turn), np.cos(turn), 10 * widths[k], 10 * widths[k - 18], 10 * top, 10 * z
-        return np.array([*place, *sides], np.float32)
+        return np.array([*self.place, *sides], np.float32)
 
 
 def held(model: PPO, env: gym.Env, scenes: range) -> int:
