@@ -1,7 +1,6 @@
 """Settings of an evaluation, its identity, and the trials that it consists of."""
 
 import hashlib
-import os
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
@@ -277,5 +276,6 @@ def short_hash(path: Path) -> str:
 
 def hashes_by_name(paths: Iterable[Path]) -> dict[str, str]:
     """Return the hashes of files by their paths, relative to the current folder where they are below it."""
-    here = f"{Path.cwd()}{os.sep}"
-    return {str(path).removeprefix(here): short_hash(path) for path in paths}
+    here = Path.cwd()
+    names = ((path.relative_to(here) if path.is_relative_to(here) else path, path) for path in paths)
+    return {str(name): short_hash(path) for name, path in names}

@@ -101,7 +101,7 @@ def gather(depths: NDArray[Any], cameras: tuple[Camera, ...]) -> Cloud:
         points = deproject(depth, camera).reshape(-1, 3)
         points = points if len(index) == len(points) else points[index]
         views = camera.position - points
-        views /= np.sqrt(np.einsum("ij,ij->i", views, views))[:, None]
+        views /= np.sqrt(dot(views, views))[:, None]
         tags = np.full(len(index), k, np.int32), (index + k * depth.size).astype(np.int32)
         clouds.append(Cloud(points, views, depth.ravel()[index].astype(float), *tags, np.shape(depths)))
     return Cloud.join(clouds)

@@ -113,8 +113,8 @@ def table_around(support: Support, target: Array) -> SeenTable:
     squares = squares[np.argsort(away, kind="stable")[:500]]  # 20 cm around it where all of the table is seen
     held = squares
     for _ in range(3):
-        normal = np.linalg.eigh(np.cov(held.T))[1][:, 0]
-        off = squares @ normal - np.median(held @ normal)
+        fit = SeenTable.of(held)
+        off = squares @ fit.normal - np.median(held @ fit.normal)
         noise = np.median(np.abs(off)) / 0.6745  # the standard deviation of normal noise
         held = squares[np.abs(off) < np.clip(3.0 * noise, 0.0015, 0.004)]
     return SeenTable.of(np.round(placed(support.cell.T_base_world, held), 5))
