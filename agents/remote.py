@@ -93,7 +93,7 @@ class RemoteAgent(Agent):
             given_up = bool(self.report.failure) and not self.report.again
             self._left = list(_actions(answer, self._space, given_up))
         except _Failed as failed:
-            self._close()
+            self.close()
             self.report = Report(failed.reason, details={"server": str(failed)})
         self._begin = {}
 
@@ -102,7 +102,7 @@ class RemoteAgent(Agent):
         from websockets.protocol import State
 
         if self._begin and self._socket is not None and self._socket.state is not State.OPEN:
-            self._close()  # since the last episode
+            self.close()  # since the last episode
         if self._socket is None:
             if not self._begin:
                 raise _Failed(SERVER_GONE, "the connection broke within the episode")
@@ -141,7 +141,7 @@ class RemoteAgent(Agent):
             except InvalidStatus as error:
                 raise _Failed(SERVER_GONE, f"it answers with HTTP {error.response.status_code}") from None
             except (OSError, TimeoutError, WebSocketException) as error:
-                self._close()
+                self.close()
                 if time.monotonic() > end:
                     raise _Failed(SERVER_GONE, first_line(error) or type(error).__name__) from None
                 time.sleep(0.2)
@@ -149,7 +149,8 @@ class RemoteAgent(Agent):
             raise _Failed("server_error", first)
         self.metadata: Fields = unpack(first)
 
-    def _close(self) -> None:
+    def close(self) -> None:
+        """Close the connection; the next episode opens another."""
         socket, self._socket = self._socket, None
         if socket is not None:
             with suppress(Exception):

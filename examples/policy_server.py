@@ -3,15 +3,14 @@
 python policy_server.py 8001    serves; without a port it serves on a free one, and `dexgrasp evaluate` asks it here
 """
 
-import subprocess
+import asyncio
 import sys
-import threading
 from typing import Any
 
 import msgpack
 import numpy as np
 import torch
-from websockets.sync.server import ServerConnection, serve
+from websockets.asyncio.server import ServerConnection, serve
 
 SEES = ("joint_positions", "joint_velocities", "object_pose", "palm_pose")
 SIZE, ACTIONS, CHUNK = 23 + 23 + 7 + 7, 23, 25  # of the default robot; actions of an answer
@@ -36,22 +35,28 @@ network = torch.nn.Sequential(  # yours: torch.load, torch.jit.load, or a functi
 )
 
 
-def answer(socket: ServerConnection) -> None:
+async def answer(socket: ServerConnection) -> None:
     """Send what is served, then answer each observation with the next actions."""
-    socket.send(msgpack.packb(ABOUT))
-    for message in socket:
+    await socket.send(msgpack.packb(ABOUT))
+    async for message in socket:
         observation = msgpack.unpackb(message, object_hook=unpack_array)
         state = np.concatenate([np.ravel(observation[name]) for name in SEES])
         with torch.inference_mode():
             rows = network(torch.from_numpy(state).float()).reshape(CHUNK, ACTIONS).numpy()
-        socket.send(msgpack.packb({"actions": rows}, default=pack_array))
+        await socket.send(msgpack.packb({"actions": rows}, default=pack_array))
 
 
-with serve(answer, "127.0.0.1", int(sys.argv[1]) if len(sys.argv) > 1 else 0, compression=None) as server:
-    address = f"ws://127.0.0.1:{server.socket.getsockname()[1]}"
-    print("serves at", address, flush=True)
-    if len(sys.argv) > 1:
-        server.serve_forever()
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    command = ["-m", "dexgrasp.cli.main", "evaluate", "--objects", "sugar_box", "--trials", "1", "--agents"]
-    subprocess.run([sys.executable, *command, address], check=True)
+async def main(port: int) -> int:
+    """Serve for ever, or, on a free port, until it has been evaluated; return the exit status."""
+    async with serve(answer, "127.0.0.1", port, compression=None) as server:
+        address = f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        print("serves at", address, flush=True)
+        if port:
+            await server.serve_forever()
+        command = ["-m", "dexgrasp.cli.main", "evaluate", "--objects", "sugar_box", "--trials", "1", "--agents"]
+        asked = await asyncio.create_subprocess_exec(sys.executable, *command, address)
+        return await asked.wait()
+
+
+if __name__ == "__main__":
+    sys.exit(asyncio.run(main(int(sys.argv[1]) if len(sys.argv) > 1 else 0)))

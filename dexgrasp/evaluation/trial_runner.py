@@ -110,10 +110,11 @@ class TrialRunner:
         }
 
     def close(self) -> None:
-        """Free the environments."""
-        for env in self._envs.values():
-            env.close()
+        """Close the environments, and the agents that can be closed."""
+        for own in (*self._envs.values(), *self._agents.values()):
+            getattr(own, "close", bool)()
         self._envs.clear()
+        self._agents.clear()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the settings only: another process makes its own agents and environments."""
