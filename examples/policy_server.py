@@ -14,6 +14,7 @@ from websockets.asyncio.server import ServerConnection, serve
 
 SEES = ("joint_positions", "joint_velocities", "object_pose", "palm_pose")
 SIZE, ACTIONS, CHUNK = 23 + 23 + 7 + 7, 23, 25  # of the default robot; actions of an answer
+EVALUATE = "-m dexgrasp.cli.main evaluate --objects sugar_box --trials 1 --agents".split()
 ABOUT = {"env_settings": {"obs_mode": "state", "control_mode": "joint_delta"}, "weights": "untrained-0"}
 
 
@@ -53,8 +54,7 @@ async def main(port: int) -> int:
         print("serves at", address, flush=True)
         if port:
             await server.serve_forever()
-        command = ["-m", "dexgrasp.cli.main", "evaluate", "--objects", "sugar_box", "--trials", "1", "--agents"]
-        asked = await asyncio.create_subprocess_exec(sys.executable, *command, address)
+        asked = await asyncio.create_subprocess_exec(sys.executable, *EVALUATE, address)
         return await asked.wait()
 
 

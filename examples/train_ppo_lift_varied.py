@@ -30,25 +30,25 @@ WAYS = np.stack([np.cos(TURNS - np.pi / 4), np.sin(TURNS - np.pi / 4)], axis=1)
 
 
 class Place(gym.ObservationWrapper):
-    """Observation (10,) of the object as a box; an action is told from it: 6 cm along and across, height, turn."""
+    """Observation (9,) of the object as a box; an action is told from it: 6 cm along and across, height, turn."""
 
-    observation_space = gym.spaces.Box(-10.0, 10.0, (10,), np.float32)
+    observation_space = gym.spaces.Box(-10.0, 10.0, (9,), np.float32)
 
     def step(self, action: np.ndarray) -> tuple:
-        """Grasp beside the object's place; what lies beyond the table's is cut off."""
-        yaw = self.place[3] * np.pi / 2 - np.pi / 4
-        (a, b), c, s = 0.06 * action[:2], np.cos(yaw), np.sin(yaw)
-        moved = (c * a - s * b) / 0.12, (s * a + c * b) / 0.23, action[2], 0.5 * action[3]
-        return super().step(np.clip([*(self.place + moved), *action[4:]], -1.0, 1.0).astype(np.float32))
+        """Grasp beside the object's place, the palm 12 to 17 cm high; what lies beyond the table's is cut off."""
+        (x, y, turn), (a, b), yaw = self.place, 0.06 * action[:2], (2 * self.place[2] - 1) * np.pi / 4
+        x, y = x + (np.cos(yaw) * a - np.sin(yaw) * b) / 0.12, y + (np.sin(yaw) * a + np.cos(yaw) * b) / 0.23
+        told = [x, y, 0.4 * action[2] - 0.6, turn + 0.5 * action[3], *action[4:]]
+        return super().step(np.clip(told, -1.0, 1.0).astype(np.float32))
 
     def observation(self, observation: dict[str, np.ndarray]) -> np.ndarray:
-        """Return x, y, height, turn that closes on the narrowest side, in units of the action; its sine ...; sides."""
+        """Return x, y and the turn that closes on the narrowest side, in units of the action; its sine ...; sides."""
         (x, y, z, *q), size = observation["object_pose"], observation["object_size"]
         R = Rotation.from_quat(q, scalar_first=True).as_matrix()
         widths = np.abs(WAYS @ R[:2]) @ size
         k = np.argmin(np.where(widths < 1.03 * widths.min() + 0.003, np.abs(TURNS), np.inf))  # turns least
         turn, top = TURNS[k], z + 0.5 * np.abs(R[2]) @ size
-        self.place = np.array([(x - 0.51) / 0.12, y / 0.23, (top - 0.155) / 0.065, turn / (np.pi / 2)])
+        self.place = np.array([(x - 0.51) / 0.12, y / 0.23, turn / (np.pi / 2)])
         sides = np.sin(turn), np.cos(turn), 10 * widths[k], 10 * widths[k - 18], 10 * top, 10 * z
         return np.array([*self.place, *sides], np.float32)
 

@@ -123,7 +123,7 @@ class Member(EpisodeAccess):
 
     def render(self) -> Any:
         """Return a picture."""
-        self._envs._check_open("render")
+        self._envs.check_open("render")
         simulation = self._envs.simulation(self._i)
         mujoco.mj_forward(simulation.model, simulation.data)
         return self._episodes.views.render(self._envs.render_mode, simulation)

@@ -140,7 +140,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         Raises:
             InputError: for a wrong number of seeds, a wrong mask, or what `LiftEnv.reset` refuses.
         """
-        self._check_open("reset")
+        self.check_open("reset")
         seeds = _seeds(seed, self.num_envs)
         options = dict(check("options", options or {}, instance(Mapping, "a mapping, of all environments")))
         mask = options.pop("reset_mask", np.ones(self.num_envs, bool))
@@ -176,7 +176,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         Raises:
             InputError: for actions of a wrong shape or not finite, or if an environment needs a reset first.
         """
-        self._check_open("step")
+        self.check_open("step")
         clipped = check_actions(actions, self.action_space.shape)
         running, waiting = np.flatnonzero(~self._ended), np.flatnonzero(self._ended)
         if not self._started.all() or (self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any()):
@@ -206,7 +206,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         """Return a picture of each environment."""
         return self.call("render")
 
-    def _check_open(self, what: str) -> None:
+    def check_open(self, what: str) -> None:
         if self.closed:
             raise ClosedError(f"{what}() called on environments that are closed: make others")
 
@@ -236,7 +236,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         Raises:
             InputError: before its first reset, or for an index of none.
         """
-        self._check_open("get_state")
+        self.check_open("get_state")
         self._check_index(i)
         if not self._started[i]:
             raise InputError(f"get_state({i}) called without an episode: call reset() first")
@@ -254,7 +254,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         Raises:
             InputError: as `LiftEnv.set_state`, or for an index of none.
         """
-        self._check_open("set_state")
+        self.check_open("set_state")
         chosen = range(self.num_envs) if which is None else [*map(self._check_index, which)]
         for i in chosen:
             simulation = self._episodes.set_state(i, state, self._rngs[i])
