@@ -13,8 +13,8 @@ import torch
 from websockets.asyncio.server import ServerConnection, serve
 
 SEES = ("joint_positions", "joint_velocities", "object_pose", "palm_pose")
-SIZE, ACTIONS, CHUNK = 23 + 23 + 7 + 7, 23, 25  # of the default robot; actions of an answer
-EVALUATE = "-m dexgrasp.cli.main evaluate --objects sugar_box --trials 1 --agents".split()
+SIZE, ACTIONS, CHUNK = 60, 23, 25  # of the default robot; actions of an answer
+EVALUATE = ["-m", "dexgrasp.cli.main", "evaluate", "--objects", "sugar_box", "--trials", "1", "--agents"]
 ABOUT = {"env_settings": {"obs_mode": "state", "control_mode": "joint_delta"}, "weights": "untrained-0"}
 
 
@@ -42,8 +42,7 @@ async def answer(socket: ServerConnection) -> None:
     async for message in socket:
         observation = msgpack.unpackb(message, object_hook=unpack_array)
         state = np.concatenate([np.ravel(observation[name]) for name in SEES])
-        with torch.inference_mode():
-            rows = network(torch.from_numpy(state).float()).reshape(CHUNK, ACTIONS).numpy()
+        rows = network(torch.from_numpy(state).float()).detach().reshape(CHUNK, ACTIONS).numpy()
         await socket.send(msgpack.packb({"actions": rows}, default=pack_array))
 
 
@@ -54,9 +53,7 @@ async def main(port: int) -> int:
         print("serves at", address, flush=True)
         if port:
             await server.serve_forever()
-        asked = await asyncio.create_subprocess_exec(sys.executable, *EVALUATE, address)
-        return await asked.wait()
+        return await (await asyncio.create_subprocess_exec(sys.executable, *EVALUATE, address)).wait()
 
 
-if __name__ == "__main__":
-    sys.exit(asyncio.run(main(int(sys.argv[1]) if len(sys.argv) > 1 else 0)))
+sys.exit(asyncio.run(main(int(sys.argv[1]) if len(sys.argv) > 1 else 0)))
