@@ -35,7 +35,7 @@ class Place(gym.ObservationWrapper):
     observation_space = gym.spaces.Box(-10.0, 10.0, (9,), np.float32)
 
     def step(self, action: np.ndarray) -> tuple:
-        """Grasp beside the object's place, the palm 12 to 17 cm high, closing by half at least; clip what lies beyond."""
+        """Grasp beside the object's place, the palm 12 to 17 cm high, the hand half closed or more; clip the rest."""
         (x, y, turn), (a, b), yaw = self.place, 0.06 * action[:2], (2 * self.place[2] - 1) * np.pi / 4
         x, y = x + (np.cos(yaw) * a - np.sin(yaw) * b) / 0.12, y + (np.sin(yaw) * a + np.cos(yaw) * b) / 0.23
         told = [x, y, 0.4 * action[2] - 0.6, turn + 0.5 * action[3], action[4], *(0.5 * action[5:] + 0.5)]
