@@ -10,6 +10,7 @@ from tables import table
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.motion import move_until_contact
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.move_until_contact import GuardedGrasp
 from dexgrasp.planning.carry import ENOUGH, plan_turn
@@ -67,6 +68,14 @@ def test_a_gentle_hand_has_touched_where_a_finger_lags_to_any_side(heavy, pace, 
     q[first:end] += 2e-3 * aside / np.linalg.norm(J @ aside)
     hold._close(q)
     assert hold._touched.tolist() == [touches, False, False]
+
+
+def test_slow_servos_lag_more_before_it_is_a_touch(heavy, monkeypatch):
+    slow = TREE._replace()
+    vars(slow).update(response=TREE.response + 0.1)
+    plain = GuardedGrasp(heavy[0].script, heavy[0].grasp)._lag
+    monkeypatch.setattr(move_until_contact, "robot_tree", lambda cell: slow)
+    assert_array_less(plain + 0.002, GuardedGrasp(heavy[0].script, heavy[0].grasp)._lag)
 
 
 def test_what_must_not_be_pressed_hard_is_not_turned(heavy):

@@ -240,6 +240,13 @@ def test_a_claw_approaches_along_its_fingers_whichever_way_they_could_bend(eithe
         assert tip[:3, 0] @ -tip[:3, 3] > 0.0  # pads face the axis
 
 
+def test_fingers_that_are_drawn_bent_are_stretched_to_see_the_palm(tmp_path):
+    text = urdf().replace('"0 0 0.055" rpy="0 0 0"', '"0 0 0.055" rpy="0 0.7 0"')
+    bent = text.replace('lower="0" upper="1.6"', 'lower="-0.7" upper="1.2"')
+    frames = [HandMaker(written(tmp_path, each)).frame for each in (None, bent)]
+    assert_allclose(*frames, atol=1e-6)
+
+
 LEFT = {
     name: (f"{xyz.split()[0]} {-float(xyz.split()[1])} {xyz.split()[2]}", rpy.replace("-", ""), *rest)
     for name, (xyz, rpy, *rest) in FINGERS.items()

@@ -119,6 +119,7 @@ class HandMaker(Part):
 
     def _find_thumb(self) -> None:
         """Find the tips, and the thumb among them, which comes last."""
+        self._straighten()
         self._tips = [self._tip(chain) for chain in self.chains]
         ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
         unlike = (ways @ ways.T)[self.linkages :, self.linkages :].sum(1)
@@ -220,6 +221,28 @@ class HandMaker(Part):
         return [chains[k] for k in linkages] + [
             chain for k, chain in enumerate(chains) if k not in linkages and chain
         ]
+
+    def _straighten(self) -> None:
+        """Stretch fingers that the file draws bent, as far as their joints go."""
+        straight = dict[str, float]()
+        for chain in self.chains[self.linkages :]:
+            joints = self.model.body_jntadr[chain]
+            axis = self.data.xaxis[joints[-1]]
+            flexing = joints[np.abs(along := self.data.xaxis[joints] @ axis) > 0.8]
+            way = middle(self.points(chain[-1])) - self.data.xanchor[joints[-1]]
+            link = np.diff(self.data.xanchor[flexing], axis=0).sum(0)
+            bent = float(np.arctan2(np.cross(link, way) @ axis, np.cross(link, axis) @ np.cross(way, axis)))
+            if abs(bent) < 0.5 or len(flexing) < 2:  # rad
+                continue
+            for joint in flexing[::-1]:
+                turns, low_high = np.sign(along[joints == joint][0]), self.ranges([joint])[0]
+                (name,) = self.joint_names([joint])
+                # A finger bends to the side on which its joint goes farther.
+                if name not in {own.joint for own in self.couplings} and bent * turns * low_high.sum() > 0.0:
+                    straight[name] = float(np.clip(-bent * turns, *low_high))
+                    bent += turns * straight[name]
+        if any(straight.values()):
+            self.place(self._following(straight))
 
     def _first_flexing(self, chain: list[int]) -> int:
         """Return the first joint of a finger that turns about the axis of its last one."""
@@ -339,7 +362,7 @@ class HandMaker(Part):
         away -= away @ self.frame[:3, 2] * self.frame[:3, 2]
         moves = np.cross(self.data.xaxis[joints], self.tip(k)[:3, 3] - self.data.xanchor[joints]) @ away
         moves /= np.linalg.norm(away)
-        straight, spreads = np.clip(0.0, low, high), int(np.argmax(np.abs(moves)))
+        straight, spreads = self.data.qpos[joints].copy(), int(np.argmax(np.abs(moves)))
         straight[spreads] += np.sign(moves[spreads]) * 0.4  # rad
         return np.clip(straight, low, high).round(6).tolist()
 
