@@ -70,8 +70,19 @@ def couplings(model: mujoco.MjModel, path: Path) -> Coupled:
         if leader in lines:
             raise InputError(f"{path} couples joint {model.joint(follower).name!r} to itself")
         names = model.joint(follower).name, model.joint(leader).name
-        found.append(Coupling(*names, round(ratio, 9), round(offset, 9)))
+        if _beyond(model, follower, offset + ratio * model.jnt_range[leader]):
+            still.append(names[0])
+            notes.append(f"hand held: {names[0]} stands still at 0: what couples it leads out of its range")
+        else:
+            found.append(Coupling(*names, round(ratio, 9), round(offset, 9)))
     return Coupled(found, still, notes)
+
+
+def _beyond(model: mujoco.MjModel, joint: int, places: Array) -> bool:
+    """Tell whether places (2,), from one to the other, are all beyond the end of a joint's range that is 0."""
+    low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
+    ends = np.sort(places)
+    return bool(abs(low) < 1e-3 and ends[1] < 1e-3 or abs(high) < 1e-3 and ends[0] > -1e-3) and np.ptp(ends) > 0.0
 
 
 def stated_lines(model: mujoco.MjModel) -> Lines:

@@ -54,6 +54,7 @@ class HandMaker(Part):
             )
         self.named = named or NamedParts()
         self._check_names()
+        self.still = self.model.jnt_bodyid[self.joint_ids(still)].tolist()
         self.palm = self._find_palm()
         self.chains = self._find_fingers(set(self.joint_ids(still)))
         self.held += still
@@ -258,7 +259,7 @@ class HandMaker(Part):
         for k in np.flatnonzero(np.abs(along) > 0.8)[::-1]:
             low, high = np.sort(np.sign(along[k]) * self.ranges(joints[[k]])[0])
             if abs(high + low) >= 0.2 * (high - low):
-                return axis if high > -low else -axis
+                return axis if (high > -low) != self._is_drawn_closed() else -axis
         # All bend as far to either side: towards what is between the fingers, or away from the palm.
         name, pad = self.model.body(chain[-1]).name, np.cross(axis, way / np.linalg.norm(way))
         self.notes.append(f"hand pads: which side of {name!r} is the pad is a guess: --flip {name} turns it")
@@ -267,6 +268,13 @@ class HandMaker(Part):
             if abs(towards @ pad) > 0.3 * np.linalg.norm(towards):
                 return axis * np.sign(towards @ pad)
         return -axis
+
+    def _is_drawn_closed(self) -> bool:
+        """Tell whether all fingers end beyond the middle between their bases: they open from there."""
+        chains = self.chains[self.linkages :]
+        bases = self.data.xanchor[[self.model.body_jntadr[chain[0]] for chain in chains]]
+        ends = np.array([middle(self.points(chain[-1])) for chain in chains])
+        return bool((((ends - bases.mean(0)) * (bases - bases.mean(0))).sum(1) < 0.0).all())
 
     def _tip(self, chain: list[int]) -> tuple[Array, float]:
         """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""

@@ -33,6 +33,7 @@ class Part(Description):
         super().__init__(path)
         self.notes = list(self.source.notes)
         self.couplings = list[Coupling]()
+        self.still = list[int]()  # bodies whose joints are held
         if self.model.njnt == 0:
             raise InputError(f"{path} has no joints: it is no hand and no arm")
         self.place(np.clip(0.0, *self.ranges().T))
@@ -123,7 +124,7 @@ class Part(Description):
 
     def hangs_on(self, body: int, other: int) -> bool:
         """Return True where a body is another, or hangs on it without a joint."""
-        while body != other and body and not self.model.body_jntnum[body]:
+        while body != other and body and (not self.model.body_jntnum[body] or body in self.still):
             body = self.model.body_parentid[body]
         return body == other
 
