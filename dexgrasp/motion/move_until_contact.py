@@ -18,7 +18,10 @@ from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 TIP_DEPTH = 0.75  # of a tip's radius: how far from its centre it touches
-_SPEED, _BRISK = 0.03, 0.04  # m/s of closing tips; s that servos stay behind: of slower ones more lag is no touch
+_SPEED, _BRISK = (
+    0.03,
+    0.04,
+)  # m/s of closing tips; s that servos stay behind: of slower ones more lag is no touch
 
 
 class GuardedGrasp(Motion):

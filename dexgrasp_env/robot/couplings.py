@@ -81,8 +81,10 @@ def couplings(model: mujoco.MjModel, path: Path) -> Coupled:
 def _beyond(model: mujoco.MjModel, joint: int, places: Array) -> bool:
     """Tell whether places (2,), from one to the other, are all beyond the end of a joint's range that is 0."""
     low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
-    ends = np.sort(places)
-    return bool(abs(low) < 1e-3 and ends[1] < 1e-3 or abs(high) < 1e-3 and ends[0] > -1e-3) and np.ptp(ends) > 0.0
+    below, above = np.sort(places)
+    return bool(
+        below < above and ((abs(low) < 1e-3 and above < 1e-3) or (abs(high) < 1e-3 and below > -1e-3))
+    )
 
 
 def stated_lines(model: mujoco.MjModel) -> Lines:

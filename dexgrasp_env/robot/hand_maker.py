@@ -259,7 +259,7 @@ class HandMaker(Part):
         for k in np.flatnonzero(np.abs(along) > 0.8)[::-1]:
             low, high = np.sort(np.sign(along[k]) * self.ranges(joints[[k]])[0])
             if abs(high + low) >= 0.2 * (high - low):
-                return axis if (high > -low) != self._is_drawn_closed() else -axis
+                return axis if high > -low else -axis
         # All bend as far to either side: towards what is between the fingers, or away from the palm.
         name, pad = self.model.body(chain[-1]).name, np.cross(axis, way / np.linalg.norm(way))
         self.notes.append(f"hand pads: which side of {name!r} is the pad is a guess: --flip {name} turns it")
@@ -268,13 +268,6 @@ class HandMaker(Part):
             if abs(towards @ pad) > 0.3 * np.linalg.norm(towards):
                 return axis * np.sign(towards @ pad)
         return -axis
-
-    def _is_drawn_closed(self) -> bool:
-        """Tell whether all fingers end beyond the middle between their bases: they open from there."""
-        chains = self.chains[self.linkages :]
-        bases = self.data.xanchor[[self.model.body_jntadr[chain[0]] for chain in chains]]
-        ends = np.array([middle(self.points(chain[-1])) for chain in chains])
-        return bool((((ends - bases.mean(0)) * (bases - bases.mean(0))).sum(1) < 0.0).all())
 
     def _tip(self, chain: list[int]) -> tuple[Array, float]:
         """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
@@ -351,11 +344,14 @@ class HandMaker(Part):
             }))  # fmt: skip
         # How far the last links reach back from their ends, m.
         lengths = [np.ptp(self.points(chain[-1]) @ self.tip(k)[:3, 2]) for k, chain in enumerate(self.chains)]
+        length, narrow = max(lengths), self.radius < 0.008
+        if self.jaws:
+            length, narrow = self.jaws.length, self.jaws.length > 5.0 * self.radius
         return stated({
             **self.head(), "palm": self.model.body(self.palm).name,
             "frame": frame_entry(self.pose(self.palm), self.frame), "tip_radius": self.radius,
-            # Fingers with narrow tips touch with all of their last links.
-            "tip_length": float(np.round(max(lengths), 4)) if self.radius < 0.008 and not self.jaws else (),
+            # Fingers with narrow tips touch with all of their last links, jaws with all of their pads' faces.
+            "tip_length": float(np.round(length, 4)) if narrow else (),
             "torsion": self.jaws.torsion if self.jaws else (),
             **self._driven(joints), "held": self.held,
             "fingers": fingers, "grasp": names[-2:] if self.jaws else ["thumb", *(names[k] for k in near)],

@@ -266,9 +266,13 @@ class _Rebuilt(Description):
             )
         solid.sort(key=lambda geom: -self.reach[geom.name][:, 2].max())
         tip, radius = solid[0], self.hand.tip_radius
-        if self.hand.torsion:  # what ends behind the pad, seen the way that the jaw approaches, is no part of it
+        if (
+            self.hand.torsion
+        ):  # what ends behind the pad, seen the way that the jaw approaches, is no part of it
             way = np.array([-1.0, 0.0, 1.0]) / np.sqrt(2.0)
-            solid = [geom for geom in solid if (self.reach[geom.name] @ way).max() > centre[:3] @ way - radius]
+            solid = [
+                geom for geom in solid if (self.reach[geom.name] @ way).max() > centre[:3] @ way - radius
+            ]
         behind = (self.hand.tip_length or 2.0 * radius) - radius
         also = [geom for geom in solid if self.reach[geom.name][:, 2].max() > centre[2]]
         joined = self.hand.torsion or len(also) > 1
