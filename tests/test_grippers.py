@@ -17,9 +17,9 @@ from dexgrasp.agents.hardcoded import HardcodedAgent
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp.mechanics.kinematics.tree import robot_tree
 from dexgrasp_env.robot.cell import make_cell
-from dexgrasp_env.robot.hand_maker import NamedParts
 from dexgrasp_env.robot.make import make_robot
 from dexgrasp_env.robot.model import bodies_apart, compiled_robot, posed
+from dexgrasp_env.robot.part import NamedParts
 from dexgrasp_env.robot.recipes import recipe_of, recipes
 
 _JAW = """

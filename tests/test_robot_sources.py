@@ -22,8 +22,9 @@ from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import solve
 from dexgrasp_env.robot.cell import make_cell
-from dexgrasp_env.robot.hand_maker import HandMaker, NamedParts
+from dexgrasp_env.robot.hand_maker import HandMaker
 from dexgrasp_env.robot.make import make_robot, parts_of
+from dexgrasp_env.robot.part import NamedParts
 from dexgrasp_env.robot.postures import put_aside
 from dexgrasp_env.robot.rebuilt import compiled, described
 from dexgrasp_env.robot.robot_file import make_hand

@@ -2,7 +2,6 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,23 +11,12 @@ from dexgrasp_env.robot.couplings import couplings, led_by, narrow, share
 from dexgrasp_env.robot.description import bearers
 from dexgrasp_env.robot.gripper import Jaws, find_jaws
 from dexgrasp_env.robot.hulls import cut, hull_of
-from dexgrasp_env.robot.part import Part
+from dexgrasp_env.robot.part import NamedParts, Part
 from dexgrasp_env.robot.rebuilt import FLANGE, about, frame_entry
 from dexgrasp_env.robot.source import WRIST, branching, limb
 
 PLATE = 0.0133
 """m between flange and hand."""
-
-
-class NamedParts(NamedTuple):
-    """Parts of a hand that its user names, where guesses are wrong."""
-
-    palm: str | None = None
-    """Body that bears the fingers."""
-    thumb: str | None = None
-    """A body of the opposing finger."""
-    flip: tuple[str, ...] = ()
-    """Last bodies of fingers whose pads are on the other side."""
 
 
 def stated(entry: Fields) -> Fields:
@@ -225,39 +213,30 @@ class HandMaker(Part):
 
     def _straighten(self) -> None:
         """Stretch fingers that the file draws bent, as far as their joints go."""
-        straight = dict[str, float]()
+        straight, following = dict[str, float](), {own.joint for own in self.couplings}
         for chain in self.chains[self.linkages :]:
-            joints = self.model.body_jntadr[chain]
-            axis = self.data.xaxis[joints[-1]]
-            flexing = joints[np.abs(along := self.data.xaxis[joints] @ axis) > 0.8]
-            way = middle(self.points(chain[-1])) - self.data.xanchor[joints[-1]]
-            link = np.diff(self.data.xanchor[flexing], axis=0).sum(0)
-            bent = float(np.arctan2(np.cross(link, way) @ axis, np.cross(link, axis) @ np.cross(way, axis)))
-            if abs(bent) < 0.5 or len(flexing) < 2:  # rad
+            joints, senses = self.bending(chain)
+            axis, anchors = self.data.xaxis[joints[-1]], self.data.xanchor[joints]
+            link, way = np.cross(
+                [anchors[-1] - anchors[0], middle(self.points(chain[-1])) - anchors[-1]], axis
+            )
+            bent = float(np.arctan2(np.cross(link, way) @ axis, link @ way))
+            if abs(bent) < 0.5 or len(joints) < 2:  # rad
                 continue
-            for joint in flexing[::-1]:
-                turns, low_high = np.sign(along[joints == joint][0]), self.ranges([joint])[0]
-                (name,) = self.joint_names([joint])
+            for joint, sense in zip(joints[::-1], senses[::-1], strict=True):
+                low_high, (name,) = self.ranges([joint])[0], self.joint_names([joint])
                 # A finger bends to the side on which its joint goes farther.
-                if name not in {own.joint for own in self.couplings} and bent * turns * low_high.sum() > 0.0:
-                    straight[name] = float(np.clip(-bent * turns, *low_high))
-                    bent += turns * straight[name]
-        if any(straight.values()):
-            self.place(self._following(straight))
-
-    def _first_flexing(self, chain: list[int]) -> int:
-        """Return the first joint of a finger that turns about the axis of its last one."""
-        joints = self.model.body_jntadr[chain]
-        along = np.abs(self.data.xaxis[joints] @ self.data.xaxis[joints[-1]])
-        return int(joints[np.argmax(along > 0.8)])
+                if name not in following and bent * sense * low_high.sum() > 0.0:
+                    straight[name] = float(np.clip(-bent * sense, *low_high))
+                    bent += sense * straight[name]
+        self.place(self._following(straight) if straight else self.data.qpos)
 
     def _flexing(self, chain: list[int], way: Array) -> Array:
         """Return the axis (3,) about which a finger bends by its last joint, the finger pointing along `way`."""
-        joints = self.model.body_jntadr[chain]
+        joints, senses = self.bending(chain)
         axis, anchor = self.data.xaxis[joints[-1]], self.data.xanchor[joints[-1]]
-        along = self.data.xaxis[joints] @ axis
-        for k in np.flatnonzero(np.abs(along) > 0.8)[::-1]:
-            low, high = np.sort(np.sign(along[k]) * self.ranges(joints[[k]])[0])
+        for joint, sense in zip(joints[::-1], senses[::-1], strict=True):
+            low, high = np.sort(sense * self.ranges([joint])[0])
             if abs(high + low) >= 0.2 * (high - low):
                 return axis if high > -low else -axis
         # All bend as far to either side: towards what is between the fingers, or away from the palm.
@@ -317,7 +296,7 @@ class HandMaker(Part):
         tips, thumb = np.mean([self._tips[k][0] for k in near], axis=0), self._tips[-1][0]
         turns = [np.cross(own[:3, 0], own[:3, 2]) for own in (tips, thumb)]
         turn = turns[0] / np.linalg.norm(turns[0])
-        bases = self.data.xanchor[[self._first_flexing(self.chains[k]) for k in (*near, -1)]]
+        bases = self.data.xanchor[[self.bending(self.chains[k])[0][0] for k in (*near, -1)]]
         across = bases[:-1].mean(0) - bases[-1]
         across -= across @ turn * turn
         x = np.cross(turn, across / np.linalg.norm(across))
@@ -344,14 +323,13 @@ class HandMaker(Part):
             }))  # fmt: skip
         # How far the last links reach back from their ends, m.
         lengths = [np.ptp(self.points(chain[-1]) @ self.tip(k)[:3, 2]) for k, chain in enumerate(self.chains)]
-        length, narrow = max(lengths), self.radius < 0.008
-        if self.jaws:
-            length, narrow = self.jaws.length, self.jaws.length > 5.0 * self.radius
+        length = self.jaws.length if self.jaws else max(lengths)
+        touches = length > 5.0 * self.radius if self.jaws else self.radius < 0.008
         return stated({
             **self.head(), "palm": self.model.body(self.palm).name,
             "frame": frame_entry(self.pose(self.palm), self.frame), "tip_radius": self.radius,
             # Fingers with narrow tips touch with all of their last links, jaws with all of their pads' faces.
-            "tip_length": float(np.round(length, 4)) if narrow else (),
+            "tip_length": float(np.round(length, 4)) if touches else (),
             "torsion": self.jaws.torsion if self.jaws else (),
             **self._driven(joints), "held": self.held,
             "fingers": fingers, "grasp": names[-2:] if self.jaws else ["thumb", *(names[k] for k in near)],
@@ -397,7 +375,7 @@ class HandMaker(Part):
 
     def _beside_thumb(self) -> list[int]:
         """Return the finger whose base is nearest to the thumb's tip, and the neighbour of it whose base is nearer."""
-        bases = self.data.xanchor[[self._first_flexing(chain) for chain in self.chains[:-1]]]
+        bases = self.data.xanchor[[self.bending(chain)[0][0] for chain in self.chains[:-1]]]
         thumb = self._tips[-1][0]
         away = np.linalg.norm(bases - thumb[:3, 3], axis=1)
         near = [k for k in np.argsort(away, kind="stable").tolist() if k >= self.linkages]

@@ -13,10 +13,10 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.poses import inverse, placed, shifted
 from dexgrasp_env.robot.description import bearers, pose_of
-from dexgrasp_env.robot.hand_maker import PLATE, HandMaker, NamedParts, stated
+from dexgrasp_env.robot.hand_maker import PLATE, HandMaker, stated
 from dexgrasp_env.robot.hulls import corners_of
 from dexgrasp_env.robot.model import posed, swept
-from dexgrasp_env.robot.part import Part
+from dexgrasp_env.robot.part import NamedParts, Part
 from dexgrasp_env.robot.postures import (
     always_near,
     home_posture,

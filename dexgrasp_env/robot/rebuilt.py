@@ -268,11 +268,10 @@ class _Rebuilt(Description):
         tip, radius = solid[0], self.hand.tip_radius
         if (
             self.hand.torsion
-        ):  # what ends behind the pad, seen the way that the jaw approaches, is no part of it
-            way = np.array([-1.0, 0.0, 1.0]) / np.sqrt(2.0)
-            solid = [
-                geom for geom in solid if (self.reach[geom.name] @ way).max() > centre[:3] @ way - radius
-            ]
+        ):  # a jaw's shapes that end behind the pad, seen the way it approaches, are no part
+            ends = {geom.name: (self.reach[geom.name] @ [-1.0, 0.0, 1.0]).max() for geom in solid}
+            least = centre[:3] @ [-1.0, 0.0, 1.0] - np.sqrt(2.0) * radius
+            solid = [geom for geom in solid if ends[geom.name] > least]
         behind = (self.hand.tip_length or 2.0 * radius) - radius
         also = [geom for geom in solid if self.reach[geom.name][:, 2].max() > centre[2]]
         joined = self.hand.torsion or len(also) > 1
