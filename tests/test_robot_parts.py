@@ -15,7 +15,8 @@ from refusals import refused
 from tables import mistakes, table
 
 from dexgrasp_env.robot.make import arm_entry, make_robot
-from dexgrasp_env.robot.model import excluded_pairs
+from dexgrasp_env.robot.model import excluded_pairs, posed
+from dexgrasp_env.robot.postures import _room
 from dexgrasp_env.robot.rebuilt import Description, compiled
 from dexgrasp_env.robot.robot_file import make_arm
 
@@ -47,10 +48,17 @@ def test_joints_without_a_range_turn_once(tmp_path):
     assert typed(f"robot check {tmp_path / 'six.yaml'} --json") in (0, 1)
 
 
-def test_an_arms_base_may_overlap_the_link_on_it_as_neighbours_do(tmp_path):
-    entry, _ = arm_entry(six_joint_arm(tmp_path))
-    model = compiled(make_arm(entry))
+def test_an_arm_is_mounted_where_its_flange_is_and_begins_with_room_for_a_hand(tmp_path):
+    path = six_joint_arm(tmp_path)
+    entry, _ = arm_entry(path)
+    arm = make_arm(entry)
+    model = compiled(arm)
+    # Its base may overlap the link on it, as neighbours do.
     assert excluded_pairs(model) == {frozenset((model.body("stand").id, model.body("link0").id))}
+    beside = [-2.81, -1.34, 1.16, 1.75, -1.57, 0.55]  # the forearm is beside the hand
+    assert _room(arm, posed(model, beside)) < -5.0 < _room(arm, posed(model, entry["home"]))
+    path.write_text(path.read_text().replace("</body>", '<site name="y_axis" pos="0 0.09 0"/></body>', 1))
+    assert arm_entry(path)[0]["frame"] == entry["frame"]
 
 
 @pytest.mark.parametrize(("pattern", "by", "words"), mistakes("arms"))

@@ -86,9 +86,9 @@ def written(folder, text=None, **kwargs):
     return path
 
 
-def hand_of(folder, path):
+def hand_of(folder, path, *told):
     """Return what `make` notes of a hand, and its file."""
-    notes = make_robot(path, None, folder / "claw.yaml")
+    notes = make_robot(path, None, folder / "claw.yaml", *told)
     return notes, yaml.safe_load((folder / "claw_hand.yaml").read_text())
 
 

@@ -26,7 +26,6 @@ class Jaws(NamedTuple):
     radius: float  # m
     torsion: float  # m
     stroke: float  # m between the pads, opened
-    length: float  # m of the last links, along z of the tips, that the pads' faces take
 
 
 def find_jaws(part: Part, palm: int, ends: list[int], opened: Array, closed: Array) -> Jaws:
@@ -56,9 +55,8 @@ def find_jaws(part: Part, palm: int, ends: list[int], opened: Array, closed: Arr
     x = middle(np.concatenate(own)) - middle(part.outline(palm))
     x = _snapped(x - x @ y * y, axes)
     pads = [_pad(part, body, way, x) for body, way in zip(ends, (-y, y), strict=True)]
-    radius = round(float(np.clip(min(size for _, size, _ in pads), *_PAD)), 4)
-    tips = [_tip_frame(centre, way, x, radius) for (centre, *_), way in zip(pads, (-y, y), strict=True)]
-    lengths = [(T[:3, 3] - face) @ T[:3, 2] + radius for T, (*_, face) in zip(tips, pads, strict=True)]
+    radius = round(float(np.clip(min(size for _, size in pads), *_PAD)), 4)
+    tips = [_tip_frame(centre, way, x, radius) for (centre, _), way in zip(pads, (-y, y), strict=True)]
     origin = middle(np.array([T[:3, 3] for T in tips]))
     front = part.outline(palm) @ x
     origin += (min(front.max(), origin @ x - 0.025) - origin @ x) * x  # pads are 25 mm before it at least
@@ -67,8 +65,7 @@ def find_jaws(part: Part, palm: int, ends: list[int], opened: Array, closed: Arr
     # Torsional over sliding friction of a flat patch is 2/3 of its radius: taken with a reserve.
     torsion = round(0.6 * radius, 4)
     T_palm = rigid(np.stack([x, y, np.cross(x, y)], axis=1), origin)
-    length = round(float(max(lengths)) + 1e-4, 4)
-    return Jaws((ends[0], ends[1]), T_palm, (tips[0], tips[1]), radius, torsion, stroke, length)
+    return Jaws((ends[0], ends[1]), T_palm, (tips[0], tips[1]), radius, torsion, stroke)
 
 
 def _snapped(way: Array, axes: Array) -> Array:
@@ -79,19 +76,19 @@ def _snapped(way: Array, axes: Array) -> Array:
     return np.asarray(np.sign(along[k]) * axes[:, k] if abs(along[k]) > 0.97 else way)
 
 
-def _pad(part: Part, body: int, way: Array, x: Array) -> tuple[Array, float, Array]:
-    """Return the middle (3,) m of the face with which a jaw closes along `way`, near its end, and its half size.
-
-    And where the face, or what lies hardly behind it, begins (3,) m.
-    """
+def _pad(part: Part, body: int, way: Array, x: Array) -> tuple[Array, float]:
+    """Return the middle (3,) m of the face with which a jaw closes along `way`, near its end, and its half size."""
     R = np.stack([way, np.cross(x, way), x], axis=1)
     shapes = [points @ R for points in part.shapes(body)]
     end = max(points[:, 2].max() for points in shapes)
     # The pad is sought in the last 35 mm, or the last half of a shorter jaw.
     end_of = min(0.035, 0.5 * (end - min(points[:, 2].min() for points in shapes)))
-    shapes = [points for points in shapes if points[:, 2].max() > end - end_of]
     near = np.concatenate(
-        [cut(points, end - end_of)[0] if points[:, 2].min() < end - end_of else points for points in shapes]
+        [
+            cut(points, end - end_of)[0] if points[:, 2].min() < end - end_of else points
+            for points in shapes
+            if points[:, 2].max() > end - end_of
+        ]
     )
     face = near[near[:, 0] > near[:, 0].max() - 0.001]  # m of depth
     low, high = face.min(0), face.max(0)
@@ -99,9 +96,7 @@ def _pad(part: Part, body: int, way: Array, x: Array) -> tuple[Array, float, Arr
     centre = 0.5 * (low + high)
     centre[0] = high[0]
     centre[2] = min(centre[2], end - min(max(size, _PAD[0]), _PAD[1]))
-    flush = np.concatenate(shapes)
-    flush = flush[flush[:, 0] > high[0] - 0.006]  # m
-    return R @ centre, size, R @ flush[np.argmin(flush[:, 0] + flush[:, 2])]
+    return R @ centre, size
 
 
 def _tip_frame(pad: Array, way: Array, x: Array, radius: float) -> Array:

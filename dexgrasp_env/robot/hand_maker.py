@@ -323,13 +323,11 @@ class HandMaker(Part):
             }))  # fmt: skip
         # How far the last links reach back from their ends, m.
         lengths = [np.ptp(self.points(chain[-1]) @ self.tip(k)[:3, 2]) for k, chain in enumerate(self.chains)]
-        length = self.jaws.length if self.jaws else max(lengths)
-        touches = length > 5.0 * self.radius if self.jaws else self.radius < 0.008
         return stated({
             **self.head(), "palm": self.model.body(self.palm).name,
             "frame": frame_entry(self.pose(self.palm), self.frame), "tip_radius": self.radius,
-            # Fingers with narrow tips touch with all of their last links, jaws with all of their pads' faces.
-            "tip_length": float(np.round(length, 4)) if touches else (),
+            # Fingers with narrow tips touch with all of their last links.
+            "tip_length": float(np.round(max(lengths), 4)) if self.radius < 0.008 and not self.jaws else (),
             "torsion": self.jaws.torsion if self.jaws else (),
             **self._driven(joints), "held": self.held,
             "fingers": fingers, "grasp": names[-2:] if self.jaws else ["thumb", *(names[k] for k in near)],
