@@ -18,10 +18,8 @@ from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 TIP_DEPTH = 0.75  # of a tip's radius: how far from its centre it touches
-_SPEED, _BRISK = (
-    0.03,
-    0.04,
-)  # m/s of closing tips; s that servos stay behind: of slower ones more lag is no touch
+_SPEED = 0.03  # m/s of closing tips
+_BRISK = 0.04  # s that servos may stay behind: slower ones lag more without a touch
 
 
 class GuardedGrasp(Motion):
@@ -53,9 +51,9 @@ class GuardedGrasp(Motion):
         self._travel = np.maximum(np.linalg.norm(way, axis=1), 1e-3)  # m of the tips
         self._progress, self._touched = np.zeros(len(way)), np.zeros(len(way), bool)
         self._finger = finger_of_joints(self.tree)
-        slow = np.array([self.tree.response[first:end].max() for first, end in self.tree.fingers]) - _BRISK
+        slow = [max(self.tree.response[first:end].max() - _BRISK, 0.0) for first, end in self.tree.fingers]
         # m that a tip stays behind its set-point when it has touched: about 2 N
-        self._lag = self._pace * (0.0018 + _SPEED * np.maximum(slow, 0.0))
+        self._lag = self._pace * (0.0018 + _SPEED * np.array(slow))
         self._step = self._close_count = self._settled = self._squeeze_count = 0
         self.targets, self.spans = self._open.copy(), np.zeros(len(way) - 1)
 

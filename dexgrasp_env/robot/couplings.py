@@ -80,11 +80,9 @@ def couplings(model: mujoco.MjModel, path: Path) -> Coupled:
 
 def _beyond(model: mujoco.MjModel, joint: int, places: Array) -> bool:
     """Tell whether places (2,), from one to the other, are all beyond the end of a joint's range that is 0."""
-    low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
-    below, above = np.sort(places)
-    return bool(
-        below < above and ((abs(low) < 1e-3 and above < 1e-3) or (abs(high) < 1e-3 and below > -1e-3))
-    )
+    low, high = np.round(model.jnt_range[joint], 3)
+    ends = np.round(np.ptp(places) and places, 3) if model.jnt_limited[joint] else np.zeros(2)
+    return bool(np.any(ends) and ((low == 0.0 and ends.max() <= 0.0) or (high == 0.0 and ends.min() >= 0.0)))
 
 
 def stated_lines(model: mujoco.MjModel) -> Lines:

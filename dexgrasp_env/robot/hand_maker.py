@@ -213,23 +213,20 @@ class HandMaker(Part):
 
     def _straighten(self) -> None:
         """Stretch fingers that the file draws bent, as far as their joints go."""
-        straight, following = dict[str, float](), {own.joint for own in self.couplings}
+        straight = self.data.qpos.copy()
         for chain in self.chains[self.linkages :]:
             joints, senses = self.bending(chain)
             axis, anchors = self.data.xaxis[joints[-1]], self.data.xanchor[joints]
-            link, way = np.cross(
-                [anchors[-1] - anchors[0], middle(self.points(chain[-1])) - anchors[-1]], axis
-            )
-            bent = float(np.arctan2(np.cross(link, way) @ axis, link @ way))
-            if abs(bent) < 0.5 or len(joints) < 2:  # rad
-                continue
-            for joint, sense in zip(joints[::-1], senses[::-1], strict=True):
-                low_high, (name,) = self.ranges([joint])[0], self.joint_names([joint])
-                # A finger bends to the side on which its joint goes farther.
-                if name not in following and bent * sense * low_high.sum() > 0.0:
-                    straight[name] = float(np.clip(-bent * sense, *low_high))
-                    bent += sense * straight[name]
-        self.place(self._following(straight) if straight else self.data.qpos)
+            ways = anchors[-1] - anchors[0], middle(self.points(chain[-1])) - anchors[-1]
+            link, end = np.cross(ways, axis)
+            bent = float(np.arctan2(np.cross(link, end) @ axis, link @ end))
+            if abs(bent) > 0.5:  # rad
+                for joint, sense in zip(joints[::-1], senses[::-1], strict=True):
+                    low_high = self.ranges([joint])[0]
+                    if bent * sense * low_high.sum() > 0.0:  # it bends to the side on which it goes farther
+                        straight[joint] = np.clip(-bent * sense, *low_high)
+                        bent += sense * straight[joint]
+        self.place(straight)
 
     def _flexing(self, chain: list[int], way: Array) -> Array:
         """Return the axis (3,) about which a finger bends by its last joint, the finger pointing along `way`."""

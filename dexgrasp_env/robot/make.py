@@ -164,9 +164,9 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         part.notes.append(f"arm frame: no site at the flange, the frame of {last.name!r} assumed")
     if abs(axis @ flange[:3, 2]) < 1.0 - 1e-6:
         part.notes.append("arm frame: the flange's z is no axis of the last joint, which is taken")
-    wrist = data.xanchor[m.body_jntadr[chain[-2]]]
-    ways = [flange[:3, 2], *(10.0 * (flange[:3, 3] - at) for at in (anchor, wrist))]  # 1 for 0.1 m
-    outwards = next((way @ axis for way in ways if abs(way @ axis) > 0.05), 0.0)
+    wrist, outwards = data.xanchor[m.body_jntadr[chain[-2]]], flange[:3, 2] @ axis
+    if abs(outwards) < 0.05:
+        outwards = (flange[:3, 3] - wrist) @ axis
     flange = about(flange[:3, 3], axis if outwards >= -1e-9 else -axis, flange[:3, 0])
     shoulder, base = m.joint(joints[1]).id, base_frame(data, joints)
     if base[2, 2] < 1.0:
