@@ -54,9 +54,11 @@ def test_a_heavy_object_is_turned_about_its_centre_and_no_corner_sinks(heavy):
     assert_array_less(np.abs(np.diff(turn.arm, axis=0, prepend=start[None, :7])), 0.12)
 
 
-@pytest.mark.parametrize(("pace", "touches"), [(1.0, False), (0.4, True)])
-def test_a_gentle_hand_has_touched_where_a_finger_lags_to_any_side(heavy, pace, touches):
-    plan, _, _ = heavy
+@pytest.mark.parametrize(("pace", "slow", "touches"), [(1.0, 0, False), (0.4, 0, True), (0.4, 0.2, False)])
+def test_a_gentle_hand_has_touched_where_a_finger_lags_to_any_side(heavy, pace, slow, touches, monkeypatch):
+    plan, servos = heavy[0], TREE._replace()
+    vars(servos).update(response=TREE.response + slow)  # s that set-points are ahead without a touch
+    monkeypatch.setattr(move_until_contact, "robot_tree", lambda cell: servos)
     hold = GuardedGrasp(plan.script, plan.grasp, pace=pace)
     q = hold.targets.copy()
     first, end = TREE.fingers[0]
@@ -68,14 +70,6 @@ def test_a_gentle_hand_has_touched_where_a_finger_lags_to_any_side(heavy, pace, 
     q[first:end] += 2e-3 * aside / np.linalg.norm(J @ aside)
     hold._close(q)
     assert hold._touched.tolist() == [touches, False, False]
-
-
-def test_slow_servos_lag_more_before_it_is_a_touch(heavy, monkeypatch):
-    slow = TREE._replace()
-    vars(slow).update(response=TREE.response + 0.1)
-    plain = GuardedGrasp(heavy[0].script, heavy[0].grasp)._lag
-    monkeypatch.setattr(move_until_contact, "robot_tree", lambda cell: slow)
-    assert_array_less(plain + 0.002, GuardedGrasp(heavy[0].script, heavy[0].grasp)._lag)
 
 
 def test_what_must_not_be_pressed_hard_is_not_turned(heavy):
