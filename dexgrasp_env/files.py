@@ -198,7 +198,7 @@ def _read_cached(path: Path) -> Arrays | None:
     header = io.BytesIO(payload[:_HEADER].tobytes())
     np.lib.format.read_magic(header)
     dtype = np.lib.format.read_array_header_1_0(header)[2]
-    record = payload[header.tell() :].view(dtype)
+    record = np.frombuffer(payload, dtype, 1, header.tell()) if dtype.itemsize else np.zeros(1, dtype)
     return {name: record[name][0] for name in dtype.names or ()}
 
 

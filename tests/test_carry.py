@@ -10,6 +10,7 @@ from tables import table
 from dexgrasp.mechanics.kinematics.forward import fingertips
 from dexgrasp.mechanics.kinematics.palm_ik import palm_frame
 from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.motion import move_until_contact
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.move_until_contact import GuardedGrasp
 from dexgrasp.planning.carry import ENOUGH, plan_turn
@@ -53,9 +54,11 @@ def test_a_heavy_object_is_turned_about_its_centre_and_no_corner_sinks(heavy):
     assert_array_less(np.abs(np.diff(turn.arm, axis=0, prepend=start[None, :7])), 0.12)
 
 
-@pytest.mark.parametrize(("pace", "touches"), [(1.0, False), (0.4, True)])
-def test_a_gentle_hand_has_touched_where_a_finger_lags_to_any_side(heavy, pace, touches):
-    plan, _, _ = heavy
+@pytest.mark.parametrize(("pace", "slow", "touches"), [(1.0, 0, False), (0.4, 0, True), (0.4, 0.2, False)])
+def test_a_gentle_hand_has_touched_where_a_finger_lags_to_any_side(heavy, pace, slow, touches, monkeypatch):
+    plan, servos = heavy[0], TREE._replace()
+    vars(servos).update(response=TREE.response + slow)  # s that set-points are ahead without a touch
+    monkeypatch.setattr(move_until_contact, "robot_tree", lambda cell: servos)
     hold = GuardedGrasp(plan.script, plan.grasp, pace=pace)
     q = hold.targets.copy()
     first, end = TREE.fingers[0]

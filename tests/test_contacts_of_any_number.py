@@ -10,7 +10,7 @@ from dexgrasp.grasp.verify.cones import conic_margin, largest_push, slides, wren
 from dexgrasp.mechanics.contact_models import contact_model
 from dexgrasp.mechanics.contacts import Contacts, shape_of
 from dexgrasp.mechanics.internal_force import firmest_squeeze
-from dexgrasp.mechanics.margin import cone_margin, margins
+from dexgrasp.mechanics.margin import UNDEFINED, cone_margin, margins
 from dexgrasp.mechanics.strength import capacity_of, hold_residual, load_of, torque_fraction
 from dexgrasp_env.arrays import cube_directions
 
@@ -45,6 +45,9 @@ def _contacts(rng, count, torsion, shared=False):
 @pytest.mark.parametrize(("count", "torsion"), KINDS)
 def test_margins_are_the_judges_and_have_slopes(count, torsion):
     rng, step = np.random.default_rng(count), 1e-6
+    if torsion:  # contacts at one point are of no rank
+        at_one = np.ones((count, 3)), _grasp(rng, count)[1]
+        assert cone_margin(*at_one, MU, shape_of(count, contact_model(torsion)))[0] == UNDEFINED
     for _ in range(6):
         points, normals = _grasp(rng, count)
         model = contact_model(torsion)

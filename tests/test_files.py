@@ -44,6 +44,8 @@ def test_what_was_made_is_read_back(cache):
     assert_same(cached_arrays("a/b.npy", made))
     assert_same(cached_arrays("a/b.npy", refuse))
     assert [path.name for path in (cache / "a").iterdir()] == ["b.npy"]
+    for _ in range(2):
+        assert not cached_arrays("empty.npy", lambda: {"none": np.zeros(0, bool)})["none"].size
 
 
 def test_every_damage_is_noticed_and_replaced(cache):

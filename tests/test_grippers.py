@@ -11,15 +11,16 @@ from numpy.testing import assert_allclose
 from processes import typed
 from refusals import refused
 from robots import variant
-from test_robot_sources import FINGERS, urdf
+from test_robot_sources import FINGERS, hand_of, urdf, written
 
 from dexgrasp.agents.hardcoded import HardcodedAgent
 from dexgrasp.mechanics.kinematics.robot_check import check_robot
 from dexgrasp.mechanics.kinematics.tree import robot_tree
+from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp_env.robot.cell import make_cell
-from dexgrasp_env.robot.hand_maker import NamedParts
 from dexgrasp_env.robot.make import make_robot
 from dexgrasp_env.robot.model import bodies_apart, compiled_robot, posed
+from dexgrasp_env.robot.part import NamedParts
 from dexgrasp_env.robot.recipes import recipe_of, recipes
 
 _JAW = """
@@ -54,6 +55,11 @@ LOOPS = f"""
 <actuator><position name="close" joint="l_crank" kp="50" forcerange="-4 4"/></actuator></mujoco>"""
 
 
+_BRACKET = '<geom type="box" size="0.004 0.014 0.005" pos="0.005 -0.004 0.005"/>'
+BRACKETS = SLIDES.replace('<geom type="box" size="0.009', f'{_BRACKET}<geom type="box" size="0.009')
+"""Jaws of which a bracket reaches over the middle, far behind the pads."""
+
+
 def made(folder, text):
     """Return the notes, the hand's file and the cell of a gripper's MJCF."""
     (folder / "theirs.xml").write_text(text)
@@ -82,10 +88,11 @@ def test_sliding_jaws_are_one_drive_of_the_force_that_its_tendon_states(tmp_path
     assert np.linalg.norm(gap(cell, closed)) == pytest.approx(0.004 + 2 * hand["tip_radius"], abs=1e-6)
 
 
-@pytest.mark.parametrize("text", [SLIDES, LOOPS])
+@pytest.mark.parametrize("text", [SLIDES, LOOPS, BRACKETS])
 def test_nothing_is_wrong_with_what_is_made_of_a_gripper(text, tmp_path):
     _, _, cell = made(tmp_path, text)
     assert [finding for finding in check_robot(cell) if finding.level == "error"] == []
+    assert hand_atlas(cell).tips.least < 0.5**0.5  # tips' axes are at 45 degrees to the way jaws close
 
 
 def test_loops_are_reduced_to_their_drive(tmp_path):
@@ -114,14 +121,11 @@ def test_hardcoded_pinches_along_the_short_axis(tmp_path):
 
 @pytest.fixture
 def hand(tmp_path):
-    path = tmp_path / "claw.urdf"
-    path.write_text(urdf())
-    return path
+    return written(tmp_path)
 
 
-def file_of(hand, named=None):
-    make_robot(hand, None, hand.with_name("claw.yaml"), named)
-    return yaml.safe_load(hand.with_name("claw_hand.yaml").read_text())
+def file_of(hand, *told):
+    return hand_of(hand.parent, hand, *told)[1]
 
 
 def test_a_thumb_that_is_named_opposes_and_a_pad_that_is_flipped_turns(hand):
@@ -150,8 +154,7 @@ def test_one_file_is_made_without_being_told_what_it_is_and_drawn(hand, tmp_path
 
 def test_recipes_replace_what_a_file_states(hand):
     assert {"svh", "franka_hand", "robotiq_2f85", "umi", "inspire"} <= recipes().keys()
-    make_robot(hand, None, hand.with_name("claw.yaml"), recipe=recipe_of("dclaw", hand))
-    assert yaml.safe_load(hand.with_name("claw_hand.yaml").read_text())["torque"] == 3.0
+    assert file_of(hand, None, recipe_of("dclaw", hand))["torque"] == 3.0
     with refused("unknown recipe 'claw'"):
         recipe_of("claw", hand)
     with refused("of dexsuite/dex-urdf: give that file"):

@@ -72,22 +72,10 @@ def test_the_check_finds_a_fault_of_a_description(changes, problem, tmp_path, ca
     assert "Traceback" not in said.err
 
 
-def said_in_a_line(words, capsys):
-    (line,) = capsys.readouterr().err.splitlines()
-    return re.search(words, line)
-
-
 @pytest.mark.parametrize(
     ("changes", "words"), [*(({"hand": own}, words) for own, words in mistakes("hands")), *mistakes("robots")]
 )
 def test_a_broken_hand_arm_or_robot_is_said_in_one_line(changes, words, tmp_path, capsys):
     assert typed(f"robot check {variant(tmp_path, **changes)}") == 2
-    assert said_in_a_line(words, capsys)
-
-
-@pytest.mark.parametrize(("text", "words"), mistakes("broken_mjcf"))
-def test_a_broken_mjcf_is_said_in_one_line(text, words, tmp_path, capsys):
-    (tmp_path / "hand.xml").write_text(text)
-    assert typed(f"robot make --hand {tmp_path / 'hand.xml'} --out {tmp_path / 'a.yaml'}") == 2
-    assert said_in_a_line(words, capsys)
-    assert not (tmp_path / "a.yaml").exists()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.search(words, line)

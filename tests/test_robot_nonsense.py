@@ -49,6 +49,7 @@ FIELD = '<mujoco><asset><hfield name="a" nrow="{side}" ncol="{side}" size="1 1 1
         (FIELD.format(side=60_000), "over 100000 elements"),
         (limbs(3).replace("-0.35", "nan"), "no finite number|cannot read"),
         *mistakes("nonsense"),
+        *mistakes("broken_mjcf"),
     ],
 )
 def test_it_is_refused_in_a_line(text, words, tmp_path):
@@ -56,6 +57,7 @@ def test_it_is_refused_in_a_line(text, words, tmp_path):
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with refused(words):
         make_robot(path, None, tmp_path / "out.yaml")
+    assert [*tmp_path.iterdir()] == [path]
 
 
 def test_includes_that_double_are_bounded(tmp_path):

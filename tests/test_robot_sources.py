@@ -22,8 +22,9 @@ from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
 from dexgrasp.planning.sqp import solve
 from dexgrasp_env.robot.cell import make_cell
-from dexgrasp_env.robot.hand_maker import HandMaker, NamedParts
+from dexgrasp_env.robot.hand_maker import HandMaker
 from dexgrasp_env.robot.make import make_robot, parts_of
+from dexgrasp_env.robot.part import NamedParts
 from dexgrasp_env.robot.postures import put_aside
 from dexgrasp_env.robot.rebuilt import compiled, described
 from dexgrasp_env.robot.robot_file import make_hand
@@ -85,9 +86,9 @@ def written(folder, text=None, **kwargs):
     return path
 
 
-def hand_of(folder, path):
+def hand_of(folder, path, *told):
     """Return what `make` notes of a hand, and its file."""
-    notes = make_robot(path, None, folder / "claw.yaml")
+    notes = make_robot(path, None, folder / "claw.yaml", *told)
     return notes, yaml.safe_load((folder / "claw_hand.yaml").read_text())
 
 
@@ -238,6 +239,13 @@ def test_a_claw_approaches_along_its_fingers_whichever_way_they_could_bend(eithe
     for k in range(3):
         tip = maker.tip(k)
         assert tip[:3, 0] @ -tip[:3, 3] > 0.0  # pads face the axis
+
+
+def test_fingers_that_are_drawn_bent_are_stretched_to_see_the_palm(tmp_path):
+    text = urdf().replace('"0 0 0.055" rpy="0 0 0"', '"0 0 0.055" rpy="0 0.7 0"')
+    bent = text.replace('lower="0" upper="1.6"', 'lower="-0.7" upper="1.2"')
+    frames = [HandMaker(written(tmp_path, each)).frame for each in (None, bent)]
+    assert_allclose(*frames, atol=1e-6)
 
 
 LEFT = {

@@ -81,8 +81,8 @@ class Make(Command):
 
     def run(self) -> Answer:
         """Write the robot file; report what was assumed."""
-        from dexgrasp_env.robot.hand_maker import NamedParts
         from dexgrasp_env.robot.make import make_robot
+        from dexgrasp_env.robot.part import NamedParts
         from dexgrasp_env.robot.recipes import hint_of, recipe_of
 
         hand, arm = self._parts()

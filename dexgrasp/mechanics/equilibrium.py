@@ -50,7 +50,8 @@ def own_map(points: Array, normals: Array, torsion: float | None) -> Array:
     for i in range(points.shape[0]):
         middle += points[i] / points.shape[0]
     away = points - middle
-    return contact_map(points, normals, torsion, middle, np.sqrt((away * away).sum() / points.shape[0]))
+    radius = max(np.sqrt((away * away).sum() / points.shape[0]), 1e-9)  # of contacts at one point too
+    return contact_map(points, normals, torsion, middle, radius)
 
 
 @njit

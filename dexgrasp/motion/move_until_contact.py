@@ -18,6 +18,8 @@ from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 TIP_DEPTH = 0.75  # of a tip's radius: how far from its centre it touches
+_SPEED = 0.03  # m/s of closing tips
+_BRISK = 0.04  # s that servos may stay behind: slower ones lag more without a touch
 
 
 class GuardedGrasp(Motion):
@@ -49,6 +51,9 @@ class GuardedGrasp(Motion):
         self._travel = np.maximum(np.linalg.norm(way, axis=1), 1e-3)  # m of the tips
         self._progress, self._touched = np.zeros(len(way)), np.zeros(len(way), bool)
         self._finger = finger_of_joints(self.tree)
+        slow = [max(self.tree.response[first:end].max() - _BRISK, 0.0) for first, end in self.tree.fingers]
+        # m that a tip stays behind its set-point when it has touched: about 2 N
+        self._lag = self._pace * (0.0018 + _SPEED * np.array(slow))
         self._step = self._close_count = self._settled = self._squeeze_count = 0
         self.targets, self.spans = self._open.copy(), np.zeros(len(way) - 1)
 
@@ -70,11 +75,10 @@ class GuardedGrasp(Motion):
         begun = self._progress > 0.3
         if self._pace < 1.0:
             lag, begun = np.linalg.norm(behind, axis=1), np.ones_like(begun)
-        # m that a tip stays behind its set-point when it has touched: about 2 N
-        self._touched |= (lag > self._pace * 0.0018) & begun
+        self._touched |= (lag > self._lag) & begun
         limit = 1.0 + self._overtravel / self._travel
         moving = ~self._touched & (self._progress < limit)
-        self._progress[moving] += self._pace * 0.03 * CONTROL_PERIOD / self._travel[moving]  # m/s of the tips
+        self._progress[moving] += self._pace * _SPEED * CONTROL_PERIOD / self._travel[moving]
         self._progress = np.minimum(self._progress, limit)
         share = np.append(self._progress, 0.0)[self._finger]
         # A joint cannot follow beyond its range, and what lags there has touched nothing.

@@ -32,6 +32,7 @@ _LOOKED_AT = 500  # postures that tell which of its bodies can be so far apart
 _INWARD = -0.2  # least cosine of its tips' axes to the middle of all tips: the backs of tips cannot press
 _BESIDE, _DEPTH = 0.003, 0.005  # m that the link behind a tip may lie in a face that the tip presses so deep
 _LEAST = 0.05  # cosine of a tip's axis to what it presses against
+_SQUARE = 0.7  # the like, of a jaw's tip to a face square to the way that it closes
 _RANGE = 0.92  # share of each joint's range that is sampled: the optimiser needs room to move
 _SIDE = (0.024, 0.20)  # m, sides of the triangles kept
 
@@ -207,7 +208,8 @@ def _least_facing(tree: RobotTree, world: World) -> float:
     for reach in _behind(turns, tree, world):
         meets = reach > tree.tip_radius - _DEPTH + _BESIDE
         least = max(least, float(np.cos(turns[~meets].max(initial=0.0))))
-    return least
+    # What is behind the pad of a jaw may end before the face.
+    return min(least, _SQUARE) if tree.torsion else least
 
 
 @njit

@@ -70,8 +70,19 @@ def couplings(model: mujoco.MjModel, path: Path) -> Coupled:
         if leader in lines:
             raise InputError(f"{path} couples joint {model.joint(follower).name!r} to itself")
         names = model.joint(follower).name, model.joint(leader).name
-        found.append(Coupling(*names, round(ratio, 9), round(offset, 9)))
+        if _beyond(model, follower, offset + ratio * model.jnt_range[leader]):
+            still.append(names[0])
+            notes.append(f"hand held: {names[0]} stands still at 0: what couples it leads out of its range")
+        else:
+            found.append(Coupling(*names, round(ratio, 9), round(offset, 9)))
     return Coupled(found, still, notes)
+
+
+def _beyond(model: mujoco.MjModel, joint: int, places: Array) -> bool:
+    """Tell whether places (2,), from one to the other, are all beyond the end of a joint's range that is 0."""
+    low, high = np.round(model.jnt_range[joint], 3)
+    ends = np.round(np.ptp(places) and places, 3) if model.jnt_limited[joint] else np.zeros(2)
+    return bool(np.any(ends) and ((low == 0.0 and ends.max() <= 0.0) or (high == 0.0 and ends.min() >= 0.0)))
 
 
 def stated_lines(model: mujoco.MjModel) -> Lines:

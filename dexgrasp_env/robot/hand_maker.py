@@ -2,7 +2,6 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,23 +11,12 @@ from dexgrasp_env.robot.couplings import couplings, led_by, narrow, share
 from dexgrasp_env.robot.description import bearers
 from dexgrasp_env.robot.gripper import Jaws, find_jaws
 from dexgrasp_env.robot.hulls import cut, hull_of
-from dexgrasp_env.robot.part import Part
+from dexgrasp_env.robot.part import NamedParts, Part
 from dexgrasp_env.robot.rebuilt import FLANGE, about, frame_entry
 from dexgrasp_env.robot.source import WRIST, branching, limb
 
 PLATE = 0.0133
 """m between flange and hand."""
-
-
-class NamedParts(NamedTuple):
-    """Parts of a hand that its user names, where guesses are wrong."""
-
-    palm: str | None = None
-    """Body that bears the fingers."""
-    thumb: str | None = None
-    """A body of the opposing finger."""
-    flip: tuple[str, ...] = ()
-    """Last bodies of fingers whose pads are on the other side."""
 
 
 def stated(entry: Fields) -> Fields:
@@ -54,6 +42,7 @@ class HandMaker(Part):
             )
         self.named = named or NamedParts()
         self._check_names()
+        self.still = self.model.jnt_bodyid[self.joint_ids(still)].tolist()
         self.palm = self._find_palm()
         self.chains = self._find_fingers(set(self.joint_ids(still)))
         self.held += still
@@ -119,6 +108,7 @@ class HandMaker(Part):
 
     def _find_thumb(self) -> None:
         """Find the tips, and the thumb among them, which comes last."""
+        self._straighten()
         self._tips = [self._tip(chain) for chain in self.chains]
         ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
         unlike = (ways @ ways.T)[self.linkages :, self.linkages :].sum(1)
@@ -221,19 +211,29 @@ class HandMaker(Part):
             chain for k, chain in enumerate(chains) if k not in linkages and chain
         ]
 
-    def _first_flexing(self, chain: list[int]) -> int:
-        """Return the first joint of a finger that turns about the axis of its last one."""
-        joints = self.model.body_jntadr[chain]
-        along = np.abs(self.data.xaxis[joints] @ self.data.xaxis[joints[-1]])
-        return int(joints[np.argmax(along > 0.8)])
+    def _straighten(self) -> None:
+        """Stretch fingers that the file draws bent, as far as their joints go."""
+        straight = self.data.qpos.copy()
+        for chain in self.chains[self.linkages :]:
+            joints, senses = self.bending(chain)
+            axis, anchors = self.data.xaxis[joints[-1]], self.data.xanchor[joints]
+            ways = anchors[-1] - anchors[0], middle(self.points(chain[-1])) - anchors[-1]
+            link, end = np.cross(ways, axis)
+            bent = float(np.arctan2(np.cross(link, end) @ axis, link @ end))
+            if abs(bent) > 0.5:  # rad
+                for joint, sense in zip(joints[::-1], senses[::-1], strict=True):
+                    low_high = self.ranges([joint])[0]
+                    if bent * sense * low_high.sum() > 0.0:  # it bends to the side on which it goes farther
+                        straight[joint] = np.clip(-bent * sense, *low_high)
+                        bent += sense * straight[joint]
+        self.place(straight)
 
     def _flexing(self, chain: list[int], way: Array) -> Array:
         """Return the axis (3,) about which a finger bends by its last joint, the finger pointing along `way`."""
-        joints = self.model.body_jntadr[chain]
+        joints, senses = self.bending(chain)
         axis, anchor = self.data.xaxis[joints[-1]], self.data.xanchor[joints[-1]]
-        along = self.data.xaxis[joints] @ axis
-        for k in np.flatnonzero(np.abs(along) > 0.8)[::-1]:
-            low, high = np.sort(np.sign(along[k]) * self.ranges(joints[[k]])[0])
+        for joint, sense in zip(joints[::-1], senses[::-1], strict=True):
+            low, high = np.sort(sense * self.ranges([joint])[0])
             if abs(high + low) >= 0.2 * (high - low):
                 return axis if high > -low else -axis
         # All bend as far to either side: towards what is between the fingers, or away from the palm.
@@ -293,7 +293,7 @@ class HandMaker(Part):
         tips, thumb = np.mean([self._tips[k][0] for k in near], axis=0), self._tips[-1][0]
         turns = [np.cross(own[:3, 0], own[:3, 2]) for own in (tips, thumb)]
         turn = turns[0] / np.linalg.norm(turns[0])
-        bases = self.data.xanchor[[self._first_flexing(self.chains[k]) for k in (*near, -1)]]
+        bases = self.data.xanchor[[self.bending(self.chains[k])[0][0] for k in (*near, -1)]]
         across = bases[:-1].mean(0) - bases[-1]
         across -= across @ turn * turn
         x = np.cross(turn, across / np.linalg.norm(across))
@@ -339,7 +339,7 @@ class HandMaker(Part):
         away -= away @ self.frame[:3, 2] * self.frame[:3, 2]
         moves = np.cross(self.data.xaxis[joints], self.tip(k)[:3, 3] - self.data.xanchor[joints]) @ away
         moves /= np.linalg.norm(away)
-        straight, spreads = np.clip(0.0, low, high), int(np.argmax(np.abs(moves)))
+        straight, spreads = self.data.qpos[joints].copy(), int(np.argmax(np.abs(moves)))
         straight[spreads] += np.sign(moves[spreads]) * 0.4  # rad
         return np.clip(straight, low, high).round(6).tolist()
 
@@ -370,7 +370,7 @@ class HandMaker(Part):
 
     def _beside_thumb(self) -> list[int]:
         """Return the finger whose base is nearest to the thumb's tip, and the neighbour of it whose base is nearer."""
-        bases = self.data.xanchor[[self._first_flexing(chain) for chain in self.chains[:-1]]]
+        bases = self.data.xanchor[[self.bending(chain)[0][0] for chain in self.chains[:-1]]]
         thumb = self._tips[-1][0]
         away = np.linalg.norm(bases - thumb[:3, 3], axis=1)
         near = [k for k in np.argsort(away, kind="stable").tolist() if k >= self.linkages]

@@ -13,10 +13,10 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.poses import inverse, placed, shifted
 from dexgrasp_env.robot.description import bearers, pose_of
-from dexgrasp_env.robot.hand_maker import PLATE, HandMaker, NamedParts, stated
+from dexgrasp_env.robot.hand_maker import PLATE, HandMaker, stated
 from dexgrasp_env.robot.hulls import corners_of
 from dexgrasp_env.robot.model import posed, swept
-from dexgrasp_env.robot.part import Part
+from dexgrasp_env.robot.part import NamedParts, Part
 from dexgrasp_env.robot.postures import (
     always_near,
     home_posture,
@@ -152,6 +152,8 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     own = [b for b in range(m.nbody) if m.body_weldid[b] == chain[-1] and not _bears(part, b, chain[-1])]
     sites = np.flatnonzero(np.isin(m.site_bodyid, own))  # of a palm are none of the flange's
     axis, anchor = data.xaxis[m.body_jntadr[chain[-1]]], data.xanchor[m.body_jntadr[chain[-1]]]
+    along = np.abs(data.site_xmat[sites, 2::3] @ axis) > 1.0 - 1e-6
+    sites = sites[along] if along.any() else sites  # others draw axes, for one
     off = np.linalg.norm(np.cross(data.xpos[own] - anchor, axis), axis=1)  # m from the last joint's axis
     marks = [
         b for b, away in zip(own, off, strict=True) if away < 1e-3 and not m.body_geomnum[b]
@@ -162,7 +164,9 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
         part.notes.append(f"arm frame: no site at the flange, the frame of {last.name!r} assumed")
     if abs(axis @ flange[:3, 2]) < 1.0 - 1e-6:
         part.notes.append("arm frame: the flange's z is no axis of the last joint, which is taken")
-    outwards = flange[:3, 2] @ axis or (flange[:3, 3] - anchor) @ axis
+    wrist, outwards = data.xanchor[m.body_jntadr[chain[-2]]], flange[:3, 2] @ axis
+    if abs(outwards) < 0.05:
+        outwards = (flange[:3, 3] - wrist) @ axis
     flange = about(flange[:3, 3], axis if outwards >= -1e-9 else -axis, flange[:3, 0])
     shoulder, base = m.joint(joints[1]).id, base_frame(data, joints)
     if base[2, 2] < 1.0:

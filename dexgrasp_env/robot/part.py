@@ -2,12 +2,12 @@
 
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Fields
+from dexgrasp_env.arrays import Array, Fields, Index
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.couplings import DRIVES_JOINT, wrapped_joints
 from dexgrasp_env.robot.description import Description
@@ -19,6 +19,17 @@ _RATES = {
     "gripper": {"velocity": 1.0, "acceleration": 20.0, "jerk": 1000.0},
     "arm": {"velocity": 2.0, "acceleration": 8.0, "jerk": 4000.0},
 }
+
+
+class NamedParts(NamedTuple):
+    """Parts of a hand that its user names, where guesses are wrong."""
+
+    palm: str | None = None
+    """Body that bears the fingers."""
+    thumb: str | None = None
+    """A body of the opposing finger."""
+    flip: tuple[str, ...] = ()
+    """Last bodies of fingers whose pads are on the other side."""
 
 
 class Part(Description):
@@ -33,6 +44,7 @@ class Part(Description):
         super().__init__(path)
         self.notes = list(self.source.notes)
         self.couplings = list[Coupling]()
+        self.still = list[int]()  # bodies whose joints are held
         if self.model.njnt == 0:
             raise InputError(f"{path} has no joints: it is no hand and no arm")
         self.place(np.clip(0.0, *self.ranges().T))
@@ -121,9 +133,15 @@ class Part(Description):
             raise InputError(f"nothing of body {self._name(body)} collides: give it a collision geom")
         return found
 
+    def bending(self, chain: list[int]) -> tuple[Index, Array]:
+        """Return the joints of a finger that turn about the axis of its last one, and the sense of each."""
+        joints = self.model.body_jntadr[chain]
+        along = self.data.xaxis[joints] @ self.data.xaxis[joints[-1]]
+        return joints[np.abs(along) > 0.8], np.sign(along[np.abs(along) > 0.8])
+
     def hangs_on(self, body: int, other: int) -> bool:
         """Return True where a body is another, or hangs on it without a joint."""
-        while body != other and body and not self.model.body_jntnum[body]:
+        while body != other and body and (not self.model.body_jntnum[body] or body in self.still):
             body = self.model.body_parentid[body]
         return body == other
 

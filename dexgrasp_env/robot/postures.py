@@ -1,7 +1,7 @@
 """Postures that a robot file needs and an MJCF has not: a hand's open one, an arm's home; found by search."""
 
 import copy
-from itertools import combinations, product
+from itertools import combinations, pairwise, product
 from typing import Any
 
 import mujoco
@@ -226,4 +226,8 @@ def _room(arm: Arm, data: mujoco.MjData) -> float:
     mujoco.mj_jacBody(model, data, J[:3], J[3:], model.body(arm.bodies[-1]).id)
     freedom = np.linalg.svd(J)[1][-1]
     aside = 2.0 * np.abs(places[:, 1]).max()
-    return min(places[:, 2].min(), 0.4) + 5.0 * freedom - aside - 10.0 * bool(data.ncon)
+    last, along = data.body(arm.bodies[-1]), FLANGE + np.array([0.05, 0.12, 0.2])  # m, of a hand
+    hand = last.xpos + np.outer(along, last.xmat.reshape(3, 3)[:, 2])
+    links = np.concatenate([np.linspace(*ends, 5) for ends in pairwise(places[:-2])])
+    blocked = data.ncon or np.linalg.norm(links[:, None] - hand, axis=2).min() < 0.15  # m
+    return min(places[:, 2].min(), 0.4) + 5.0 * freedom - aside - 10.0 * bool(blocked)

@@ -266,6 +266,9 @@ class _Rebuilt(Description):
             )
         solid.sort(key=lambda geom: -self.reach[geom.name][:, 2].max())
         tip, radius = solid[0], self.hand.tip_radius
+        if self.hand.torsion:  # of a jaw without what ends behind the pad, the way that it approaches
+            ends = {geom.name: (self.reach[geom.name] @ [-1.0, 0.0, 1.0]).max() for geom in solid}
+            solid = [geom for geom in solid if ends[geom.name] > centre[2] - centre[0] - 1.4 * radius]
         behind = (self.hand.tip_length or 2.0 * radius) - radius
         also = [geom for geom in solid if self.reach[geom.name][:, 2].max() > centre[2]]
         joined = self.hand.torsion or len(also) > 1

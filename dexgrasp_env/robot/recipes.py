@@ -8,7 +8,7 @@ from typing import Any
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.robot.hand_maker import NamedParts
+from dexgrasp_env.robot.part import NamedParts
 from dexgrasp_env.robot.robot_file import read_content
 from dexgrasp_env.valid import Names, Word, read
 

@@ -58,6 +58,7 @@ class RobotTree(_Links):
     fingers: Index  # (g, 2) columns of the grasping fingers: first, and one past the last
     torque: Array  # (n - arm,) Nm, limits of the hand, with what follows it
     stiffness: Array  # (n - arm,) Nm/rad, of the hand's servos, with what follows them
+    response: Array  # (n,) s that joints stay behind set-points which move evenly
     tip_radius: float  # m
     starts: Array  # (k, arm) rad, where inverse kinematics begins; first joints less the goal's direction
 
@@ -131,6 +132,7 @@ def robot_tree(cell: Cell) -> RobotTree:
         fingers=np.array([[own.start, own.stop] for own in (robot.columns[f.name] for f in robot.grasping)]),
         torque=driven(robot, np.minimum(robot.torque, STRONGEST / unit), 1)[robot.hand_columns],
         stiffness=driven(robot, robot.stiffness, 2)[robot.hand_columns],
+        response=(model.dof_damping - model.actuator_biasprm[:, 2]) / model.actuator_gainprm[:, 0],
         tip_radius=robot.hand.tip_radius,
         starts=_starts(model, robot),
     )
