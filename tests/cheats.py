@@ -18,7 +18,6 @@ from dexgrasp.registry import make_agent
 from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.control import normalise
-from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.valid import Count, Natural
 
 PRESETS = ("Lift", "LiftUpright", "LiftSlippery", "LiftPushed", "LiftOneView")
@@ -70,7 +69,7 @@ def grasp(env, seed, agent, stop):
     return actions()
 
 
-def put(inner: LiftEnv, q: np.ndarray, pose: np.ndarray, velocity: float = 0.0) -> None:
+def put(inner, q, pose, velocity=0.0):
     """Make the episode one in which the robot stands at `q` and the object is at `pose`, with a speed upwards."""
     state = inner.get_state()
     state.physics[1:24], state.physics[24:31] = q, pose
@@ -90,7 +89,7 @@ def press(env, seed):
     inner = env.unwrapped
     held = [0]
 
-    def stop(_: LiftEnv) -> bool:
+    def stop(_):
         """Whether the hand has held for more than 8 control steps."""
         held[0] += inner.observe()[1]["is_grasped"]
         return held[0] > 8
@@ -191,7 +190,7 @@ class Table(Script):
     objects: str = "all20"
     presets: tuple[str, ...] = PRESETS
 
-    def run(self) -> int:
+    def run(self):
         print("|", " | ".join(["preset", *CHEATS, "least success of bilevel", "successes"]), "|")
         for preset in self.presets:
             played = {name: [cheat(preset, name, seed)[:2] for seed in range(2)] for name in CHEATS}

@@ -6,15 +6,11 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from dexgrasp.geometry.hull import cloud_corners
-from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.perception.cloud import cells_of, gather
-from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.poses import pose_matrix
-from dexgrasp_env.sensing.perception import Perception
 
 if TYPE_CHECKING:
-    import mujoco
-    import trimesh
+    pass
 
 FALSE_POINT = 0.010  # m: a point farther from the object than this is not of the object
 TABLE_BAND = 0.008  # m: a stray point lower than this may be the table's noise
@@ -22,9 +18,7 @@ OFF_OBJECT = 0.004  # m: a point of another thing's pixel, farther off than this
 COVER_RADIUS = 0.006  # m: a visible place is covered by a point this near
 
 
-def measure_accuracy(
-    scene: Scene, perception: Perception, data: "mujoco.MjData", mesh: "trimesh.Trimesh"
-) -> Fields:
+def measure_accuracy(scene, perception, data, mesh):
     """Judge what was seen of the body `object`.
 
     Args:
@@ -65,7 +59,7 @@ def measure_accuracy(
     }
 
 
-def surface_distance(points: Array, mesh: "trimesh.Trimesh", T_world_object: Array) -> Array:
+def surface_distance(points, mesh, T_world_object):
     """Return distances (M,) m of world points (M, 3) to the surface of a mesh at a pose."""
     from dexgrasp.geometry.mesh_distance import closest_on_mesh
 
@@ -73,7 +67,7 @@ def surface_distance(points: Array, mesh: "trimesh.Trimesh", T_world_object: Arr
     return np.abs(closest_on_mesh(mesh, local).distances)
 
 
-def covered_share(points: Array, visible: Array) -> float:
+def covered_share(points, visible):
     """Return the share of the truly visible points (V, 3) that have a cloud point within 6 mm.
 
     The visible points are thinned to one a 3 mm voxel, so that the share is one of area, not of pixels.

@@ -1,7 +1,5 @@
 """Hands and arms as somebody else would describe them, written by the tests that take them in."""
 
-from pathlib import Path
-
 import mujoco
 from tables import table
 
@@ -10,7 +8,7 @@ from dexgrasp_env.assets import asset_path
 ALLEGRO = asset_path("robot", "allegro.xml")
 
 
-def foreign_hand(folder: Path) -> Path:
+def foreign_hand(folder):
     """Our hand as somebody else would describe it: turned, joints and motors renamed, no sites at its tips."""
     spec = mujoco.MjSpec.from_file(str(ALLEGRO))
     spec.meshdir = str(asset_path("robot", "shells"))
@@ -30,7 +28,7 @@ _SIX = table("six_joints")
 """Where each joint of an arm like a UR5 sits in the body before, and its axis."""
 
 
-def six_joint_arm(folder: Path) -> Path:
+def six_joint_arm(folder):
     """An arm of six joints, of capsules, that states neither torques nor rates."""
     links = "".join(
         f'<body name="link{k}" pos="{pos}"><joint name="j{k}" axis="{axis}" range="-3.1 3.1"/>'

@@ -1,12 +1,8 @@
 """The simulated cell and its robot, as tests name them."""
 
-from pathlib import Path
-from typing import Any
-
 import mujoco
 import yaml
 
-from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.robot.cell import default_cell
 
@@ -22,12 +18,12 @@ TIPS = ROBOT.tips
 MOUNTS = CELL.mounts
 
 
-def denormalise(action: Array, robot: Any) -> Array:
+def denormalise(action, robot):
     """`joint_position` actions (..., n) as joint positions (..., n) rad."""
     return robot.lower + 0.5 * (action + 1.0) * (robot.upper - robot.lower)
 
 
-def room(floor: bool = True) -> mujoco.MjSpec:
+def room(floor=True):
     """Return a table, and a floor under it."""
     spec, kinds = mujoco.MjSpec(), mujoco.mjtGeom
     table = spec.worldbody.add_body(name="table")
@@ -37,7 +33,7 @@ def room(floor: bool = True) -> mujoco.MjSpec:
     return spec
 
 
-def simulated(spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, mujoco.MjData]:
+def simulated(spec):
     """Return a model, and its data with positions computed."""
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -45,7 +41,7 @@ def simulated(spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, mujoco.MjData]:
     return model, data
 
 
-def variant(folder: Path, of: str | Path = "panda_allegro", **changes: Any) -> Path:
+def variant(folder, of="panda_allegro", **changes):
     """Write a robot into a folder, entries of its file changed, or of its `hand` or `arm`, and return its path."""
     base = asset_path("robot", f"{of}.yaml") if isinstance(of, str) else of
     robot = yaml.safe_load(base.read_text())

@@ -64,9 +64,8 @@ def test_a_gentle_hand_has_touched_where_a_finger_lags_to_any_side(heavy, pace, 
     first, end = TREE.fingers[0]
     turns = 1e-6 * np.eye(len(q))[first:end]
     J = 1e6 * np.array([fingertips(q + turn, TREE)[0] - fingertips(q, TREE)[0] for turn in turns]).T
-    aside = np.linalg.svd(np.vstack([plan.grasp.normals[0] @ J]))[2][
-        1
-    ]  # it leaves the tip where it is along the normal
+    # It leaves the tip where it is along the normal.
+    aside = np.linalg.svd(np.vstack([plan.grasp.normals[0] @ J]))[2][1]
     q[first:end] += 2e-3 * aside / np.linalg.norm(J @ aside)
     hold._close(q)
     assert hold._touched.tolist() == [touches, False, False]

@@ -37,7 +37,8 @@ def test_an_example_runs(example, tmp_path):
     few = ["--episodes", "4", "--every", "2", "--trials", "2"] if example.stem.startswith("train_") else []
     done = subprocess.run([sys.executable, example, *few], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stdout and "Traceback" not in done.stderr
+    assert done.stdout
+    assert "Traceback" not in done.stderr
     assert not any("__main__" in record.read_text() for record in tmp_path.rglob("*.json"))
 
 

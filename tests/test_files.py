@@ -4,7 +4,6 @@ import os
 import stat
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,22 +18,22 @@ from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.yaml_file import read_yaml
 
 
-def made() -> files.Arrays:
+def made():
     return {"points": np.arange(12.0).reshape(4, 3), "names": np.array(["a", "bc"])}
 
 
-def refuse() -> files.Arrays:
+def refuse():
     raise AssertionError("made again")
 
 
 @pytest.fixture
-def cache(tmp_path, monkeypatch) -> Path:
+def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "cache"))
     files.note_unwritable.cache_clear()
     return tmp_path / "cache"
 
 
-def assert_same(arrays: files.Arrays) -> None:
+def assert_same(arrays):
     assert arrays.keys() == made().keys()
     for name, array in made().items():
         np.testing.assert_array_equal(arrays[name], array)
@@ -83,7 +82,7 @@ def test_a_cache_that_cannot_be_written_is_done_without(cache, obstacle, monkeyp
     assert "DEXGRASP_CACHE" in said.err
 
 
-def _full(path: Path, data: bytes) -> None:
+def _full(path, data):
     raise OSError(28, "No space left on device")
 
 

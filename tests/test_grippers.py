@@ -55,8 +55,10 @@ LOOPS = f"""
 <actuator><position name="close" joint="l_crank" kp="50" forcerange="-4 4"/></actuator></mujoco>"""
 
 
-_BRACKET = '<geom type="box" size="0.004 0.014 0.005" pos="0.005 -0.004 0.005"/>'
-BRACKETS = SLIDES.replace('<geom type="box" size="0.009', f'{_BRACKET}<geom type="box" size="0.009')
+BRACKETS = SLIDES.replace(
+    '<geom type="box" size="0.009',
+    '<geom type="box" size="0.004 0.014 0.005" pos="0.005 -0.004 0.005"/><geom type="box" size="0.009',
+)
 """Jaws of which a bracket reaches over the middle, far behind the pads."""
 
 

@@ -17,7 +17,7 @@ ARROW = np.array(table("outline_arrow")) / 100
 """Concave outlines: a fan over the first is wrong from most corners, over the second from two of four."""
 
 
-def prism_text(outline: np.ndarray, suffix: str) -> str:
+def prism_text(outline, suffix):
     """A prism 4 cm high whose ends are one polygon each, as modelling programs write it."""
     n = len(outline)
     vertices = np.vstack([np.c_[outline, np.zeros(n)], np.c_[outline, np.full(n, 0.04)]])
@@ -33,11 +33,11 @@ def prism_text(outline: np.ndarray, suffix: str) -> str:
     if suffix == "obj":
         corners = [" ".join(f"{i + 1}//1" for i in face) for face in faces]
         return "".join(f"v {row}\n" for row in rows) + "vn 0 0 1\n" + "".join(f"f {one}\n" for one in corners)
-    head = f"ply\nformat ascii 1.0\nelement vertex {2 * n}\n"
-    head += "".join(f"property float {axis}\n" for axis in "xyz")
-    head += f"element face {n + 2}\nproperty list uchar int vertex_indices\nend_header\n"
+    head = f"""ply\nformat ascii 1.0\nelement vertex {2 * n}
+property float x\nproperty float y\nproperty float z
+element face {n + 2}\nproperty list uchar int vertex_indices\nend_header"""
     lists = [" ".join(map(str, [len(face), *face])) for face in faces]
-    return head + "\n".join([*rows, *lists]) + "\n"
+    return "\n".join([head, *rows, *lists, ""])
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "off"])

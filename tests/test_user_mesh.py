@@ -1,7 +1,6 @@
 """Users' own meshes: every format, every defect."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,12 +22,12 @@ pytestmark = pytest.mark.usefixtures("own_cache")
 CAPSULE = trimesh.creation.capsule(radius=0.03, height=0.1, count=[16, 16])
 
 
-def saved(tmp_path: Path, mesh: trimesh.Trimesh, name: str) -> Path:
+def saved(tmp_path, mesh, name):
     mesh.export(tmp_path / name)
     return tmp_path / name
 
 
-def bare(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
+def bare(vertices, faces):
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
@@ -58,7 +57,7 @@ def test_assumed_mass_is_kept_in_range(tmp_path):
     assert any(note.startswith("too large for the hand") for note in large.notes)
 
 
-def bad_file(folder: Path, defect: str) -> Path:
+def bad_file(folder, defect):
     nan = CAPSULE.vertices.copy()
     nan[3] = np.nan
     meshes = {
@@ -90,7 +89,7 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(tmp_path, defect, mes
     assert finding.remedy
 
 
-def defective(defect: str) -> trimesh.Trimesh:
+def defective(defect):
     mesh = CAPSULE.copy()
     faces = np.array(mesh.faces)
     if defect == "inverted":
@@ -146,7 +145,7 @@ def test_a_concave_mesh_is_split_the_same_way_every_time_and_cached(tmp_path, mo
     assert len(convex_parts(torus)[0]) == len(parts)
 
 
-def cup_of() -> trimesh.Trimesh:
+def cup_of():
     profile = table("cup_profile")
     return trimesh.creation.revolve(np.array(profile), sections=24)
 

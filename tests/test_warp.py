@@ -1,17 +1,20 @@
 """Physics of mujoco_warp on its processor device, beside MuJoCo's; a stage of its own in .ci/run installs it."""
 
+import os
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from refusals import refused
 from tables import table
-from warp_envs import ID, N, make
+from warp_envs import ID, WARP, N, make
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import make_agent
 from dexgrasp.agent import public_info
 from dexgrasp.cli.main import main
+from dexgrasp_env.objects.load import resolve_targets
 
 pytestmark = pytest.mark.warp
 
@@ -202,3 +205,17 @@ def test_what_cannot_be_is_refused_in_one_line():
     envs = make("warp", objects="mustard_bottle", randomisation={"size": (0.9, 1.1)})
     with refused("scales no meshes"):
         envs.reset(seed=0)
+
+
+def test_random_actions_go_right():
+    size, rng = int(os.environ.get("DEXGRASP_WARP_SIZE", N)), np.random.default_rng(2)
+    objects = [name for name in resolve_targets(["all20"]) if name != "massage_ball"]  # of 33 parts
+    envs = gym.make_vec(ID, num_envs=size, objects=objects, **WARP)
+    envs.reset(seed=2)
+    envs.unwrapped._episodes.records["elapsed"] = rng.integers(0, 300, size)  # they end at different times
+    for _ in range(11 if size == N else 41):
+        actions = rng.uniform(-1, 1, envs.action_space.shape)
+        observation, rewards, *_, infos = envs.step(actions)
+        right = infos["failure"] != "simulation_diverged"
+        assert all(np.isfinite(values[right]).all() for values in (rewards, *observation.values()))
+    envs.close()

@@ -79,10 +79,11 @@ def couplings(model: mujoco.MjModel, path: Path) -> Coupled:
 
 
 def _beyond(model: mujoco.MjModel, joint: int, places: Array) -> bool:
-    """Tell whether places (2,), from one to the other, are all beyond the end of a joint's range that is 0."""
-    low, high = np.round(model.jnt_range[joint], 3)
-    ends = np.round(np.ptp(places) and places, 3) if model.jnt_limited[joint] else np.zeros(2)
-    return bool(np.any(ends) and ((low == 0.0 and ends.max() <= 0.0) or (high == 0.0 and ends.min() >= 0.0)))
+    """Return True if places (2,), from one to the other, are all beyond the end of a joint's range that is 0."""
+    (low, high), ends = np.round(model.jnt_range[joint], 3), np.round(places, 3)
+    if not model.jnt_limited[joint] or not np.ptp(places) or not ends.any():
+        return False
+    return bool((low == 0.0 and ends.max() <= 0.0) or (high == 0.0 and ends.min() >= 0.0))
 
 
 def stated_lines(model: mujoco.MjModel) -> Lines:

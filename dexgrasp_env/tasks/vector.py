@@ -207,6 +207,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         return self.call("render")
 
     def check_open(self, what: str) -> None:
+        """Refuse a call once the environments are closed."""
         if self.closed:
             raise ClosedError(f"{what}() called on environments that are closed: make others")
 
