@@ -13,7 +13,7 @@ import torch
 from websockets.asyncio.server import ServerConnection, serve
 
 SEES = ("joint_positions", "joint_velocities", "object_pose", "palm_pose")
-SIZE, ACTIONS, CHUNK = 60, 23, 25  # of the default robot; actions of an answer
+SIZE, ACTIONS, CHUNK = 23 + 23 + 7 + 7, 23, 25  # of the default robot; actions of an answer
 EVALUATE = ["-m", "dexgrasp.cli.main", "evaluate", "--objects", "sugar_box", "--trials", "1", "--agents"]
 ABOUT = {"env_settings": {"obs_mode": "state", "control_mode": "joint_delta"}, "weights": "untrained-0"}
 

@@ -8,11 +8,13 @@ import subprocess
 import numpy as np
 import pytest
 import trimesh
+import yaml
 from foreign_parts import six_joint_arm
+from processes import typed
 from refusals import refused
 from tables import mistakes, table
 
-from dexgrasp_env.robot.make import arm_entry
+from dexgrasp_env.robot.make import arm_entry, make_robot
 from dexgrasp_env.robot.model import excluded_pairs, posed
 from dexgrasp_env.robot.postures import _room
 from dexgrasp_env.robot.rebuilt import Description, compiled
@@ -40,7 +42,10 @@ def test_torque_and_stiffness_are_the_joints(servo, torque, stiffness, tmp_path)
 def test_joints_without_a_range_turn_once(tmp_path):
     path = six_joint_arm(tmp_path)
     path.write_text(path.read_text().replace(' range="-3.1 3.1"', "", 2))
-    assert np.allclose(arm_entry(path)[0]["upper"], [np.pi, np.pi, 3.1, 3.1, 3.1, 3.1], atol=1e-5)
+    make_robot(None, path, tmp_path / "six.yaml")
+    arm = yaml.safe_load((tmp_path / "six_arm.yaml").read_text())
+    assert np.allclose(arm["upper"], [np.pi, np.pi, 3.1, 3.1, 3.1, 3.1], atol=1e-5)
+    assert typed(f"robot check {tmp_path / 'six.yaml'} --json") in (0, 1)
 
 
 def test_an_arm_is_mounted_where_its_flange_is_and_begins_with_room_for_a_hand(tmp_path):

@@ -112,7 +112,8 @@ class TrialRunner:
     def close(self) -> None:
         """Close the environments, and the agents that can be closed."""
         for own in (*self._envs.values(), *self._agents.values()):
-            getattr(own, "close", bool)()
+            if close := getattr(own, "close", None):
+                close()
         self._envs.clear()
         self._agents.clear()
 
