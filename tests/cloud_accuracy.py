@@ -1,16 +1,11 @@
 """Accuracy of a segmented cloud against the simulation's true shape."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.spatial import ConvexHull
 
 from dexgrasp.geometry.hull import cloud_corners
 from dexgrasp_env.perception.cloud import cells_of, gather
 from dexgrasp_env.poses import pose_matrix
-
-if TYPE_CHECKING:
-    pass
 
 FALSE_POINT = 0.010  # m: a point farther from the object than this is not of the object
 TABLE_BAND = 0.008  # m: a stray point lower than this may be the table's noise

@@ -1,6 +1,9 @@
 """What is no hand and no arm ends in one line, within bounded time and memory."""
 
+import re
+
 import pytest
+from processes import typed
 from refusals import refused
 from tables import mistakes
 
@@ -52,11 +55,14 @@ FIELD = '<mujoco><asset><hfield name="a" nrow="{side}" ncol="{side}" size="1 1 1
         *mistakes("broken_mjcf"),
     ],
 )
-def test_it_is_refused_in_a_line(text, words, tmp_path):
+def test_it_is_refused_in_a_line(text, words, tmp_path, capsys):
     path = tmp_path / "bad.xml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with refused(words):
         make_robot(path, None, tmp_path / "out.yaml")
+    assert typed(f"robot make --hand {path} --out {tmp_path / 'out.yaml'}") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.search(words, line)
     assert [*tmp_path.iterdir()] == [path]
 
 

@@ -42,9 +42,10 @@ class HandMaker(Part):
             )
         self.named = named or NamedParts()
         self._check_names()
-        self.still = self.model.jnt_bodyid[self.joint_ids(still)].tolist()
+        held = self.joint_ids(still)
+        self.still = self.model.jnt_bodyid[held].tolist()
         self.palm = self._find_palm()
-        self.chains = self._find_fingers(set(self.joint_ids(still)))
+        self.chains = self._find_fingers(set(held))
         self.held += still
         reaches = self._reaches()
         self.jaws: Jaws | None = None
