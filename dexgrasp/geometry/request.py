@@ -19,7 +19,6 @@ from dexgrasp_env.valid import (
     Mass,
     Rule,
     Share,
-    check,
     check_fields,
     number,
     read,
@@ -70,16 +69,6 @@ class Region:
             raise InputError("a region's box is empty: valid is each of its low numbers below the high one")
         if self.points is not None and not self.radius > 0:
             raise InputError("a region of points has a radius above 0 m")
-
-    @classmethod
-    def of_text(cls, text: str) -> "Region":
-        """Return the region that `box:X0,Y0,Z0,X1,Y1,Z1` or `sphere:X,Y,Z,RADIUS` states, m.
-
-        Raises:
-            InputError: for any other text, and for a region without inside.
-        """
-        region: Region = check("region", text, REGION)
-        return region
 
     @classmethod
     def of_points(cls, points: Array) -> "Region":

@@ -4,6 +4,7 @@ import heapq
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import njit
@@ -72,8 +73,6 @@ def _place(triangles: Array, areas: Array, uniform: Array) -> tuple[Array, Index
 
 def _thin(points: Array, normals: Array, n: int, reach: float) -> Index:
     """Return the sorted indices of n points left when the most crowded of the others have been removed."""
-    from scipy.spatial import cKDTree
-
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
     pairs = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(-1) > -0.5]
     gaps = points[pairs[:, 0]] - points[pairs[:, 1]]
