@@ -15,7 +15,7 @@ from dexgrasp.grasp.trajectory import densify
 from dexgrasp.grasp.verify.distances import FAR, Distances
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.locales import with_decimal_points
-from dexgrasp_env.poses import placed
+from dexgrasp_env.poses import inverse, placed, rigid
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import colliding_spec, excluded_pairs
 
@@ -131,11 +131,11 @@ class Scene:
             found.append((rows @ by)[:, self.robot.hand_columns])
         return np.array(found)
 
-    def palm(self, q: Array) -> tuple[Array, Array]:
-        """Return position (3,) m and rotation (3, 3) of the palm at `q` (n,)."""
+    def palm(self, q: Array) -> Array:
+        """Return the pose (4, 4) of the palm at `q` (n,)."""
         self._move(q)
         site = self.data.site(self.robot.hand.palm)
-        return site.xpos.copy(), site.xmat.reshape(3, 3).copy()
+        return rigid(site.xmat.reshape(3, 3), site.xpos)
 
     def clearances(self, q: Array, tips_touch: bool) -> dict[str, float]:
         """Return the least distances, m, of the true collision shapes: hand and arm to object, table, themselves,
@@ -200,15 +200,15 @@ class Scene:
         Args:
             path: (T, n), the first row where the hand takes it; overlaps are negative.
         """
-        places = {g: (self.data.geom_xpos[g].copy(), self.data.geom_xmat[g].copy()) for g in self.object}
-        pairs, (p, R) = _pairs(product(self.object, self.neighbours)), self.palm(path[0])
+        data = self.data
+        places = {g: rigid(data.geom_xmat[g].reshape(3, 3), data.geom_xpos[g]) for g in self.object}
+        pairs, back = _pairs(product(self.object, self.neighbours)), inverse(self.palm(path[0]))
         lying = nearest = FAR
         for k, q in enumerate(path):
-            at, now = self.palm(q)
-            for g, (centre, axes) in places.items():
-                turn = now @ R.T
-                self.data.geom_xpos[g] = turn @ (centre - p) + at
-                self.data.geom_xmat[g] = (turn @ axes.reshape(3, 3)).ravel()
+            motion = self.palm(q) @ back
+            for g, place in places.items():
+                T = motion @ place
+                data.geom_xpos[g], data.geom_xmat[g] = T[:3, 3], T[:3, :3].ravel()
             nearest = self._distances.least(pairs, nearest)
             lying = lying if k else nearest
         return lying, nearest

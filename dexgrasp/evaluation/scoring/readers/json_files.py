@@ -35,7 +35,9 @@ def read_plain(content: Fields, path: Path, options: ReadOptions) -> list[Floati
         scale = grasp.numbers("object_scale").item(0) if "object_scale" in grasp else 1.0
         target = named_object(str(grasp.get("object")), scale, options, path)
         pose = pose_of_centre(grasp.pose("T_world_object"), target)
-        found.append(FloatingGrasp(grasp.source, hand, target, pose, *_stages(grasp, hand, names)))
+        found.append(
+            FloatingGrasp(grasp.source, hand, target, pose, *_stages(grasp, hand, names, pose[:3, 3]))
+        )
     return found
 
 
@@ -47,7 +49,7 @@ def _hand(content: FileFields, path: Path) -> str:
 
 
 def _stages(
-    grasp: FileFields, hand: HandModel, names: list[str]
+    grasp: FileFields, hand: HandModel, names: list[str], centre: Array
 ) -> tuple[HandStage, HandStage, HandStage, float | None]:
     """Return pregrasp, grasp and squeeze, and the gain, Nm/rad, that the squeeze is made for."""
 
@@ -65,7 +67,7 @@ def _stages(
     points, normals = grasp.vectors("contacts"), grasp.vectors("normals_in")
     if points.shape != normals.shape:
         raise InputError(f"{grasp.source}: contacts and normals_in differ in number")
-    first, last = close_around(hand, middle, points, normals)
+    first, last = close_around(hand, middle, points, normals, centre)
     return first, middle, last, SERVO_KP
 
 
