@@ -13,6 +13,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import placed
+from dexgrasp_env.robot.table import points_between
 from dexgrasp_env.valid import (
     POSITIVE,
     Friction,
@@ -38,13 +39,6 @@ _WAYS = {"top": ((0.0, 0.0, -1.0), 30.0), "front": ((1.0, 0.0, 0.0), 45.0), "sid
 """Name -> the way that the palm faces, None for any level one, and degrees that it may be off."""
 
 
-def _points(value: Any) -> Array:
-    points: Array = array(None, 3).validate(value)
-    if not 1 <= len(points) <= _MOST_POINTS:
-        raise ValueError
-    return points
-
-
 @dataclass(frozen=True, eq=False)
 class Region:
     """A box, or all that is within a radius of points; frame of the robot's base, m.
@@ -57,7 +51,7 @@ class Region:
 
     low: Annotated[Array | None, array(3)] = None
     high: Annotated[Array | None, array(3)] = None
-    points: Annotated[Array | None, Rule(f"1 to {_MOST_POINTS} points (x, y, z)", _points)] = None
+    points: Annotated[Array | None, points_between(1, _MOST_POINTS)] = None
     radius: Annotated[float, number(ge=-1, le=1)] = 0.0
 
     def __post_init__(self) -> None:
