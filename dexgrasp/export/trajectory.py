@@ -66,9 +66,9 @@ def make_trajectory(way: Waypoints, robot: Robot) -> Trajectory:
     """
     room = 0.003  # rad: the spline swings out by a part of it between points
     low, high = robot.lower + room, robot.upper - room
-    *holding, placing = way
-    clipped = [np.clip(path, low, high) for path in (*holding, *placing)]
-    way = Waypoints(*clipped[:4], tuple(clipped[4:]))
+    paths = (np.clip(path, low, high) for path in (*way[:4], *way.placing))
+    approach, grasp, squeeze, up, *placing = paths
+    way = Waypoints(approach, grasp, squeeze, up, tuple(placing))
     # The hand's rows are three ticks apart: a law that keeps the limits at 1 ms keeps them at 3 ms.
     limits = Limits(robot.velocity, robot.acceleration, robot.jerk)
     # share of the hand's speed that closing and pressing use: fingertips meet the object gently

@@ -70,9 +70,7 @@ def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:
 
 def _grown(corners: Array, cloud: ObjectCloud) -> Array:
     """Add to corners (N, 3) m the points that trimming left out, and all of it moved out to all sides and up."""
-    sides = about_z(0.25 * np.pi * np.arange(8))[
-        :, :, 0
-    ]  # level directions in which a neighbour may be grown
+    sides = about_z(np.pi * np.arange(8) / 4)[:, :, 0]  # level directions in which a neighbour may be grown
     # cosine of the angle to a side within which a normal shows that it was seen
     grown = np.where((cloud.normals @ sides.T > 0.5).any(axis=0), SEEN, UNSEEN)
     corners = np.concatenate([corners, cloud.points])
