@@ -205,9 +205,7 @@ def clearance(rows: Path, things: list[Body]) -> float:
     recording = read_trajectory(rows, cell)
     scene = Scene(cell, [things[0].corners], (), [one.corners for one in things[1:]])
     times = np.arange(0.0, recording.arm.times[-1], 0.02)
-    parts = (recording.arm, recording.hand)
-    path = np.stack([np.interp(times, p.times, q) for p in parts for q in p.positions.T], axis=1)
-    start = recording.facts.segments["lift"].start
+    path, start = recording.at(times), recording.facts.segments["lift"].start
     robot = min(scene.clearances(q, tips_touch=False)["hand_neighbour"] for q in path)
     scene.place(path[times < start][-1])
     return float(min(robot, scene.carried(path[times >= start])[1]))

@@ -10,7 +10,6 @@ inertia and the volume of a body. Exits with 1 if anything failed.
 import contextlib
 import copy
 import faulthandler
-import io
 import json
 import os
 import shutil
@@ -25,6 +24,7 @@ import hypothesis
 import numpy as np
 import trimesh
 import yaml
+from clouds import run
 from hypothesis import HealthCheck, strategies
 from hypothesis.database import DirectoryBasedExampleDatabase
 
@@ -163,14 +163,6 @@ KINDS = {
 """Kind -> share of the cases, and what writes a case."""
 
 
-def answered(argv: list[str]) -> tuple[int, str]:
-    """Run a command; return its exit code, and the end of what it said."""
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-        code = main(argv)
-    return code, said.getvalue()[-1500:]
-
-
 def unphysical(path: str) -> str | None:
     """Return what is impossible of a mesh that was accepted."""
     model = load_object(path)
@@ -204,12 +196,12 @@ def fuzz(kind: str, count: int, seed: int, good: Path, out: Path, codes: Counter
         with contextlib.chdir(here):
             argv = KINDS[kind][1](draw, good)
             faulthandler.dump_traceback_later(LONGEST, exit=True)
-            code, said = answered(argv)
+            code, said = run(*argv)
             faulthandler.cancel_dump_traceback_later()
             fault = unphysical(argv[1]) if argv[0] == "doctor" and kind == "mesh" and code == 0 else None
         codes[f"{kind} {code}"] += 1
         if code not in ALLOWED or fault:
-            raise AssertionError(f"{argv}: {code}: {fault or said}")
+            raise AssertionError(f"{argv}: {code}: {fault or said[-1500:]}")
 
     case()
 

@@ -19,7 +19,6 @@ from dexgrasp.geometry.request import (
     REGION,
     Demand,
     GraspRequest,
-    Region,
     relaxations,
 )
 from dexgrasp.grasp.file import record_of
@@ -171,7 +170,7 @@ def test_a_mask_of_the_faces_of_a_mesh_is_a_region(tmp_path, capsys, printed):
 
 
 def test_regions_and_ways_in_words():
-    cube, ball = Region.of_text("box:0,0,0,1,2,3"), Region.of_text("sphere:0,0,1,0.5")
+    cube, ball = (check("region", text, REGION) for text in ("box:0,0,0,1,2,3", "sphere:0,0,1,0.5"))
     assert np.allclose(cube.gap(np.array([[0.5, 1, 1], [2, 1, 1], [2, 3, 1]])), [-0.5, 1.0, np.sqrt(2)])
     assert np.allclose(cube.grown(0.25).gap(np.array([[1.5, 1.0, 1.0]])), [0.25])
     assert np.allclose(ball.gap(np.array([[0, 0, 1], [0, 0, 2]])), [-0.5, 0.5])

@@ -1,6 +1,6 @@
 """Evaluation of agents: runs the trials that are missing in a folder, and stores each as soon as it ends."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -8,7 +8,7 @@ from typing import Literal
 from dexgrasp.agent import Agent, public_info
 from dexgrasp.evaluation.replay import record
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials, short_hash
-from dexgrasp.evaluation.store import TrialStore, check_folder, failed_or_disturbed
+from dexgrasp.evaluation.store import TrialStore, check_folder, failed_or_disturbed, row_key
 from dexgrasp.evaluation.summary import bare_count, grouped, summarise
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.evaluation.video import VideoSettings, require_rendering
@@ -58,7 +58,9 @@ def evaluate(
         require_rendering()
     robot = settings.robot and whole_path(settings.robot)
     run = _EvaluationRun(planned, TrialStore(folder, identity, robot=robot), runner, backend, progress)
-    run.check_rows()
+    if wrong := next(run.strange_rows(), None):
+        run.store.close()
+        raise InputError(f"{folder} holds {wrong}: choose another --out")
     try:
         run.play()
         run.record(videos, film)
@@ -95,26 +97,14 @@ class _EvaluationRun:
     backend: Backend
     progress: bool
 
-    def check_rows(self) -> None:
-        """Refuse stored trials of other settings, or of an agent whose files have changed since it read them.
-
-        Raises:
-            InputError: naming one.
-        """
+    def strange_rows(self) -> Iterator[str]:
+        """Yield words for stored trials of other settings, or of an agent whose files changed since it read them."""
         read = {(row["agent"], *file) for row in self.store.rows for file in row.get("files", {}).items()}
         for agent, name, digest in sorted(read):  # each once, as it may be large
             if not Path(name).is_file() or short_hash(Path(name)) != digest:
-                self.store.close()
-                raise InputError(
-                    f"{self.store.folder} holds trials of {agent}, which read {name} while it acted, and "
-                    "that has changed since: choose another --out"
-                )
-        for key in self.store.kept - {spec.key for spec in self.planned}:
-            self.store.close()
-            raise InputError(
-                f"{self.store.folder} holds a trial that is not of this evaluation ({', '.join(map(str, key))}): "
-                "choose another --out"
-            )
+                yield f"trials of {agent}, which read {name} while it acted, and that has changed since"
+        for key in set(map(row_key, self.store.rows)) - {spec.key for spec in self.planned}:
+            yield f"a trial that is not of this evaluation ({', '.join(map(str, key))})"
 
     def play(self) -> None:
         """Run the trials that are not there."""

@@ -44,9 +44,9 @@ def rows_by_agent(folders: Sequence[Path]) -> TrialsByAgent:
 
 
 def _legible(row: Fields) -> Fields:
-    """Replace characters that cannot be encoded in the names of a row: file names may have them."""
-    names = [key for key in ("agent", "object", "protocol", "reason") if isinstance(row.get(key), str)]
-    return row | {key: row[key].encode(errors="replace").decode() for key in names}
+    """Replace characters that cannot be encoded in the words of a row: file names may have them."""
+    words = {key: value for key, value in row.items() if isinstance(value, str)}
+    return row | {key: value.encode(errors="replace").decode() for key, value in words.items()}
 
 
 def _sample(folder: Path) -> tuple[str, Any]:

@@ -162,18 +162,17 @@ class TrialStore:
         except BaseException:
             self._lock.close()
             raise
-        self.rows = _once_each(self._lines.rows)
-        self._again = self.kept - self.finished
+        self._rows = _once_each(self._lines.rows)
+
+    @property
+    def rows(self) -> list[Fields]:
+        """Trials, each once."""
+        return list(self._rows.values())
 
     @property
     def finished(self) -> set[Key]:
         """Keys of the trials, except those without their policy server, which are repeated."""
-        return {row_key(row) for row in self.rows if not _met_no_server(row)}
-
-    @property
-    def kept(self) -> set[Key]:
-        """Keys of all stored trials."""
-        return {row_key(row) for row in self.rows}
+        return {key for key, row in self._rows.items() if not _met_no_server(row)}
 
     def append(self, row: Fields, grasp: Fields | None = None) -> None:
         """Add a finished trial and its grasp; both are in their files when this returns."""
@@ -181,10 +180,7 @@ class TrialStore:
             row["grasp"] = f"grasps/{trial_name(row)}.json"
             write_json(self.folder / row["grasp"], grasp)
         self._lines.append(row)
-        if row_key(row) in self._again:
-            self.rows = _once_each([*self.rows, row])
-        else:
-            self.rows.append(row)
+        _keep(row, self._rows)
 
     def close(self) -> None:
         """Release the folder."""
@@ -213,7 +209,7 @@ def read_rows(folder: Path) -> list[Fields]:
             f"{folder} holds no evaluation (no {_TRIALS}): name the --out of `dexgrasp evaluate`"
         )
     with readable(path):
-        return _once_each(read_lines(path, "trial", row_fault))
+        return list(_once_each(read_lines(path, "trial", row_fault)).values())
 
 
 def kept_grasps(folder: Path) -> list[Path]:
@@ -246,14 +242,18 @@ def _run_folder(folder: Path) -> RunFolder:
     return RunFolder(folder, _RUN, "evaluation", pieces=_TRIALS)
 
 
-def _once_each(rows: Iterable[Fields]) -> list[Fields]:
-    """Drop repeated rows of a trial: the first counts, or the first that had its policy server."""
-    found: dict[Key, Fields] = {}
+def _once_each(rows: Iterable[Fields]) -> dict[Key, Fields]:
+    found = dict[Key, Fields]()
     for row in rows:
-        key = row_key(row)
-        if key not in found or _met_no_server(found[key]):
-            found[key] = row
-    return list(found.values())
+        _keep(row, found)
+    return found
+
+
+def _keep(row: Fields, found: dict[Key, Fields]) -> None:
+    """Add a row unless its trial is there: the first counts, or the first that had its policy server."""
+    key = row_key(row)
+    if key not in found or _met_no_server(found[key]):
+        found[key] = row
 
 
 def _met_no_server(row: Fields) -> bool:

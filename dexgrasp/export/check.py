@@ -90,7 +90,7 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
         "hand_neighbour": "robot to what stands around",
         "hand_seen": "robot to the points that were seen",
     }
-    least, times, rows = dict[str, float](), recording.arm.times, _together(recording)
+    least, times, rows = dict[str, float](), recording.arm.times, recording.at(recording.arm.times)
     for k in _looks(rows):
         for kind, value in scene.clearances(rows[k], tips_touch=False).items():
             if kind != "hand_object" or times[k] <= facts.segments["approach"].end:
@@ -118,16 +118,6 @@ def _leaving(motion: Array, recording: Recording, cell: Cell, rows: Array) -> Ch
     scene = Scene(cell, parts, ())
     least = min(scene.clearances(rows[k], tips_touch=False)["hand_object"] for k in _looks(rows))
     return at_least("robot to the object on the retreat (m)", least, 0.0, "", 1e-4)
-
-
-def _together(recording: Recording) -> Array:
-    """Return the set-points (T, n) rad of the robot at the arm's T rows."""
-    columns = [
-        np.interp(recording.arm.times, part.times, column)
-        for part in (recording.arm, recording.hand)
-        for column in part.positions.T
-    ]
-    return np.stack(columns, axis=1)
 
 
 def _looks(rows: Array) -> list[int]:

@@ -69,8 +69,7 @@ def joint_trajectory(joints: Names, rows: Array, period: float, base: str) -> Fi
     velocities = np.gradient(rows, period, axis=0) if len(rows) > 1 else np.zeros_like(rows)
     velocities[0] = velocities[-1] = 0.0
     both = enumerate(zip(rows.tolist(), velocities.tolist(), strict=True))
-    points = [_point(k * period, q, v) for k, (q, v) in both]
-    return {"header": _header(base), "joint_names": list(joints), "points": points}
+    return _trajectory(base, joints, [_point(k * period, q, v) for k, (q, v) in both])
 
 
 def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
@@ -79,8 +78,7 @@ def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
 
     def posture(hand: list[float], torque: Sequence[float] = ()) -> Fields:
         """Return a `trajectory_msgs/JointTrajectory` of one point."""
-        points = [_point(0.0, hand, effort=torque)]
-        return {"header": _header(base), "joint_names": list(joints), "points": points}
+        return _trajectory(base, joints, [_point(0.0, hand, effort=torque)])
 
     def translation(way: float, distance: float) -> Fields:
         """Return a `GripperTranslation` off the table (1) or onto it (-1), m."""
@@ -111,6 +109,10 @@ def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
         "max_contact_force": facts["largest_force"],
         "allowed_touch_objects": [facts["object"]],
     }
+
+
+def _trajectory(base: str, joints: Names, points: list[Fields]) -> Fields:
+    return {"header": _header(base), "joint_names": list(joints), "points": points}
 
 
 def _point(

@@ -93,6 +93,11 @@ class Recording:
     hand: Rows
     facts: Facts
 
+    def at(self, times: Array) -> Array:
+        """Return the set-points (T, n) rad of the robot at times (T,) s, on lines between rows."""
+        parts = (self.arm, self.hand)
+        return np.stack([np.interp(times, p.times, q) for p in parts for q in p.positions.T], axis=1)
+
 
 def read_trajectory(path: Path, cell: Cell) -> Recording:
     """Read a folder with `arm.csv`, `hand.csv` and `segments.json`, one of its tables, or a `trajectory.json`.

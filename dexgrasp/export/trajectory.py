@@ -66,8 +66,9 @@ def make_trajectory(way: Waypoints, robot: Robot) -> Trajectory:
     """
     room = 0.003  # rad: the spline swings out by a part of it between points
     low, high = robot.lower + room, robot.upper - room
-    approach, grasp, squeeze, up = (np.clip(path, low, high) for path in way[:4])
-    way = Waypoints(approach, grasp, squeeze, up, tuple(np.clip(path, low, high) for path in way.placing))
+    paths = (np.clip(path, low, high) for path in (*way[:4], *way.placing))
+    approach, grasp, squeeze, up, *placing = paths
+    way = Waypoints(approach, grasp, squeeze, up, tuple(placing))
     # The hand's rows are three ticks apart: a law that keeps the limits at 1 ms keeps them at 3 ms.
     limits = Limits(robot.velocity, robot.acceleration, robot.jerk)
     # share of the hand's speed that closing and pressing use: fingertips meet the object gently
@@ -94,11 +95,8 @@ def make_trajectory(way: Waypoints, robot: Robot) -> Trajectory:
         pieces.append((name, path, law, rest))
     rows, segments, start = [way.approach[:1]], [], 0
     for name, path, law, pause in pieces:
-        rows += [
-            timed(path, law),
-            np.repeat(path[-1:], round(pause / ARM_TICK), axis=0),
-        ]
-        end = start + len(rows[-2]) + len(rows[-1])
+        rows.append(np.concatenate([timed(path, law), np.repeat(path[-1:], round(pause / ARM_TICK), axis=0)]))
+        end = start + len(rows[-1])
         segments.append((name, start * ARM_TICK, end * ARM_TICK))
         start = end
     everything = np.concatenate(rows)

@@ -5,11 +5,12 @@ functions: h(d) = max d . x over the points, for fixed directions d.
 """
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_parts import MOST_PARTS, parts_within
@@ -21,6 +22,7 @@ from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
+from dexgrasp_env.poses import about_z
 
 NO_CLOUD, NO_VOLUME = "empty_cloud", "cloud_has_no_volume"
 _LEAST_POINTS = 4
@@ -86,7 +88,7 @@ def completed_corners(cloud: ObjectCloud, plane: Plane | None) -> tuple[Array | 
     points, normals, plane = cloud.points, cloud.normals, cloud.stands_on(plane)
     if plane is not None and len(points) >= _LEAST_POINTS and one_sidedness(normals) >= ONE_SIDED:
         view = VisibleSide.of(points, normals, plane)
-        support, error = shipped_network().complete(view)
+        support, error = _completed(view)
         corners = _corners(support)
         if corners is not None:
             whole = cloud_corners(corners * UNIT @ view.R + view.origin)
@@ -113,15 +115,12 @@ def _guess_said(cloud: ObjectCloud, plane: Plane | None) -> ObjectCloud:
 
 def _section(points: Array) -> float:
     """Return the area, m2, of points (N, 3) seen from above."""
-    from scipy.spatial import ConvexHull
-
     return float(ConvexHull(points[:, :2]).volume)
 
 
 def _corners(support: Array) -> Array | None:
     """Return corners (N, 3), UNIT, of what lies within a support (361,) and above the table; None if nothing does."""
     from scipy.optimize import linprog
-    from scipy.spatial import HalfspaceIntersection, QhullError
 
     normals = np.concatenate([WRITTEN, [[0.0, 0.0, -1.0]]])
     most = np.append(support, 0.0)
@@ -179,8 +178,7 @@ class VisibleSide(NamedTuple):
         turn = (level[:, 0] + 1j * level[:, 1]) / np.maximum(length, 1e-9)
         face = np.angle((length**2 * turn**4).sum()) / 4.0
         face += np.round((viewer - face) / (np.pi / 2.0)) * np.pi / 2.0
-        c, s = np.cos(face), np.sin(face)
-        R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        R = about_z(-face)
         amid = middle(points)
         origin = amid - plane.heights(amid) * plane.normal
         return cls((points - origin) @ R.T / UNIT, normals @ R.T, R, origin, float(viewer - face))
@@ -195,38 +193,22 @@ class VisibleSide(NamedTuple):
         rest = [np.cos(self.viewer), np.sin(self.viewer), np.log(len(self.points)) / 5.0]
         return np.concatenate([most, *below, facing, rest])
 
-    def seen(self) -> Array:
-        """Return the support (361,) of the seen side in the directions `WRITTEN`, UNIT."""
-        return (self.points @ WRITTEN.T).max(0)
 
+def _completed(view: VisibleSide) -> tuple[Array, Array]:
+    """Return the whole object's support (361,) in the directions `WRITTEN`, UNIT, and its spread (361,), m.
 
-@dataclass(frozen=True, eq=False)
-class CompletionNetwork:
-    """A perceptron in numpy; arrays are float32.
-
-    Attributes:
-        mean, scale: (391,) of the features it was trained on.
-        layers: weights (in, out) and biases.
+    The spread is the mean absolute error that the network expects of itself.
     """
-
-    mean: Single
-    scale: Single
-    layers: tuple[Layer, ...]
-
-    def complete(self, view: VisibleSide) -> tuple[Array, Array]:
-        """Return the whole object's support (361,) in the directions `WRITTEN`, UNIT, and its spread (361,), m.
-
-        The spread is the mean absolute error that the network expects of itself.
-        """
-        x = ((view.features() - self.mean) / self.scale).astype(np.float32)
-        more, log_spread = np.split(through(self.layers, x, relu).astype(float), [len(WRITTEN)])
-        unit = 0.01  # m: the network answers in this unit
-        spread = unit * np.exp(np.clip(log_spread, -4.0, 3.0))
-        return view.seen() + more * unit / UNIT, spread
+    mean, scale, layers = _network()
+    x = ((view.features() - mean) / scale).astype(np.float32)
+    more, log_spread = np.split(through(layers, x, relu).astype(float), [len(WRITTEN)])
+    unit = 0.01  # m: the network answers in this unit
+    seen = (view.points @ WRITTEN.T).max(0)
+    return seen + more * unit / UNIT, unit * np.exp(np.clip(log_spread, -4.0, 3.0))
 
 
 @lru_cache(maxsize=1)
-def shipped_network() -> CompletionNetwork:
-    """Return the network that comes with the package."""
+def _network() -> tuple[Single, Single, tuple[Layer, ...]]:
+    """Return mean and scale (391,) of the features that the shipped perceptron was trained on, and its layers."""
     arrays, _ = read_arrays(asset_path("weights/unseen.safetensors"))
-    return CompletionNetwork(arrays["mean"], arrays["scale"], layers_of(arrays, "network"))
+    return arrays["mean"], arrays["scale"], layers_of(arrays, "network")

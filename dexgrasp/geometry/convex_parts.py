@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from dexgrasp.geometry.hull import REACH, cloud_corners
 from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.objects.cutting import best_cut, cut_up, held
 from dexgrasp_env.perception.plane import Plane
+from dexgrasp_env.poses import about_z
 
 MOST_PARTS = 6
 
@@ -43,8 +45,6 @@ def parts_within(
         return [hull], True
     found = [cloud_corners(points[_held(points, piece.within)], plane) for piece in pieces]
     parts = [part for part in found if part is not None]
-    from scipy.spatial import ConvexHull
-
     little = sum(ConvexHull(part).volume for part in parts) > 0.9 * ConvexHull(hull).volume
     return ([hull] if len(parts) < len(found) or little else parts), True
 
@@ -61,8 +61,6 @@ class _Piece:
     @classmethod
     def of(cls, points: Array, within: Array) -> "_Piece | None":
         """Return the piece of these points, or None where they span no volume."""
-        from scipy.spatial import ConvexHull, QhullError
-
         inside = points[_held(points, within)]
         if len(inside) < 8:
             return None
@@ -128,10 +126,4 @@ def _sample(points: Array, plane: Plane | None) -> Array:
     return np.concatenate([some, dropped[heights < REACH]])
 
 
-def _directions() -> Array:
-    turn = np.pi * np.arange(12) / 12
-    level = np.stack([np.cos(turn), np.sin(turn), np.zeros(12)], 1)
-    return np.concatenate([level, [[0.0, 0.0, 1.0]]])
-
-
-_DIRECTIONS = _directions()
+_DIRECTIONS = np.vstack([about_z(np.pi * np.arange(12) / 12)[:, :, 0], [0.0, 0.0, 1.0]])

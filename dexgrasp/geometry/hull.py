@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp_env.arrays import Array, fibonacci_directions
@@ -27,8 +28,6 @@ def cloud_corners(points: Array, plane: Plane | None = None) -> Array | None:
     Returns:
         (N, 3) m, or None if the points span no volume.
     """
-    from scipy.spatial import ConvexHull, QhullError
-
     points = np.asarray(points, dtype=float)
     if len(points) < 4:
         return None

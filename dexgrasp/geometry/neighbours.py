@@ -13,6 +13,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import cells_of, thinned
 from dexgrasp_env.perception.neighbourhoods import linked
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
+from dexgrasp_env.poses import about_z
 
 SEEN, UNSEEN = 0.003, 0.006
 """m by which a neighbour's sides are taken to lie farther out: those that were seen, and those that no camera saw."""
@@ -69,9 +70,7 @@ def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:
 
 def _grown(corners: Array, cloud: ObjectCloud) -> Array:
     """Add to corners (N, 3) m the points that trimming left out, and all of it moved out to all sides and up."""
-    count = 8  # level directions in which a neighbour may be grown
-    angles = 2.0 * np.pi * np.arange(count) / count
-    sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(count)], axis=1)
+    sides = about_z(np.pi * np.arange(8) / 4)[:, :, 0]  # level directions in which a neighbour may be grown
     # cosine of the angle to a side within which a normal shows that it was seen
     grown = np.where((cloud.normals @ sides.T > 0.5).any(axis=0), SEEN, UNSEEN)
     corners = np.concatenate([corners, cloud.points])

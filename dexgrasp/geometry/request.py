@@ -13,13 +13,13 @@ import numpy as np
 from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import placed
+from dexgrasp_env.robot.table import points_between
 from dexgrasp_env.valid import (
     POSITIVE,
     Friction,
     Mass,
     Rule,
     Share,
-    check,
     check_fields,
     number,
     read,
@@ -39,13 +39,6 @@ _WAYS = {"top": ((0.0, 0.0, -1.0), 30.0), "front": ((1.0, 0.0, 0.0), 45.0), "sid
 """Name -> the way that the palm faces, None for any level one, and degrees that it may be off."""
 
 
-def _points(value: Any) -> Array:
-    points: Array = array(None, 3).validate(value)
-    if not 1 <= len(points) <= _MOST_POINTS:
-        raise ValueError
-    return points
-
-
 @dataclass(frozen=True, eq=False)
 class Region:
     """A box, or all that is within a radius of points; frame of the robot's base, m.
@@ -58,7 +51,7 @@ class Region:
 
     low: Annotated[Array | None, array(3)] = None
     high: Annotated[Array | None, array(3)] = None
-    points: Annotated[Array | None, Rule(f"1 to {_MOST_POINTS} points (x, y, z)", _points)] = None
+    points: Annotated[Array | None, points_between(1, _MOST_POINTS)] = None
     radius: Annotated[float, number(ge=-1, le=1)] = 0.0
 
     def __post_init__(self) -> None:
@@ -70,16 +63,6 @@ class Region:
             raise InputError("a region's box is empty: valid is each of its low numbers below the high one")
         if self.points is not None and not self.radius > 0:
             raise InputError("a region of points has a radius above 0 m")
-
-    @classmethod
-    def of_text(cls, text: str) -> "Region":
-        """Return the region that `box:X0,Y0,Z0,X1,Y1,Z1` or `sphere:X,Y,Z,RADIUS` states, m.
-
-        Raises:
-            InputError: for any other text, and for a region without inside.
-        """
-        region: Region = check("region", text, REGION)
-        return region
 
     @classmethod
     def of_points(cls, points: Array) -> "Region":

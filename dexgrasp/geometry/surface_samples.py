@@ -4,6 +4,8 @@ import heapq
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.spatial import cKDTree
 
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import njit
@@ -72,16 +74,13 @@ def _place(triangles: Array, areas: Array, uniform: Array) -> tuple[Array, Index
 
 def _thin(points: Array, normals: Array, n: int, reach: float) -> Index:
     """Return the sorted indices of n points left when the most crowded of the others have been removed."""
-    from scipy.spatial import cKDTree
-
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
     pairs = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(-1) > -0.5]
     gaps = points[pairs[:, 0]] - points[pairs[:, 1]]
     crowding = np.maximum(1.0 - np.sqrt((gaps * gaps).sum(-1)) / reach, 0.0) ** 8
-    ends, others = np.concatenate([pairs, pairs[:, ::-1]]).T
-    order = np.lexsort((others, ends))
-    starts = np.searchsorted(ends[order], np.arange(len(points) + 1))
-    return np.flatnonzero(_eliminate(starts, others[order], np.concatenate([crowding, crowding])[order], n))
+    graph = coo_array((crowding, pairs.T), shape=(len(points), len(points))).tocsr()
+    graph += graph.T
+    return np.flatnonzero(_eliminate(graph.indptr, graph.indices, graph.data, n))
 
 
 @njit

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.hull import REACH
@@ -21,7 +22,6 @@ from dexgrasp_env.valid import POSITIVE, check
 
 if TYPE_CHECKING:
     import trimesh
-    from scipy.spatial import cKDTree
 
 PART_FACES = 80  # of each part where there are several
 
@@ -144,10 +144,8 @@ class GraspTarget:
         return bool(asked.hold or asked.avoid or asked.approach)
 
     @cached_property
-    def barred(self) -> "cKDTree":
+    def barred(self) -> cKDTree:
         """Points of the parts' surface that may not be touched, or hardly: the judge's points lie between them."""
-        from scipy.spatial import cKDTree
-
         points = lattice(self.distance.triangles, 0.002) if self.narrowed else np.empty((0, 3))
         return cKDTree(points[self.demand.outside(points) > -0.0012])
 
@@ -162,9 +160,7 @@ class GraspTarget:
         return points, np.column_stack([middles, reach])
 
     @cached_property
-    def _seen_tree(self) -> "cKDTree":
-        from scipy.spatial import cKDTree
-
+    def _seen_tree(self) -> cKDTree:
         return cKDTree(_raised(cast("Array", self.seen)))
 
     @cached_property

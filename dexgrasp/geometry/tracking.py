@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import about_z, rigid
 
 
 class PlanarTracker:
@@ -62,9 +63,7 @@ class PlanarTracker:
 
     def matrix(self, pose: Array) -> Array:
         """Return a pose as what moves points (4, 4)."""
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        T = np.eye(4)
-        T[:2, :2] = [[c, -s], [s, c]]
+        T = rigid(about_z(pose[2]), np.zeros(3))
         T[:2, 3] = self._middle + pose[:2] - T[:2, :2] @ self._middle
         return T
 

@@ -5,16 +5,16 @@ from typing import Annotated, Any
 import numpy as np
 
 from dexgrasp_env.arrays import LARGEST, Array, array
+from dexgrasp_env.robot.table import points_between
 from dexgrasp_env.valid import Rule, number
 
-_MOST_VERTICES, _MOST_PARTS = 100_000, 64
+_MOST_PARTS = 64
 
 
 def _corners(value: Any) -> Array:
-    part: Array = array(None, 3).validate(value)
-    few = not 4 <= len(part) <= _MOST_VERTICES
+    part: Array = points_between(4, 100_000).validate(value)
     # m: a part thinner than this has no inside
-    if few or np.linalg.svd(part - part.mean(0), compute_uv=False)[2] < 1e-6:
+    if np.linalg.svd(part - part.mean(0), compute_uv=False)[2] < 1e-6:
         raise ValueError
     return part
 

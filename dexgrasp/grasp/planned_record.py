@@ -117,18 +117,12 @@ def _with_known(identity: ObjectIdentity, target: GraspTarget) -> ObjectIdentity
 
 
 def _executed(script: ActionScript, grasp: Grasp) -> Script:
-    approach, tree = script.way(APPROACH), robot_tree(grasp.cell)
+    tree = robot_tree(grasp.cell)
     lift = np.concatenate([grasp.motion.squeeze[None], script.phases[LIFT]])
     R, p = map(np.array, zip(*(palm_frame(q, tree) for q in lift), strict=True))
-    after = [(name, script.way(name)) for name in PLACING if name in script.phases]
-    return Script(
-        RAISED,
-        (
-            _phase(APPROACH, approach, bend(approach)),
-            _phase(LIFT, lift, stray(p, R)),
-            *(_phase(name, rows, bend(rows)) for name, rows in after),
-        ),
-    )
+    ways = {name: script.way(name) for name in (APPROACH, *PLACING) if name in script.phases}
+    approach, *after = (_phase(name, rows, bend(rows)) for name, rows in ways.items())
+    return Script(RAISED, (approach, _phase(LIFT, lift, stray(p, R)), *after))
 
 
 def _phase(name: str, rows: Array, measure: float) -> Phase:

@@ -19,7 +19,7 @@ _AMID = np.array([0.53, 0.0])  # m, the middle of the workspace: where objects s
 _LEANING = np.radians(1.0)  # from where it is said
 
 
-def _points(least: int, most: int) -> Rule:
+def points_between(least: int, most: int) -> Rule:
     """Return the rule of points, so many at least and at most."""
 
     def validate(value: Any) -> Array:
@@ -44,8 +44,8 @@ class SeenTable:
 
     normal: Annotated[Array, array(3)]
     offset: Annotated[float, number(ge=-1, le=1)]
-    points: Annotated[Array, _points(3, 1000)]
-    around: Annotated[Array, _points(0, 10_000)] = field(default_factory=lambda: np.zeros((0, 3)))
+    points: Annotated[Array, points_between(3, 1000)]
+    around: Annotated[Array, points_between(0, 10_000)] = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __post_init__(self) -> None:
         if abs(np.linalg.norm(self.normal) - 1.0) > 1e-6 or self.normal[2] < 0.5:

@@ -34,11 +34,6 @@ class _RunFile:
     mesh_mass: Any = None
     mesh_scale: Any = 1.0
 
-    @property
-    def own_cell(self) -> str | None:
-        """Version of the user's cell; None for the simulated cell."""
-        return None if str(self.cell).startswith(SIMULATED) else str(self.cell)
-
 
 def _run(folder: Path) -> _RunFile | None:
     try:
@@ -53,7 +48,7 @@ def describe_run(folder: Path) -> str:
     if run is None:
         return f"{folder.name}: settings unknown"
     versions = ", ".join(f"{name} {version}" for name, version in run.versions.items())
-    cell = f", in {run.own_cell}" if run.own_cell else ""
+    cell = "" if str(run.cell).startswith(SIMULATED) else f", in {run.cell}"
     return f"{folder.name}: {run.protocol}, seed {run.seed}, {run.trials} trials a cell{cell}; {versions}"
 
 

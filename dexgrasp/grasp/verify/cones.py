@@ -64,7 +64,7 @@ def conic_residual(points: Array, normals: Array, mu: float) -> float:
     n = 3 * N
     # In (f, w) with w = G f: better conditioned than G^T G.
     x, _ = _minimise(
-        np.diag(np.r_[np.zeros(n), np.full(6, 2.0)]), np.zeros(n + 6), equal=(np.c_[G, -np.eye(6)], np.zeros(6)),
+        np.r_[np.zeros(n), np.full(6, 2.0)], np.zeros(n + 6), equal=(np.c_[G, -np.eye(6)], np.zeros(6)),
         at_most=(np.c_[-press_rows(normals), np.zeros((N, 6))], np.full(N, -1.0)),
         cones=np.c_[cone_rows(normals, mu), np.zeros((n, 6))], tolerance=1e-12,
     )  # fmt: skip
@@ -111,7 +111,7 @@ def conic_margin(points: Array, normals: Array, mu: float, torsion: float = 0.0)
     rows, first = cone_rows(normals, mu, parts) / mu, np.tile(np.eye(parts)[0], N)
     n = parts * N
     x, _ = _minimise(
-        np.zeros((n + 1, n + 1)), np.r_[np.zeros(n), -1.0],
+        np.zeros(n + 1), np.r_[np.zeros(n), -1.0],
         equal=(np.c_[np.r_[G, press_rows(normals, parts).sum(0)[None]], np.zeros(7)], np.r_[np.zeros(6), 1.0]),
         cones=np.c_[rows, -first], tolerance=1e-10, size=parts,
     )  # fmt: skip
@@ -138,7 +138,7 @@ def largest_push(
     n, parts, (constant, direction) = G.shape[1], G.shape[1] // len(normals), push
     limits = np.concatenate([torques, -torques])
     x, solved = _minimise(
-        np.zeros((n + 1, n + 1)), np.r_[np.zeros(n), -1.0], equal=(np.c_[G, direction], -constant),
+        np.zeros(n + 1), np.r_[np.zeros(n), -1.0], equal=(np.c_[G, direction], -constant),
         at_most=(np.c_[limits, np.zeros(len(limits))], np.ones(len(limits))),
         cones=np.c_[cone_rows(normals, mu, parts), np.zeros(n)], tolerance=1e-9, size=parts,
     )  # fmt: skip
@@ -146,16 +146,16 @@ def largest_push(
 
 
 def _minimise(
-    P: Array, q: Array, *, equal: tuple[Array, Array], cones: Array, tolerance: float,
+    p: Array, q: Array, *, equal: tuple[Array, Array], cones: Array, tolerance: float,
     at_most: tuple[Array, Array] | None = None, size: int = 3,
 ) -> tuple[Array, bool]:  # fmt: skip
-    """Minimise x P x / 2 + q x with clarabel; `size` rows each of `cones` x lie in a second-order cone.
+    """Minimise sum p x^2 / 2 + q x with clarabel; `size` rows each of `cones` x lie in a second-order cone.
 
     Returns:
         x, and whether clarabel calls it solved, be it to reduced accuracy.
     """
     import clarabel
-    from scipy.sparse import csc_matrix
+    from scipy.sparse import csc_matrix, diags_array
 
     rows, bounds = at_most or (np.zeros((0, len(q))), np.zeros(0))
     kinds = [clarabel.ZeroConeT(len(equal[1]))]
@@ -167,6 +167,6 @@ def _minimise(
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    answer = clarabel.DefaultSolver(csc_matrix(P), q, A, b, kinds, settings).solve()
+    answer = clarabel.DefaultSolver(diags_array(p, format="csc"), q, A, b, kinds, settings).solve()
     status = clarabel.SolverStatus
     return np.array(answer.x), answer.status in (status.Solved, status.AlmostSolved)

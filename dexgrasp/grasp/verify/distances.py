@@ -6,18 +6,16 @@ The planner's are MuJoCo's. Of MuJoCo only the places of geoms are taken here.
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import daqp
 import mujoco
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dexgrasp_env.arrays import Array, Index, grid
 from dexgrasp_env.objects.parts import ContactPart
 from dexgrasp_env.robot.hulls import mesh_of, planes_of
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
 
 FAR = 0.05  # m: distances beyond are not measured
 _TOUCH = 1e-7  # m: hulls that are nearer count as overlapping
@@ -48,10 +46,6 @@ class Shape:
         rows = self.normals @ self.extends
         used = rows.any(1)
         return rows[used], self.bounds[used]
-
-    def beyond(self, points: Array) -> Array:
-        """Return how far, m, each of points (N, 3) lies beyond the hull's farthest side: no more than the distance."""
-        return (points @ self.normals.T - self.bounds).max(1)
 
 
 class Placed(NamedTuple):
@@ -137,7 +131,7 @@ class Distances:
         self._is_plane = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
 
     def apart(self, a: int, b: int) -> float:
-        """Return the distance of two geoms, m, as `Shape.apart` has it."""
+        """Return the distance of two geoms, m, as `Placed.apart` has it."""
         return self._placed(a).apart(self._placed(b))
 
     def least(self, pairs: Index, most: float = FAR) -> float:
@@ -149,21 +143,20 @@ class Distances:
             most = min(most, self.apart(*pairs[k]))
         return most
 
-    def from_points(self, geoms: Index, points: "cKDTree", most: float = FAR) -> float:
+    def from_points(self, geoms: Index, points: cKDTree, most: float = FAR) -> float:
         """Return the least distance of geoms (G,) from points, m, `most` m if none is nearer."""
         places, reach = self._data.geom_xpos[geoms], self._model.geom_rbound[geoms]
         gaps = points.query(places)[0] - reach
         for k in np.argsort(gaps):
             if gaps[k] >= most:
                 break
-            placed, near = (
-                self._placed(geoms[k]),
-                points.data[points.query_ball_point(places[k], reach[k] + most)],
-            )
-            shape = placed.shape
-            beyond = shape.beyond((near - placed.position) @ placed.axes)
+            placed = self._placed(geoms[k])
+            near = points.data[points.query_ball_point(places[k], reach[k] + most)]
+            local = (near - placed.position) @ placed.axes
+            # how far each lies beyond the hull's farthest side: no more than the distance
+            beyond = (local @ placed.shape.normals.T - placed.shape.bounds).max(1) - placed.shape.radius
             for i in np.argsort(beyond):
-                if beyond[i] - shape.radius >= most:
+                if beyond[i] >= most:
                     break
                 most = min(most, Placed(_POINT, near[i], np.eye(3)).apart(placed))
         return float(most)

@@ -8,13 +8,14 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dexgrasp.geometry.mesh_distance import Closest, closest_on_mesh
 from dexgrasp.grasp.trajectory import densify
 from dexgrasp.grasp.verify.distances import FAR, Distances
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.locales import with_decimal_points
-from dexgrasp_env.poses import placed
+from dexgrasp_env.poses import inverse, placed, rigid
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import colliding_spec, excluded_pairs
 
@@ -74,12 +75,6 @@ class Scene:
         self.object = {self.model.geom(f"object{k}").id for k in range(len(self.parts))}
         self.neighbours = {self.model.geom(f"around{k}").id for k in range(len(neighbours))}
         self.table = self.model.geom("table").id
-        self._seen: Any = None  # points as a tree
-        if cell.table is not None:
-            from scipy.spatial import cKDTree
-
-            seen = np.concatenate([cell.table.points, cell.table.around])
-            self._seen = cKDTree(placed(cell.T_world_base, seen))
         self._tip_geoms = [self.model.geom(finger.tip).id for finger in self._fingers]
         self._distances = Distances(self.model, self.data)
 
@@ -88,10 +83,17 @@ class Scene:
         """The convex hull of all parts."""
         return _hull(np.concatenate([part.vertices for part in self.parts]))
 
+    @cached_property
+    def _seen(self) -> cKDTree:
+        """The points that were seen of table and surroundings."""
+        table = self.cell.table
+        assert table is not None
+        return cKDTree(placed(self.cell.T_world_base, np.concatenate([table.points, table.around])))
+
     def place(self, q: Array) -> None:
-        """Put the robot at `q` (n,) rad."""
-        self.data.qpos[:] = q
-        mujoco.mj_forward(self.model, self.data)
+        """Put the robot at `q` (n,) rad, Jacobians with it."""
+        self._move(q)
+        mujoco.mj_comPos(self.model, self.data)
 
     def _move(self, q: Array) -> None:
         """Put the bodies of the robot where they are at `q` (n,) rad."""
@@ -129,18 +131,18 @@ class Scene:
             found.append((rows @ by)[:, self.robot.hand_columns])
         return np.array(found)
 
-    def palm(self, q: Array) -> tuple[Array, Array]:
-        """Return position (3,) m and rotation (3, 3) of the palm at `q` (n,)."""
+    def palm(self, q: Array) -> Array:
+        """Return the pose (4, 4) of the palm at `q` (n,)."""
         self._move(q)
         site = self.data.site(self.robot.hand.palm)
-        return site.xpos.copy(), site.xmat.reshape(3, 3).copy()
+        return rigid(site.xmat.reshape(3, 3), site.xpos)
 
     def clearances(self, q: Array, tips_touch: bool) -> dict[str, float]:
         """Return the least distances, m, of the true collision shapes: hand and arm to object, table, themselves,
         `hand_neighbour` where there are neighbours, and `hand_seen` to points that were seen of table and surroundings.
         """
         self._move(q)
-        seen = {} if self._seen is None else {"hand_seen": self._from_seen(FAR)}
+        seen = {} if self.cell.table is None else {"hand_seen": self._from_seen(FAR)}
         return seen | {
             kind: self._distances.least(
                 pairs[~np.isin(pairs[:, 1], self._tip_geoms)]
@@ -151,17 +153,15 @@ class Scene:
         }
 
     def over_seen(self, path: Array) -> float:
-        """Return the least distance, m, along a path (T, n) from the points that were seen."""
+        """Return the least distance, m, along a path (T, n) from the points that were seen, of which there are some."""
         least = FAR
-        for q in densify(path) if self._seen is not None else ():
+        for q in densify(path):
             self._move(q)
             least = self._from_seen(least)
         return least
 
     def in_tips(self, q: Array, points: Array) -> float:
         """Return how deep, m, any of points (N, 3) lies in a grasping tip at `q` (n,) rad; 0 where none does."""
-        from scipy.spatial import cKDTree
-
         self._move(q)
         return -self._distances.from_points(np.array(self._tip_geoms), cKDTree(points), 0.0)
 
@@ -200,15 +200,15 @@ class Scene:
         Args:
             path: (T, n), the first row where the hand takes it; overlaps are negative.
         """
-        places = {g: (self.data.geom_xpos[g].copy(), self.data.geom_xmat[g].copy()) for g in self.object}
-        pairs, (p, R) = _pairs(product(self.object, self.neighbours)), self.palm(path[0])
+        data = self.data
+        places = {g: rigid(data.geom_xmat[g].reshape(3, 3), data.geom_xpos[g]) for g in self.object}
+        pairs, back = _pairs(product(self.object, self.neighbours)), inverse(self.palm(path[0]))
         lying = nearest = FAR
         for k, q in enumerate(path):
-            at, now = self.palm(q)
-            for g, (centre, axes) in places.items():
-                turn = now @ R.T
-                self.data.geom_xpos[g] = turn @ (centre - p) + at
-                self.data.geom_xmat[g] = (turn @ axes.reshape(3, 3)).ravel()
+            motion = self.palm(q) @ back
+            for g, place in places.items():
+                T = motion @ place
+                data.geom_xpos[g], data.geom_xmat[g] = T[:3, 3], T[:3, :3].ravel()
             nearest = self._distances.least(pairs, nearest)
             lying = lying if k else nearest
         return lying, nearest

@@ -47,7 +47,7 @@ def request_checks(case: Case) -> list[Check]:
         off = case.scene.in_tips(case.record.q, surface[demand.outside(surface) > 0.0])
         found.append(at_most("surface outside the request in the tips", off, PRESSED, "m"))
     if asked.approach is not None:
-        face = case.cell.T_base_world[:3, :3] @ case.scene.palm(case.record.q)[1][:, 0]
+        face = (case.cell.T_base_world @ case.scene.palm(case.record.q))[:3, 0]
         off = asked.approach.off(face[None])[0]
         # what two ways to compute an angle may differ by
         found.append(at_most("palm direction", off, asked.approach.degrees, "degrees", 0.01))

@@ -92,9 +92,9 @@ def lift_checks(case: Case) -> list[Check]:
         return [flag("lift given", False, "in the file")]
     phase = script.phases[1]
     rows, fingers = phase.setpoints, slice(case.robot.arm_dof, None)
-    positions, rotations = map(np.array, zip(*map(case.scene.palm, rows), strict=True))
-    strayed = stray(positions, rotations)
-    rise = positions[:, 2] - positions[0, 2]
+    palms = np.array(list(map(case.scene.palm, rows)))
+    strayed = stray(palms[:, :3, 3], palms[:, :3, :3])
+    rise = palms[:, 2, 3] - palms[0, 2, 3]
     return [
         *phase_checks(phase, case.robot),
         same("lift starts at the squeeze", np.abs(rows[0] - case.record.squeeze).max(), ROUNDING),

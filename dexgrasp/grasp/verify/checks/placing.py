@@ -11,7 +11,7 @@ from dexgrasp.grasp.verify.check import ROUNDING, Check, at_least, at_most, flag
 from dexgrasp.grasp.verify.checks.motion import carried_checks, phase_checks
 from dexgrasp.grasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array, middle
-from dexgrasp_env.poses import inverse, placed, rigid
+from dexgrasp_env.poses import inverse, placed
 
 _OFF, _TURNED = 0.01, 2.0  # m and degrees that it may be set down beside its goal
 
@@ -27,7 +27,7 @@ def placing_checks(case: Case) -> list[Check]:
     lift, *held, release, retreat = (phase.setpoints for phase in ways)
     carried = np.concatenate(held)
     gaps = [one.setpoints[-1] - other.setpoints[0] for one, other in pairwise(ways)]
-    T = rigid(*case.scene.palm(carried[-1])[::-1]) @ inverse(rigid(*case.scene.palm(lift[0])[::-1]))
+    T = case.scene.palm(carried[-1]) @ inverse(case.scene.palm(lift[0]))
     there = Scene(
         case.cell, [placed(T, part) for part in record.parts], record.fingers, record.neighbour_parts
     )
