@@ -228,9 +228,8 @@ def check_target(target: str, agent: str, scene: SceneOptions) -> None:
     """
     from dexgrasp.registry import check_name
     from dexgrasp_env.objects.load import resolve_targets
-    from dexgrasp_env.robot.cell import make_cell
 
-    make_cell(scene.robot, scene.mount)
+    _ = scene.cell
     found = resolve_targets([target])
     if len(found) > 1:
         raise InputError(f"{target!r} is a set: name one of its objects ({', '.join(found)})")

@@ -31,7 +31,7 @@ def summary(folder: Path) -> Fields:
     R = quat_to_matrix(_joined(poses, "palm_quat_wxyz").astype(float))
     approach = np.degrees(np.arccos(np.clip(-R[:, 2, 0], -1.0, 1.0)))  # of the palm, from straight down
     return {
-        "schema": 1, "cell": manifest.get("cell", "not stated"),
+        "schema": 1, "cell": manifest["cell"],
         "grasps": len(margin), "objects": len(manifest["objects"]), "rest_poses": len(poses),
         "triples_decided": decided, "triples_feasible": feasible, "share_feasible": feasible / max(decided, 1),
         "ik_success": totals["feasible"] / max(totals["placed_by_atlas"], 1),
@@ -80,7 +80,7 @@ def check_sample(folder: Path, count: int, robot: str | None = None) -> Fields:
     settings = manifest["settings"]
     thresholds = read(Thresholds, settings.get("planner"), "planner", more=True)
     cell = make_cell(robot or settings.get("robot"))
-    if (made := manifest.get("cell", cell.version)) != cell.version:  # older datasets state none
+    if (made := manifest["cell"]) != cell.version:
         raise InputError(f"{folder} is of cell {made!r}: this is {cell.version!r}, give its own with --robot")
     grasps = [(pose, k) for pose in poses for k in range(len(pose))]
     chosen = np.random.default_rng(0).permutation(len(grasps))[:count]
