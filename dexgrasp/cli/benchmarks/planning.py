@@ -14,7 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 from dexgrasp.agents.bilevel import BilevelAgent
-from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.evaluation.statistics import quantiles, wilson_interval
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
 from dexgrasp_env.arrays import Fields
@@ -81,9 +81,5 @@ def _figures(rows: list[Fields]) -> Fields:
 def _distribution(values: Sequence[float]) -> Fields:
     """Return the median with its 95 % bootstrap interval, the 90th percentile and the maximum."""
     drawn = np.random.default_rng(0).choice(np.asarray(values, dtype=float), (2000, len(values)))
-    return {
-        "median": np.median(values),
-        "ci95": np.quantile(np.median(drawn, axis=1), [0.025, 0.975]),
-        "p90": np.quantile(values, 0.9),
-        "max": np.max(values),
-    }
+    interval = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
+    return {**quantiles(values, median=0.5, p90=0.9, max=1.0), "ci95": interval}

@@ -10,6 +10,7 @@ import numpy as np
 
 from dexgrasp.data.dataset.dataset import PoseGrasps, read_dataset, read_manifest
 from dexgrasp.data.dataset.rest_scene import target_at
+from dexgrasp.evaluation.statistics import quantiles
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.thresholds import Thresholds
 from dexgrasp_env.arrays import Fields
@@ -33,14 +34,11 @@ def summary(folder: Path) -> Fields:
     return {
         "schema": 1, "cell": manifest["cell"],
         "grasps": len(margin), "objects": len(manifest["objects"]), "rest_poses": len(poses),
-        "triples_decided": decided, "triples_feasible": feasible, "share_feasible": feasible / max(decided, 1),
-        "ik_success": totals["feasible"] / max(totals["placed_by_atlas"], 1),
-        "share_holding": totals["holding"] / max(totals["feasible"], 1),
+        "triples_decided": decided, "triples_feasible": feasible,
         "counts": dict(totals), "blocked": dict(blocked.most_common()),
         "coverage": float(np.mean([p.coverage for p in poses])),
-        "least_coverage": min(p.coverage for p in poses),
         "margin_histogram": {"edges": bins, "counts": np.histogram(margin, bins)[0].tolist()},
-        "approach_degrees": _quantiles(approach), "margin": _quantiles(margin),
+        "approach_degrees": _spread(approach), "margin": _spread(margin),
         "poses": [
             {"object": p.name, "pose": p.pose, "probability": float(p.scene["probability"]), "grasps": len(p),
              "triples_feasible": int(p.scene["triples"][1]), "coverage": p.coverage}
@@ -53,9 +51,8 @@ def _joined(poses: Sequence[PoseGrasps], name: str) -> np.ndarray:
     return np.concatenate([pose.grasps[name] for pose in poses])
 
 
-def _quantiles(values: np.ndarray) -> dict[str, float]:
-    shares = {"p10": 0.1, "median": 0.5, "p90": 0.9} if len(values) else {}
-    return {name: float(np.quantile(values, share)) for name, share in shares.items()}
+def _spread(values: np.ndarray) -> dict[str, float]:
+    return quantiles(values.tolist(), p10=0.1, median=0.5, p90=0.9)
 
 
 def check_sample(folder: Path, count: int, robot: str | None = None) -> Fields:

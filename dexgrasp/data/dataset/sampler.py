@@ -199,7 +199,5 @@ def _free_loads(
 
 def level_of(load: float, settings: PlannerSettings) -> int:
     """Return the index of the first of `settings.loads` that a load reaches, `NONE` if it reaches none."""
-    for level, (share, disturbance) in enumerate(settings.loads):
-        if load >= share * (1.0 + disturbance) - 1e-6:
-            return level
-    return NONE
+    reached = (load >= share * (1.0 + disturbance) - 1e-6 for share, disturbance in settings.loads)
+    return next((level for level, held in enumerate(reached) if held), NONE)
