@@ -124,3 +124,6 @@ def write_robomimic(folder: Path, settings: DemoSettings, episodes: Iterable[Dem
             "env_kwargs": jsonable(settings.env_arguments) | {"objects": list(settings.objects)},
         }  # fmt: skip
         data.attrs.update(total=total, env_args=json.dumps(about))
+        names = np.array([f"demo_{k}" for k in range(len(data))], dtype="S")
+        tenth = np.arange(len(data)) % 10 == 9
+        file["mask/train"], file["mask/valid"] = names[~tenth], names[tenth]
