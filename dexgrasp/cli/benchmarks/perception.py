@@ -5,17 +5,15 @@ import timeit
 from collections.abc import Callable
 from typing import Any
 
+import gymnasium as gym
 import mujoco
 import numpy as np
 
 from dexgrasp.geometry.hull import cloud_corners
 from dexgrasp_env.arrays import Fields
-from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.robot.cell import default_cell
-from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.raycast import SEEN
-from dexgrasp_env.tasks.placement import Placement
 
 OBJECT = "sugar_box"
 
@@ -30,7 +28,9 @@ def run(quick: bool = False) -> Fields:
         quick: fewer repetitions.
     """
     repeats = 5 if quick else 31
-    model, data = _scene(OBJECT, np.random.default_rng(0))
+    env: Any = gym.make("DexGrasp/Lift-v2", objects=OBJECT).unwrapped
+    env.reset(seed=0)
+    model, data = env.model, env.data
     perception, rng = Perception(model, default_cell().make_cameras()), np.random.default_rng(1)
     perception.reset(rng)
     seen, depths = perception.observe(data, rng), perception.rays.render(data)  # compiles
@@ -47,17 +47,6 @@ def run(quick: bool = False) -> Fields:
         "render_share": render / total,
         "ray_rate_ratio": raw / render,
     }
-
-
-def _scene(name: str, rng: np.random.Generator) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """Return a scene with the robot at home and the object at rest, in a likely pose."""
-    shape, cell = load_object(name), default_cell()
-    model = build_scene(shape, cell)
-    data = mujoco.MjData(model)
-    data.qpos[:-7] = cell.robot.home
-    data.qpos[-7:] = Placement(rest_pose="likely").sample(shape, rng)
-    mujoco.mj_forward(model, data)
-    return model, data
 
 
 def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Callable[[], None]:

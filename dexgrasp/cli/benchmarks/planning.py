@@ -7,9 +7,8 @@ share of verified grasps, do not.
 import time
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from itertools import product
 
-import gymnasium as gym
 import numpy as np
 from tqdm import tqdm
 
@@ -17,6 +16,7 @@ from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.evaluation.statistics import quantiles, wilson_interval
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.planning.scene_setup import look_at
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
@@ -28,23 +28,16 @@ def run(quick: bool = False) -> Fields:
         quick: five objects, two poses.
     """
     names, poses = (OBJECT_SETS["all20"][::4], 2) if quick else (OBJECT_SETS["all20"], 5)
-    agent, rows = BilevelAgent(), []
-    with tqdm(total=len(names) * poses, desc="planning", unit="grasp") as bar:
-        for name in names:
-            env = gym.make("DexGrasp/Lift-v2", objects=name, **agent.env_settings)
-            for pose in range(poses):
-                rows.append(_one(env, agent, name, pose))
-                bar.update()
-            env.close()
-    return _figures(rows)
+    agent, scenes = BilevelAgent(), list(product(names, range(poses)))
+    return _figures([_one(agent, *scene) for scene in tqdm(scenes, desc="planning", unit="grasp")])
 
 
-def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> Fields:
-    observation, info = env.reset(seed=seed)
-    agent.seed(seed)
+def _one(agent: BilevelAgent, name: str, seed: int) -> Fields:
+    look = look_at(name, agent, seed)
     cpu = time.process_time()
-    agent.reset(observation, {"perception_failure": info["perception_failure"]})
+    agent.reset(look.observation, {"perception_failure": look.info["perception_failure"]})
     cpu = time.process_time() - cpu
+    look.env.close()
     report, plan = agent.report, agent.result
     row: Fields = {
         "object": name, "seconds": report.planning_seconds, "cpu": cpu, "failure": report.failure,

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,8 @@ def summary(folder: Path) -> Fields:
         totals.update(pose.counts)
         blocked.update(pose.blocked)
     decided, feasible = np.sum([p.scene["triples"] for p in poses], axis=0).tolist()
-    margin, bins = _joined(poses, "margin"), [0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01]
+    margin, edges = _joined(poses, "margin"), [0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01]
+    bins = [f"{low:.2f} .. {high:.2f}" for low, high in pairwise(edges)]
     R = quat_to_matrix(_joined(poses, "palm_quat_wxyz").astype(float))
     approach = np.degrees(np.arccos(np.clip(-R[:, 2, 0], -1.0, 1.0)))  # of the palm, from straight down
     return {
@@ -37,7 +39,7 @@ def summary(folder: Path) -> Fields:
         "triples_decided": decided, "triples_feasible": feasible,
         "counts": dict(totals), "blocked": dict(blocked.most_common()),
         "coverage": float(np.mean([p.coverage for p in poses])),
-        "margin_histogram": {"edges": bins, "counts": np.histogram(margin, bins)[0].tolist()},
+        "margin_histogram": dict(zip(bins, np.histogram(margin, edges)[0].tolist(), strict=True)),
         "approach_degrees": _spread(approach), "margin": _spread(margin),
         "poses": [
             {"object": p.name, "pose": p.pose, "probability": float(p.scene["probability"]), "grasps": len(p),
