@@ -40,7 +40,7 @@ def summary(folder: Path) -> Fields:
         "counts": dict(totals), "blocked": dict(blocked.most_common()),
         "coverage": float(np.mean([p.coverage for p in poses])),
         "margin_histogram": dict(zip(bins, np.histogram(margin, edges)[0].tolist(), strict=True)),
-        "approach_degrees": _spread(approach), "margin": _spread(margin),
+        "approach_degrees": _levels(approach), "margin": _levels(margin),
         "poses": [
             {"object": p.name, "pose": p.pose, "probability": float(p.scene["probability"]), "grasps": len(p),
              "triples_feasible": int(p.scene["triples"][1]), "coverage": p.coverage}
@@ -53,7 +53,7 @@ def _joined(poses: Sequence[PoseGrasps], name: str) -> np.ndarray:
     return np.concatenate([pose.grasps[name] for pose in poses])
 
 
-def _spread(values: np.ndarray) -> dict[str, float]:
+def _levels(values: np.ndarray) -> dict[str, float]:
     return quantiles(values.tolist(), p10=0.1, median=0.5, p90=0.9)
 
 
