@@ -64,10 +64,6 @@ class CheckpointAgent(Agent):
                 f"checkpoint {self._path} does not exist: valid is a .zip file of Stable-Baselines3"
             )
         self._policy = open_policy(self._path)
-        if not isinstance(self._policy.action_space, spaces.Box):
-            raise InputError(
-                f"{self._path} has actions {self._policy.action_space}: valid are boxes of numbers"
-            )
         self.assumed = ""
         beside = self._path.with_suffix(".json")
         if beside.is_file():

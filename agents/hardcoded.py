@@ -14,14 +14,13 @@ from dexgrasp.geometry.hull import standing_hull
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.grasp.trajectory import ActionScript
 from dexgrasp.mechanics.kinematics.tree import robot_tree
-from dexgrasp.motion.motion import NoPath
+from dexgrasp.motion.motion import NoPath, Played
 from dexgrasp.motion.to_pose import arm_at, plan_with_arm
 from dexgrasp.planning.plan_scene import start_of
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import default_cell
-from dexgrasp_env.tasks.control import normalise
 
 
 class HardcodedAgent(Agent):
@@ -36,8 +35,7 @@ class HardcodedAgent(Agent):
     env_settings = BY_CLOUD
 
     def __init__(self) -> None:
-        self._script: ActionScript | None = None
-        self._rest: Single | None = None
+        self._motion: Played | None = None
 
     def reset(self, observation: Observation, info: Info) -> None:
         """Plan from the cloud; stand still for the episode where that fails.
@@ -48,40 +46,33 @@ class HardcodedAgent(Agent):
         began = time.perf_counter()
         self._cell = cell_of(info, default_cell())
         start = start_of(observation, self._cell.robot)
-        self._script = None
-        self._step, self._rest = 0, self._action(start)
+        tree = robot_tree(self._cell)
+        self._motion = Played(start[None], tree)
         self.report = Report()
         points = self._points(Scene.of_observation(observation, info))
         if len(points) < 20:
             self.report.failure = "no_cloud"
             return
         try:
-            self._script = self._plan(start, points)
+            self._motion = Played(self._plan(start, points).targets, tree)
         except NoPath as blocked:
             self.report.failure = blocked.reason
             self.report.details = {"detail": blocked.detail}
         self.report.planning_seconds = time.perf_counter() - began
 
     def act(self, observation: Observation) -> Single:
-        """Return the next action of the script.
+        """Return the next action of the motion.
 
         Raises:
             InputError: before the first reset.
         """
-        if self._rest is None:
+        if self._motion is None:
             raise InputError("this agent has seen nothing yet: call reset(observation, info) before act()")
-        if self._script is None:
-            return self._rest
-        action = self._action(self._script.at(self._step))
-        self._step += 1
-        return action
+        return self._motion.action(observation["joint_positions"])
 
     def _points(self, scene: Scene) -> Array:
         """Return the points (N, 3) m that stand for the object: those that are seen."""
         return scene.target.points
-
-    def _action(self, targets: Array) -> Single:
-        return normalise(targets, self._cell.robot).astype(np.float32)
 
     def _plan(self, start: Array, points: Array) -> ActionScript:
         """Return the script of the first arm that has one."""

@@ -22,6 +22,7 @@ from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.constants import AROUND_POINTS
 from dexgrasp_env.tasks.control import normalise
+from dexgrasp_env.tasks.features import entry
 
 _ROOM = 0.05  # m between things and walls of the tray, for fingers
 _BESIDE = 0.02  # m beside the tray, where things count as in it
@@ -57,8 +58,8 @@ class PlacingAgent(Agent):
         """Plan with the agent, and note the place of the object and its goal."""
         self.agent.reset(observation, info)
         points = Scene.of_observation(observation, info).target.points
-        self._middle = 0.5 * (points.max(0) + points.min(0)) if len(points) else np.zeros(3)
-        self._goal = np.asarray(observation["desired_goal"], dtype=float)
+        self._middle = middle(points) if len(points) else np.zeros(3)
+        self._goal = entry(observation, "desired_goal")
         self._cell = cell_of(info, default_cell())
         self._tree = robot_tree(self._cell)
         self._low: Array | None = None  # set-points when the hand came down, still open
@@ -68,10 +69,8 @@ class PlacingAgent(Agent):
 
     def act(self, observation: Observation) -> Single:
         """Return the agent's action, or from the end of its lift on the next on the way to the goal."""
-        targets = np.asarray(observation["joint_targets"], dtype=float)
-        if self._last is None and self._lifted(
-            targets, np.asarray(observation["joint_positions"], dtype=float)
-        ):
+        targets = entry(observation, "joint_targets")
+        if self._last is None and self._lifted(targets, entry(observation, "joint_positions")):
             self._way, self._last = self._deliver(targets), targets
         if self._last is None:
             return self.agent.act(observation)
@@ -141,7 +140,7 @@ class ClearingAgent(PlacingAgent):
 
     def act(self, observation: Observation) -> Single:
         """Return the agent's action, the next on the way to the tray, or home, where the next round begins."""
-        targets = np.asarray(observation["joint_targets"], dtype=float)
+        targets = entry(observation, "joint_targets")
         if self._home is not None and self._home.done:
             self._home = None
             self._start(observation)

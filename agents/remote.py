@@ -6,7 +6,6 @@ and the `info` of the environment's reset; the answer's `actions` (H, n) are car
 
 import os
 import time
-from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -22,6 +21,7 @@ from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.valid import check, instance, read
 
 
 class RemoteAgent(Agent):
@@ -48,12 +48,11 @@ class RemoteAgent(Agent):
         self._seed = 0
         try:
             self._connect()
-        except (_Failed, InputError) as error:
+        except InputError as error:
             raise InputError(f"no policy server at {self._address}: {error}") from None
+        rule = instance(dict, f"a mapping of {', '.join(AGENT_KEYS)}")
         given = self.metadata.get("env_settings", {})
-        if not isinstance(given, Mapping):
-            raise InputError(f"{name}: env_settings must be a mapping, of {', '.join(AGENT_KEYS)}")
-        self.env_settings = dict(given)  # type: ignore[misc]  # another server's may be others
+        self.env_settings = check(f"env_settings of {name}", given, rule)  # type: ignore[misc]  # of the instance here
 
     def seed(self, seed: int) -> None:
         """Keep the seed for the first message of the episode."""
@@ -88,16 +87,17 @@ class RemoteAgent(Agent):
     def _ask(self, observation: Observation) -> None:
         """Send an observation; take actions and report from the answer."""
         try:
-            answer = self._answer({**observation, **self._begin})
-            self.report = _report(answer)
+            answer = unpack(self._answer(pack({**observation, **self._begin})))
+            self.report = read(Report, answer.get("report") or {}, "report", more=True)
             given_up = bool(self.report.failure) and not self.report.again
             self._left = list(_actions(answer, self._space, given_up))
-        except _Failed as failed:
+        except InputError as error:
             self.close()
-            self.report = Report(failed.reason, details={"server": str(failed)})
+            reason = error.reason if isinstance(error, _Failed) else "bad_answer"
+            self.report = Report(reason, details={"server": str(error)})
         self._begin = {}
 
-    def _answer(self, message: Fields) -> Fields:
+    def _answer(self, message: bytes) -> bytes:
         from websockets.exceptions import WebSocketException
         from websockets.protocol import State
 
@@ -108,18 +108,15 @@ class RemoteAgent(Agent):
                 raise _Failed(SERVER_GONE, "the connection broke within the episode")
             self._connect()
         try:
-            self._socket.send(pack(message))
-            answer = self._socket.recv(self._seconds)
+            self._socket.send(message)
+            answer: str | bytes = self._socket.recv(self._seconds)
         except TimeoutError:
             raise _Failed("server_slow", f"no answer within {self._seconds:g} s") from None
         except (WebSocketException, OSError) as error:
             raise _Failed(SERVER_GONE, f"the connection broke: {first_line(error)}") from None
         if isinstance(answer, str):
             raise _Failed("server_error", answer[:2000])
-        try:
-            return unpack(answer)
-        except InputError as error:
-            raise _Failed("bad_answer", str(error)) from None
+        return answer
 
     def _connect(self) -> None:
         """Connect, and read what the server says of itself; a server that starts is waited for."""
@@ -157,8 +154,8 @@ class RemoteAgent(Agent):
                 socket.close()
 
 
-class _Failed(Exception):  # noqa: N818  (a trial's failure, not an error)
-    """A failure of the server."""
+class _Failed(InputError):  # noqa: N818  (a trial's failure, not an error)
+    """A failure of the server that has a reason of its own."""
 
     def __init__(self, reason: str, words: str) -> None:
         super().__init__(words)
@@ -180,37 +177,21 @@ def _parsed(name: str) -> tuple[str, float]:
     return parts._replace(query="").geturl(), seconds
 
 
-def _report(answer: Fields) -> Report:
-    given = answer.get("report")
-    if not isinstance(given, Mapping):
-        return Report()
-    failure, details = given.get("failure"), given.get("details")
-    seconds = given.get("planning_seconds")
-    return Report(
-        None if failure is None else str(failure)[:200],
-        bool(given.get("again")),
-        float(seconds) if isinstance(seconds, int | float) else None,
-        dict(details) if isinstance(details, Mapping) else {},
-    )
-
-
 def _actions(answer: Fields, space: gym.spaces.Box, given_up: bool) -> Array:
     """Return the actions (H, n) of an answer, none only from a policy that gives up.
 
     Raises:
-        _Failed: for anything else.
+        InputError: for anything else.
     """
     try:
         rows = np.asarray(answer["actions"], dtype=np.float64)
         rows = rows[None] if rows.ndim == 1 and rows.shape == space.shape else rows
     except KeyError:
-        raise _Failed("bad_answer", f"the answer has no actions, but {', '.join(map(str, answer))}") from None
+        raise InputError(f"the answer has no actions, but {', '.join(map(str, answer))}") from None
     except (TypeError, ValueError) as error:
-        raise _Failed("bad_answer", f"actions are no numbers: {first_line(error)}") from None
+        raise InputError(f"actions are no numbers: {first_line(error)}") from None
     if rows.ndim != 2 or rows.shape[1:] != space.shape or not (len(rows) or given_up):
-        raise _Failed(
-            "bad_answer", f"actions have shape {rows.shape}: valid is (H, {space.shape[0]}), H from 1 on"
-        )
+        raise InputError(f"actions have shape {rows.shape}: valid is (H, {space.shape[0]}), H from 1 on")
     if not np.isfinite(rows).all():
-        raise _Failed("bad_answer", "actions are not finite")
+        raise InputError("actions are not finite")
     return rows

@@ -41,8 +41,6 @@ _KINDS: dict[str, Callable[[str], bool]] = {
 """Class of agents that are named by an address, a file or a folder -> which names are of it."""
 _READ: dict[str, set[Path]] = {}
 """User's agent -> files that importing and making it has read in this process."""
-_CONNECTED: dict[str, Agent] = {}
-"""Address of a policy server -> the agent that holds the connection, until `make_agent` takes it."""
 
 
 def make_agent(name: str | os.PathLike[str], **kwargs: Any) -> Agent:
@@ -62,7 +60,7 @@ def make_agent(name: str | os.PathLike[str], **kwargs: Any) -> Agent:
     if name in AGENTS:
         return _load(AGENTS[name])(**kwargs)
     if kind := _kind(name):
-        return _CONNECTED.pop(name, None) or _load(kind)(name, **kwargs)
+        return _load(kind)(name, **kwargs)
     check_name(name)
     found = set[Path]()
     try:
@@ -122,13 +120,14 @@ def is_server(name: str) -> bool:
 
 
 def server_identity(name: str) -> Fields:
-    """Return the metadata of a policy server as JSON; the connection is kept for `make_agent`.
+    """Return the metadata of a policy server as JSON.
 
     Raises:
         InputError: where no server answers.
     """
-    agent = _CONNECTED.setdefault(name, make_agent(name))
-    return dict(jsonable(agent.metadata))  # type: ignore[attr-defined]
+    agent: Any = make_agent(name)
+    agent.close()
+    return dict(jsonable(agent.metadata))
 
 
 def agent_files(name: str) -> list[Path]:

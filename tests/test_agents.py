@@ -77,11 +77,11 @@ def cloud_of_box(size, yaw=0.0, at=(0.5, 0.0)):
 
 
 def test_hardcoded_says_why_it_stands_still():
-    agent, seen = HardcodedAgent(), cloud_of_box(np.array([0.3, 0.3, 0.3]))
+    agent, seen = HardcodedAgent(), cloud_of_box(np.full(3, 0.3))
     for observation, reason in (
         (seen, "approach_blocked"),
         (cloud_of_box(np.array([0.04, 0.08, 0.1]), at=(1.1, 0.0)), "out_of_reach"),
-        (seen | {"cloud_mask": np.zeros(400, np.int8)}, "no_cloud"),
+        (seen | {"cloud_mask": np.zeros(400, bool)}, "no_cloud"),
         (cloud_of_box(np.array([0.0, 0.08, 0.1])), "cloud_has_no_volume"),
         (cloud_of_box(np.array([0.04, 0.08, 0.1])), None),
     ):
@@ -89,7 +89,7 @@ def test_hardcoded_says_why_it_stands_still():
         assert agent.report.failure == reason
         if reason:
             stands = normalise(HOME.astype(np.float32), ROBOT).astype(np.float32)
-            assert_array_equal(agent.act(observation), stands)
+            assert_array_equal(agent.act(observation | {"joint_positions": HOME}), stands)
 
 
 def test_hardcoded_plans_for_hands_that_its_postures_are_not_of():

@@ -91,8 +91,8 @@ def test_chunks_are_carried_out_before_the_next_is_asked_for(tmp_path):
     with PolicyServer(lambda message, number: still(message, number, rows=100)) as server:
         _, (row,) = outcomes(server.name, tmp_path)
     assert row["steps"] == 300
-    assert len(server.messages) == 3
     first, *later = server.messages
+    assert len(later) == 2
     assert first["reset"]
     assert first["seed"] == row["agent_seed"]
     assert first["info"]["control_period"] == 0.05

@@ -8,19 +8,17 @@ from dexgrasp.cli.output import note, tables
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.valid import one_of
 
-BENCHMARKS = {
-    "stepping": "environment steps a second against a raw mj_step loop with the same controls and contacts",
-    "perception": "depth to segmented cloud",
-    "planning": "seconds to a certified grasp",
-}
-"""Benchmark, by the name of its module -> what it measures."""
+BENCHMARKS = ("stepping", "perception", "planning")
+"""Benchmarks, by the names of their modules."""
 
 
 class Benchmark(Command):
     """Measure speed as ratios against a reference in the same run, which carry over to other machines.
 
     benchmarks:
-    {available}
+      stepping     environment steps a second against a raw mj_step loop with the same controls and contacts
+      perception   depth to segmented cloud
+      planning     seconds to a certified grasp
 
     example:
       dexgrasp benchmark stepping --quick
@@ -39,8 +37,3 @@ class Benchmark(Command):
         benchmark = importlib.import_module(f"dexgrasp.cli.benchmarks.{self.name}")
         figures = jsonable(benchmark.run(quick=self.quick))
         return Answer({"benchmark": self.name, "quick": self.quick, "figures": figures}, tables(figures))
-
-
-Benchmark.__doc__ = str(Benchmark.__doc__).format(
-    available="\n    ".join(f"  {name:<12} {line}" for name, line in BENCHMARKS.items())
-)

@@ -74,15 +74,8 @@ def describe(figures: Fields) -> str:
     """Return the summary of a dataset as tables for a terminal."""
     from dexgrasp.evaluation.reasons import sentence
 
-    edges, counts = (figures["margin_histogram"][key] for key in ("edges", "counts"))
-    readable: Fields = {
-        "blocked": {sentence(reason): count for reason, count in figures["blocked"].items()},
-        "margin_histogram": {
-            f"{low:.2f} .. {high:.2f}": n for low, high, n in zip(edges, edges[1:], counts, strict=False)
-        },
-    }
-    named = {"margin": "closure margin", "approach_degrees": "approach from straight down, deg"}
-    return tables({named.get(name, name): value for name, value in (figures | readable).items()})
+    blocked = {sentence(reason): count for reason, count in figures["blocked"].items()}
+    return tables(figures | {"blocked": blocked})
 
 
 COMMANDS = {"generate": Generate, "info": Info}

@@ -60,7 +60,7 @@ def list_agents() -> list[Fields]:
     """Return the agents: name, observation and control mode, and summary."""
     from dexgrasp.registry import AGENTS
 
-    return [{"name": name, **_describe(spec)} for name, spec in AGENTS.items()]
+    return [{"name": name} | _describe(spec) for name, spec in AGENTS.items()]
 
 
 def list_protocols() -> list[Fields]:

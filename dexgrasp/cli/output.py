@@ -90,7 +90,7 @@ def shown(value: Any) -> str:
 
 def columns(figures: Fields) -> list[str]:
     """Return a line for each figure, the values aligned."""
-    width = max(map(len, figures))
+    width = max(map(len, figures), default=0)
     return [f"{name:<{width}}  {shown(value)}" for name, value in figures.items()]
 
 
@@ -100,33 +100,20 @@ def record_table(rows: Sequence[Fields]) -> str:
 
 
 def tables(figures: Fields) -> str:
-    """Return nested figures as tables.
-
-    Single figures are one table, mappings with the same keys the rows of another, each list of records one of its own.
-    """
-    loose, groups = Fields(), dict[tuple[str, ...], list[Fields]]()
-    parts = list[str]()
-    for name, value in figures.items():
-        if isinstance(value, Mapping):
-            case = _flat(value)
-            groups.setdefault(tuple(case), []).append({"": name.replace("_", " "), **case})
-        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-            parts.append(f"{name}:\n{record_table(value)}")
-        elif value != []:
-            loose[name] = value
-    if loose:
-        groups[tuple(loose)] = [{"": "figure", **loose}]
-    for keys, cases in groups.items():
-        if len(cases) == 1:
-            name = cases[0].pop("")
-            cases = [{name: key.replace("_", " "), "value": value} for key, value in cases[0].items()]
-        if keys:
-            parts.append(record_table(cases))
-    return "\n\n".join(parts)
+    """Return nested figures as text: each list of records as a table, then a line for each other figure."""
+    records = {
+        name: value
+        for name, value in figures.items()
+        if isinstance(value, list) and value and isinstance(value[0], Mapping)
+    }
+    others = _flat({name: value for name, value in figures.items() if name not in records})
+    parts = [f"{name}:\n{record_table(rows)}" for name, rows in records.items()]
+    return "\n\n".join([*parts, "\n".join(columns(others))])
 
 
 def _flat(case: Mapping[str, Any], prefix: str = "") -> Fields:
     flat = Fields()
     for key, value in case.items():
-        flat |= _flat(value, f"{prefix}{key} ") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+        name = f"{prefix}{key.replace('_', ' ')}"
+        flat |= _flat(value, f"{name} ") if isinstance(value, Mapping) else {name: value}
     return flat

@@ -122,8 +122,6 @@ class Plan(Command, RequestOptions, CloudOptions, SceneOptions):
             raise InputError(f"{', '.join(idle)} would change nothing: --objects plans nothing")
         from dexgrasp_env.perception.scan import read_scan
 
-        if line := self.order_line():
-            note(line)
         return read_scan(self.cloud, self.unit, self.pose)
 
     def _request(self, marked: "Callable[[Mask], Array]") -> "GraspRequest":
@@ -228,9 +226,8 @@ def check_target(target: str, agent: str, scene: SceneOptions) -> None:
     """
     from dexgrasp.registry import check_name
     from dexgrasp_env.objects.load import resolve_targets
-    from dexgrasp_env.robot.cell import make_cell
 
-    make_cell(scene.robot, scene.mount)
+    _ = scene.cell
     found = resolve_targets([target])
     if len(found) > 1:
         raise InputError(f"{target!r} is a set: name one of its objects ({', '.join(found)})")

@@ -7,16 +7,16 @@ share of verified grasps, do not.
 import time
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from itertools import product
 
-import gymnasium as gym
 import numpy as np
 from tqdm import tqdm
 
 from dexgrasp.agents.bilevel import BilevelAgent
-from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.evaluation.statistics import quantiles, wilson_interval
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.verify.verify import verify
+from dexgrasp.planning.scene_setup import look_at
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
@@ -28,23 +28,16 @@ def run(quick: bool = False) -> Fields:
         quick: five objects, two poses.
     """
     names, poses = (OBJECT_SETS["all20"][::4], 2) if quick else (OBJECT_SETS["all20"], 5)
-    agent, rows = BilevelAgent(), []
-    with tqdm(total=len(names) * poses, desc="planning", unit="grasp") as bar:
-        for name in names:
-            env = gym.make("DexGrasp/Lift-v2", objects=name, **agent.env_settings)
-            for pose in range(poses):
-                rows.append(_one(env, agent, name, pose))
-                bar.update()
-            env.close()
-    return _figures(rows)
+    agent, scenes = BilevelAgent(), list(product(names, range(poses)))
+    return _figures([_one(agent, *scene) for scene in tqdm(scenes, desc="planning", unit="grasp")])
 
 
-def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> Fields:
-    observation, info = env.reset(seed=seed)
-    agent.seed(seed)
+def _one(agent: BilevelAgent, name: str, seed: int) -> Fields:
+    look = look_at(name, agent, seed)
     cpu = time.process_time()
-    agent.reset(observation, {"perception_failure": info["perception_failure"]})
+    agent.reset(look.observation, {"perception_failure": look.info["perception_failure"]})
     cpu = time.process_time() - cpu
+    look.env.close()
     report, plan = agent.report, agent.result
     row: Fields = {
         "object": name, "seconds": report.planning_seconds, "cpu": cpu, "failure": report.failure,
@@ -53,7 +46,6 @@ def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> F
     if plan is not None and plan.grasp is not None:
         checks = verify(record_of(plan.contents(name)[0]))
         row["broken"] = [check.name for check in checks if not check.holds]
-        row["margin"], row["tried"] = plan.grasp.certificate.closure_margin, plan.log.tried
     return row
 
 
@@ -75,20 +67,12 @@ def _figures(rows: list[Fields]) -> Fields:
         "stages, median ms": {
             s: 1000.0 * np.median([row["stages"].get(s, 0.0) for row in found]) for s in stages
         },
-        "closure margin": _distribution([row["margin"] for row in found]),
-        "postures tried": _distribution([row["tried"] for row in found]),
         "paper's median over ours": 14.40 / np.median(seconds),
     }  # fmt: skip
 
 
 def _distribution(values: Sequence[float]) -> Fields:
-    """Return the median with its 95 % bootstrap interval, the 90th percentile and the maximum; {} without values."""
-    if not len(values):
-        return {}
+    """Return the median with its 95 % bootstrap interval, the 90th percentile and the maximum."""
     drawn = np.random.default_rng(0).choice(np.asarray(values, dtype=float), (2000, len(values)))
-    return {
-        "median": np.median(values),
-        "ci95": np.quantile(np.median(drawn, axis=1), [0.025, 0.975]),
-        "p90": np.quantile(values, 0.9),
-        "max": np.max(values),
-    }
+    interval = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
+    return {**quantiles(values, median=0.5, p90=0.9, max=1.0), "ci95": interval}

@@ -21,7 +21,7 @@ from dexgrasp.evaluation.settings import code_hash
 from dexgrasp.registry import agent_files
 from dexgrasp.runs.messages import pack, unpack
 from dexgrasp_env import __version__
-from dexgrasp_env.arrays import Fields
+from dexgrasp_env.arrays import Fields, grid
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import make_cell
 
@@ -63,11 +63,10 @@ class _Service:
 
 def _box(robot: str | None) -> Any:
     """Return a cloud (N, 3) m of a box on the table, in the frame of the robot's base."""
-    grid = np.linspace(0.0, 1.0, 12)
-    cube = np.stack(np.meshgrid(grid, grid, grid), axis=-1).reshape(-1, 3)
+    cube = grid(*[np.linspace(0.0, 1.0, 12)] * 3)
     box = cube[((cube == 0) | (cube == 1)).any(1)] * [0.05, 0.07, 0.06] + [0.475, -0.035, 0.0]
-    table = np.stack(np.meshgrid(np.linspace(0.3, 0.7, 40), np.linspace(-0.2, 0.2, 40), [0.0]), axis=-1)
-    return np.concatenate([box, table.reshape(-1, 3)]) - make_cell(robot).base
+    table = grid(np.linspace(0.3, 0.7, 40), np.linspace(-0.2, 0.2, 40), [0.0])
+    return np.concatenate([box, table]) - make_cell(robot).base
 
 
 def main() -> None:

@@ -39,7 +39,9 @@ def fields_of(robot: Robot) -> dict[str, Fields]:
 def shard_arrays(found: ShardGrasps, robot: Robot) -> Arrays:
     """Return the arrays of a shard's file: fields of its grasps, counts, and why postures were infeasible."""
     arrays: Arrays = {
-        name: np.asarray(found.fields.get(name, []), dtype=words["type"]).reshape(len(found), *words["shape"])
+        name: np.array([grasp[name] for grasp in found.grasps], words["type"]).reshape(
+            len(found), *words["shape"]
+        )
         for name, words in fields_of(robot).items()
     }
     arrays["counts"] = np.array([found.counts[name] for name in COUNTS], dtype=np.int64)
@@ -109,6 +111,7 @@ class _Manifest:
     """Fields of a manifest that are read."""
 
     key: str
+    cell: str
     settings: Fields
     objects: Fields
     complete: bool

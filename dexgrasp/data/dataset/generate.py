@@ -14,10 +14,8 @@ from dexgrasp.data.dataset.dataset import (
     shard_arrays,
 )
 from dexgrasp.data.dataset.rest_scene import model_of, rest_scene
-from dexgrasp.data.dataset.sampler import REACH, sample_shard
+from dexgrasp.data.dataset.sampler import sample_shard
 from dexgrasp.data.dataset.settings import SCHEMA, DatasetSettings, versions
-from dexgrasp.planning.placement import NEIGHBOURS, SIDE_TOLERANCE
-from dexgrasp.planning.proposals import LEAST_DISTANCE
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
@@ -112,10 +110,5 @@ def _identity(settings: DatasetSettings) -> Fields:
             "mass": model.mass,
         }
     return {
-        "settings": settings.as_json(), "objects": objects,
-        "fixed": {
-            "least_distance": LEAST_DISTANCE, "reach": [list(r) for r in REACH], "neighbours": NEIGHBOURS,
-            "side_tolerance": SIDE_TOLERANCE,
-        },
-        "cell": settings.cell.version, "versions": versions(),
+        "settings": settings.as_json(), "objects": objects, "cell": settings.cell.version, "versions": versions(),
     }  # fmt: skip

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from dexgrasp.data.dataset.dataset import PoseGrasps, read_dataset, read_manifest
 from dexgrasp.data.dataset.rest_scene import target_at
+from dexgrasp.evaluation.statistics import quantiles
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.thresholds import Thresholds
 from dexgrasp_env.arrays import Fields
@@ -27,20 +29,18 @@ def summary(folder: Path) -> Fields:
         totals.update(pose.counts)
         blocked.update(pose.blocked)
     decided, feasible = np.sum([p.scene["triples"] for p in poses], axis=0).tolist()
-    margin, bins = _joined(poses, "margin"), [0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01]
+    margin, edges = _joined(poses, "margin"), [0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01]
+    bins = [f"{low:.2f} .. {high:.2f}" for low, high in pairwise(edges)]
     R = quat_to_matrix(_joined(poses, "palm_quat_wxyz").astype(float))
     approach = np.degrees(np.arccos(np.clip(-R[:, 2, 0], -1.0, 1.0)))  # of the palm, from straight down
     return {
-        "schema": 1, "cell": manifest.get("cell", "not stated"),
+        "schema": 1, "cell": manifest["cell"],
         "grasps": len(margin), "objects": len(manifest["objects"]), "rest_poses": len(poses),
-        "triples_decided": decided, "triples_feasible": feasible, "share_feasible": feasible / max(decided, 1),
-        "ik_success": totals["feasible"] / max(totals["placed_by_atlas"], 1),
-        "share_holding": totals["holding"] / max(totals["feasible"], 1),
+        "triples_decided": decided, "triples_feasible": feasible,
         "counts": dict(totals), "blocked": dict(blocked.most_common()),
         "coverage": float(np.mean([p.coverage for p in poses])),
-        "least_coverage": min(p.coverage for p in poses),
-        "margin_histogram": {"edges": bins, "counts": np.histogram(margin, bins)[0].tolist()},
-        "approach_degrees": _quantiles(approach), "margin": _quantiles(margin),
+        "margin_histogram": dict(zip(bins, np.histogram(margin, edges)[0].tolist(), strict=True)),
+        "approach_degrees": _levels(approach), "margin": _levels(margin),
         "poses": [
             {"object": p.name, "pose": p.pose, "probability": float(p.scene["probability"]), "grasps": len(p),
              "triples_feasible": int(p.scene["triples"][1]), "coverage": p.coverage}
@@ -53,9 +53,8 @@ def _joined(poses: Sequence[PoseGrasps], name: str) -> np.ndarray:
     return np.concatenate([pose.grasps[name] for pose in poses])
 
 
-def _quantiles(values: np.ndarray) -> dict[str, float]:
-    shares = {"p10": 0.1, "median": 0.5, "p90": 0.9} if len(values) else {}
-    return {name: float(np.quantile(values, share)) for name, share in shares.items()}
+def _levels(values: np.ndarray) -> dict[str, float]:
+    return quantiles(values.tolist(), p10=0.1, median=0.5, p90=0.9)
 
 
 def check_sample(folder: Path, count: int, robot: str | None = None) -> Fields:
@@ -80,7 +79,7 @@ def check_sample(folder: Path, count: int, robot: str | None = None) -> Fields:
     settings = manifest["settings"]
     thresholds = read(Thresholds, settings.get("planner"), "planner", more=True)
     cell = make_cell(robot or settings.get("robot"))
-    if (made := manifest.get("cell", cell.version)) != cell.version:  # older datasets state none
+    if (made := manifest["cell"]) != cell.version:
         raise InputError(f"{folder} is of cell {made!r}: this is {cell.version!r}, give its own with --robot")
     grasps = [(pose, k) for pose in poses for k in range(len(pose))]
     chosen = np.random.default_rng(0).permutation(len(grasps))[:count]

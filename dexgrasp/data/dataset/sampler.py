@@ -9,7 +9,6 @@ placement of the object before the robot, inverse kinematics of the arm, and the
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import Posture, loads_on
 from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
-from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.arrays import Array, Fields, Index, Mask
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import about_z, matrix_to_quat
 
@@ -45,20 +44,15 @@ COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_a
 
 @dataclass
 class ShardGrasps:
-    """Grasps found for a shard, a list for each field, and the counts of tries by stage."""
+    """Grasps found for a shard, each as its fields, and the counts of tries by stage."""
 
-    fields: dict[str, list[Any]] = field(default_factory=dict)
+    grasps: list[Fields] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
     log: SearchLog = field(default_factory=SearchLog)
 
-    def add(self, **values: Any) -> None:
-        """Append one grasp."""
-        for name, value in values.items():
-            self.fields.setdefault(name, []).append(value)
-
     def __len__(self) -> int:
         """Return the number of grasps."""
-        return self.counts["feasible"]
+        return len(self.grasps)
 
 
 @dataclass(frozen=True)
@@ -84,7 +78,9 @@ def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) 
     # A corner's column is gathered from at every draw.
     found = sampler.run(np.asfortranarray(own), settings.quota(chunk))
     if len(found):  # all at once: one costs as much as a hundred
-        found.fields["palm_quat_wxyz"] = list(matrix_to_quat(np.array(found.fields.pop("palm_rotation"))))
+        turns = matrix_to_quat(np.array([grasp["palm_rotation"] for grasp in found.grasps]))
+        for grasp, turn in zip(found.grasps, turns, strict=True):
+            grasp["palm_quat_wxyz"] = turn
     return found
 
 
@@ -152,7 +148,7 @@ class _Sampler:
         self._use[start.triple] += 1
         self._found.counts["feasible"] += 1
         self._found.counts["holding"] += level != NONE
-        self._found.add(
+        self._found.grasps.append(Fields(
             q=solution.q, placement=start.placement, triple=start.triple,
             contacts=(at.contacts - shift) @ back.T, normals=at.normals @ back.T, forces=hold.forces[:, :3] @ back.T,
             palm_position=back @ (palm_p - shift), palm_rotation=back @ palm_R,
@@ -160,7 +156,7 @@ class _Sampler:
             clearance=min(FAR, float(clearances.min()) + settings.clearance) if len(clearances) else FAR,
             joint_margin=float(np.minimum(solution.q - tree.lower, tree.upper - solution.q).min()),
             load=level, torque_fraction=torque_fraction(hold.contacts, hold.forces),
-        )  # fmt: skip
+        ))  # fmt: skip
 
 
 def _draw(own: Triples, left: Mask, use: Array, rng: np.random.Generator) -> Index:
@@ -203,7 +199,5 @@ def _free_loads(
 
 def level_of(load: float, settings: PlannerSettings) -> int:
     """Return the index of the first of `settings.loads` that a load reaches, `NONE` if it reaches none."""
-    for level, (share, disturbance) in enumerate(settings.loads):
-        if load >= share * (1.0 + disturbance) - 1e-6:
-            return level
-    return NONE
+    reached = (load >= share * (1.0 + disturbance) - 1e-6 for share, disturbance in settings.loads)
+    return next((level for level, held in enumerate(reached) if held), NONE)

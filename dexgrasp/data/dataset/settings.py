@@ -68,5 +68,5 @@ class DatasetSettings(OfObjects):
 def versions() -> dict[str, str]:
     """Return the versions of packages that the last bits of grasps may depend on."""
     return {"python": platform.python_version()} | package_versions(
-        ("numpy", "scipy", "numba", "daqp", "trimesh", "mujoco")
+        ("dexgrasp", "numpy", "scipy", "numba", "daqp", "trimesh", "mujoco")
     )

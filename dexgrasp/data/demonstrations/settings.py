@@ -106,8 +106,8 @@ class DemoSettings(OfObjects):
         Raises:
             InputError: if they are of another cell, or not valid.
         """
-        saved = {**saved, "robot": robot or saved.get("robot")}
+        saved = {**saved, "robot": robot or saved["robot"]}
         here = make_cell(saved["robot"]).version
-        if (cell := saved.get("cell", here)) != here:  # before 0.2.0 none was stated
+        if (cell := saved["cell"]) != here:
             raise InputError(f"demonstrations of cell {cell!r}: this is {here!r}, give theirs with --robot")
         return read(cls, saved, "settings of the demonstrations:", more=True)

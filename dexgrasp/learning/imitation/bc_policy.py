@@ -46,16 +46,8 @@ class BcRun:
     """Cloned policy in one episode."""
 
     def __init__(self, clone: BcPolicy, first: Observation, cell: Cell) -> None:
-        """Start at the first observation.
-
-        Raises:
-            InputError: where the robot is another.
-        """
-        self._clone, robot = clone, cell.robot
-        if robot.dof != clone.joints:
-            raise InputError(f"the policy moves {clone.joints} joints: {robot.name} has {robot.dof}")
-        self._tree = robot_tree(cell)
-        self._scene = initial_scene(first)
+        """Start at the first observation."""
+        self._clone, self._tree, self._scene = clone, robot_tree(cell), initial_scene(first)
         self._step, self._wanted = 0, np.zeros((0, clone.joints))
 
     def set_points(self, observation: Observation) -> Array:

@@ -19,7 +19,6 @@ from dexgrasp.learning.imitation.demonstrated_grasp import (
     DemonstratedGrasp,
     grasp_from_row,
     outward_normals,
-    sizes,
 )
 from dexgrasp.learning.imitation.policy import Mlp, Policy, Scaling
 from dexgrasp.mechanics.kinematics.palm_ik import palm_postures
@@ -59,7 +58,7 @@ class CloudGraspPolicy(Policy):
         """Choose a grasp and start an episode in a cell.
 
         Raises:
-            InputError: without a cloud, with another robot, or where no grasp can be executed.
+            InputError: without a cloud, or where no grasp can be executed.
         """
         return CloudGraspRun(self, first, cell)
 
@@ -88,8 +87,6 @@ class CloudGraspRun:
             InputError: as `CloudGraspPolicy.begin`.
         """
         tree = robot_tree(cell)
-        if sum(sizes(tree)) != grasper.row:
-            raise InputError(f"the policy was not cloned with a hand like that of {cell.robot.name}")
         cloud, start = observed_cloud(first), np.array(first["joint_targets"], dtype=float)
         self._motion = PickUp(*_first(grasper.grasps(cloud, tree), cloud, start, cell))
 

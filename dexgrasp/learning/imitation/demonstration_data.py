@@ -95,8 +95,6 @@ def read_steps(folders: Sequence[Path]) -> ControlSteps:
     parts = [
         _parts(episode, noise, robot) for episode, noise in _shown(folders, "observations", "object_pose")
     ]
-    if not parts:
-        raise InputError("no demonstrations: name folders of `dexgrasp demos generate`")
     steps = np.array([len(inputs) for inputs, _, _ in parts])
     inputs, targets, aims = map(np.concatenate, zip(*parts, strict=True))
     arrays = (inputs, targets, aims, np.cumsum(steps) - steps, steps)

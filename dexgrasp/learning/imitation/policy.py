@@ -71,7 +71,7 @@ class Policy(ABC):
         """Start an episode in a cell at its first observation.
 
         Raises:
-            InputError: for an observation without what it needs, or another robot.
+            InputError: for an observation without what it needs.
         """
 
 

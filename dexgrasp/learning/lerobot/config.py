@@ -72,15 +72,14 @@ class DexGraspEnv(EnvConfig):
         # LeRobot records pictures under the names that policies know them by.
         parts |= {f"{OBS_IMAGES}.{name}": part for name, part in parts.pop("pixels", {}).items()}
         env.close()
-        kinds = {
-            ACTION: FeatureType.ACTION,
-            "agent_pos": FeatureType.STATE,
-            "environment_state": FeatureType.ENV,
+        known = {
+            ACTION: (ACTION, FeatureType.ACTION),
+            "agent_pos": (OBS_STATE, FeatureType.STATE),
+            "environment_state": (OBS_ENV_STATE, FeatureType.ENV),
         }
-        names = {"agent_pos": OBS_STATE, "environment_state": OBS_ENV_STATE}
         for key, part in parts.items():
-            self.features_map[key] = names.get(key, key)
-            self.features[key] = PolicyFeature(type=kinds.get(key, FeatureType.VISUAL), shape=part.shape)
+            self.features_map[key], kind = known.get(key, (key, FeatureType.VISUAL))
+            self.features[key] = PolicyFeature(type=kind, shape=part.shape)
 
     @property
     def _settings(self) -> EvaluationSettings:

@@ -1,8 +1,7 @@
-"""Learning curves: figures of epochs as a picture and for TensorBoard."""
+"""Learning curves: figures of epochs as a picture, and as numbers."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from dexgrasp_env.arrays import Fields
 
@@ -50,24 +49,3 @@ def draw_curves(curve: Sequence[Fields], path: Path, best: int) -> None:
             axis.legend(fontsize=7)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=100)
-
-
-class TensorBoardWriter:
-    """Writer of rows for TensorBoard; makes its folder at the first row."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._writer: Any = None
-
-    def add(self, row: Fields, step: int) -> None:
-        """Write the numbers of a row, those by split as name/split."""
-        from torch.utils.tensorboard import SummaryWriter
-
-        self._writer = self._writer or SummaryWriter(str(self._folder))
-        for name, split, number in scalars(row):
-            self._writer.add_scalar(f"{name}/{split}".rstrip("/"), number, step)
-
-    def close(self) -> None:
-        """Flush and close the file."""
-        if self._writer is not None:
-            self._writer.close()

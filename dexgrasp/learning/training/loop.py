@@ -4,13 +4,12 @@ import json
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from dexgrasp.learning.training.checkpoint import Trainables, damaged, read_state, write_state
-from dexgrasp.learning.training.curves import TensorBoardWriter
+from dexgrasp.learning.training.curves import scalars
 from dexgrasp.learning.training.trials import PeriodicTrials
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.interrupt import held
@@ -23,6 +22,7 @@ from dexgrasp_env.valid import check, one_of
 
 with from_extra():
     import torch
+    from torch.utils.tensorboard import SummaryWriter
 
 CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.jsonl"
 
@@ -148,8 +148,8 @@ class Training(ABC):
         with RunFolder(self.out, self.about, "training").claim(run):
             try:
                 self.begin()
-                with closing(TensorBoardWriter(self.out / "tensorboard")) as writer:
-                    self._go_on(writer, progress)
+                if self.state.epoch < self.state.epochs:
+                    self._go_on(progress)
             finally:
                 self.close()
         return self.state
@@ -176,23 +176,27 @@ class Training(ABC):
         except (LookupError, TypeError, ValueError):
             raise damaged(path) from None
 
-    def _go_on(self, writer: TensorBoardWriter, progress: Callable[[TrainingState], object] | None) -> None:
+    def _go_on(self, progress: Callable[[TrainingState], object] | None) -> None:
         state = self.state
-        while state.epoch < state.epochs:
-            began = time.perf_counter()
-            row = {"epoch": state.epoch + 1} | self.learn()
-            state.seconds += time.perf_counter() - began
-            state.epoch += 1
-            state.curve.append(row)
-            # The result is there before the checkpoint: a kill in between repeats an epoch, to the same bits.
-            with held():
-                self.write()
-            if self.options.trials:
-                row |= self.options.trials.after(self.out, state.epoch, state.epochs)
-            with held():
-                write_state(self.out / CHECKPOINT, self.parts(), {"progress": asdict(state), **self.note()})
-                lines = "".join(json.dumps(row) + "\n" for row in state.curve)
-                write_atomically(self.out / CURVE, lines.encode())
-            writer.add(row, row.get("steps", state.epoch))
-            if progress:
-                progress(state)
+        with SummaryWriter(str(self.out / "tensorboard")) as writer:
+            while state.epoch < state.epochs:
+                began = time.perf_counter()
+                row = {"epoch": state.epoch + 1} | self.learn()
+                state.seconds += time.perf_counter() - began
+                state.epoch += 1
+                state.curve.append(row)
+                # The result is there before the checkpoint: a kill in between repeats an epoch, to the same bits.
+                with held():
+                    self.write()
+                if self.options.trials:
+                    row |= self.options.trials.after(self.out, state.epoch, state.epochs)
+                with held():
+                    write_state(
+                        self.out / CHECKPOINT, self.parts(), {"progress": asdict(state), **self.note()}
+                    )
+                    lines = "".join(json.dumps(row) + "\n" for row in state.curve)
+                    write_atomically(self.out / CURVE, lines.encode())
+                for name, split, number in scalars(row):
+                    writer.add_scalar(f"{name}/{split}".rstrip("/"), number, row.get("steps", state.epoch))
+                if progress:
+                    progress(state)
