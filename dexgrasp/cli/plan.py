@@ -122,6 +122,8 @@ class Plan(Command, RequestOptions, CloudOptions, SceneOptions):
             raise InputError(f"{', '.join(idle)} would change nothing: --objects plans nothing")
         from dexgrasp_env.perception.scan import read_scan
 
+        if line := self.order_line():
+            note(line)
         return read_scan(self.cloud, self.unit, self.pose)
 
     def _request(self, marked: "Callable[[Mask], Array]") -> "GraspRequest":

@@ -66,6 +66,20 @@ class CloudOptions(Options):
 
         return None if self.camera_pose is None else read_pose(self.camera_pose)
 
+    def order_line(self) -> str:
+        """Return a warning where the other order of the quaternion would leave the table level too; else empty."""
+        from dexgrasp_env.perception.camera_pose import misread_poses
+
+        if self.pose is None or self.camera_pose is None:
+            return ""
+        words, other = next(misread_poses(self.pose, self.camera_pose))
+        likely = "xyzw" in words and other[2, :3] @ self.pose[2, :3] > 0.99
+        return (
+            "warning: --camera-pose is read as x y z qw qx qy qz; ROS's order, w last, would be level too"
+            if likely
+            else ""
+        )
+
     def frame_words(self, scan: "Cloud", look: "Callable[[Cloud], Scene]") -> "Iterator[str]":
         """Yield possible mistakes of frame, for a cloud in which `look` finds no table where it should be."""
         import numpy as np

@@ -49,11 +49,13 @@ def _forces(H: Tensor, A: Tensor, b: Tensor) -> Tensor:
 
 
 def tangent_basis(normals: Tensor) -> tuple[Tensor, Tensor]:
-    """Return tangents (..., 3) of unit normals (..., 3): as `dexgrasp.mechanics.cones`, differentiable."""
+    """Return tangents (..., 3) of unit normals (..., 3): the basis of `dexgrasp.mechanics.cones`, differentiable."""
     axis, first, second = (normals.new_tensor(v) for v in (C, C1, C2))
-    D = (1.0 + (normals * axis).sum(-1, keepdim=True)).clamp(min=POLE)
-    t1, t2 = (v - (normals * v).sum(-1, keepdim=True) / D * (axis + normals) for v in (first, second))
-    return t1, t2
+    D = 1.0 + (normals * axis).sum(-1, keepdim=True)
+    pole = D < POLE
+    safe = torch.where(pole, torch.ones_like(D), D)
+    t1, t2 = (v - (normals * v).sum(-1, keepdim=True) / safe * (axis + normals) for v in (first, second))
+    return torch.where(pole, first, t1), torch.where(pole, -second, t2)
 
 
 def grasp_matrix(points: Tensor, length: float) -> Tensor:
