@@ -38,10 +38,11 @@ class SB3VecEnv(VecEnv):
 
     def reset(self) -> Any:
         """Start all episodes, with the seeds and options set before; infos are in `reset_infos`."""
-        self.envs.reset(seed=self._seeds)
-        for i, options in enumerate(self._options):
-            if options:
-                self.envs.members[i].reset(seed=self._seeds[i], options=options)
+        # Of options that are given for all, `set_options` makes one copy.
+        several = any(self._options) and len({id(options) for options in self._options}) > 1
+        self.envs.reset(seed=self._seeds, options=None if several else self._options[0])
+        for i, options in enumerate(self._options if several else ()):
+            self.envs.members[i].reset(seed=self._seeds[i], options=options)
         observation, infos = self.envs.observe()
         self.reset_infos = [of_one(infos, i) for i in range(self.num_envs)]
         self._reset_seeds()
