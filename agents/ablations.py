@@ -67,7 +67,7 @@ class LatentPlanner(Planner):
     def __init__(self, settings: PlannerSettings, cell: Cell) -> None:
         """Prepare; bounds and ranking of the search in `settings` do not count."""
         # 100 latents at most, of those that decode to three tips above the table and apart from each other.
-        plain = replace(settings, breadths=(1.0,), triples=100, candidates=1, firm_load=-1.0, patience=0)
+        plain = replace(settings, triples=100, candidates=1, firm_load=-1.0, patience=0)
         super().__init__(plain, CvaeProposals(ranked=False), cell, with_closure=False)
 
     def starts(self, proposals: Proposals, problem: GraspProblem) -> Iterator[Posture]:

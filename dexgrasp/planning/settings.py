@@ -28,9 +28,7 @@ class PlannerSettings(Thresholds):
         neighbours: postures of the hand's atlas looked at for each.
         postures: postures tried by the optimiser before the planner gives up.
         candidates: feasible configurations among which the firmest is carried out.
-        breadths: factors on the samples of each round, which follows only where the last found nothing firm.
-        patience: rounds more where there are grasps and none bears the assumed weight with `friction_squeeze` and
-            `place_error`.
+        patience: rounds more of as many samples, which follow only where none before gave a firm grasp.
         rises: of the tips as the hand opens, m; those after the first only for grasps not firm.
         most_parts: convex parts of an object's cloud that are planned on; 1: its hull.
         initial_orientations: starting postures a proposal (six in section 3.3).
@@ -53,7 +51,6 @@ class PlannerSettings(Thresholds):
     neighbours: int = 64
     postures: int = 60
     candidates: int = 4
-    breadths: tuple[float, ...] = (1.0, 2.0, 3.0)
     patience: int = 4
     rises: tuple[float, ...] = (0.0, 0.006)
     most_parts: int = MOST_PARTS
@@ -107,13 +104,6 @@ class PlannerSettings(Thresholds):
     def tip_height(self) -> float:
         """Height of a tip's centre above the surface that it touches, m: the middle of what `distance` allows."""
         return self.tip_radius + 0.5 * sum(self.distance)
-
-    def broadened(self, factor: float) -> "PlannerSettings":
-        """Return settings that sample `factor` times as many points, and triples and postures to match."""
-        return replace(
-            self, surface_points=round(factor * self.surface_points), triples=round(factor**2 * self.triples),
-            postures=round(factor * self.postures),
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
