@@ -11,7 +11,6 @@ OUT/rows.jsonl; the table is printed with Wilson intervals.
 
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import mujoco

@@ -139,19 +139,16 @@ def _has_room(q: Array, problem: GraspProblem) -> bool:
     return deep < _DEEPEST
 
 
-def loads_on(placed: Placements, problem: GraspProblem, friction: Array | None = None) -> Array:
+def loads_on(placed: Placements, problem: GraspProblem) -> Array:
     """Return what the squeeze of each placement would bear (M,), were its tips to reach their goals exactly.
 
     Args:
         placed: postures of the atlas on goals.
-        problem: object and robot; of the settings friction, error in place and torque limits.
-        friction: (K, n) at the goals, where it is known: what `narrowed_friction` says by default.
+        problem: object and robot; of the settings friction and torque limits.
     """
     goals, target, tree, settings = placed.goals, problem.target, problem.tree, problem.settings
     shape = settings.proposed
-    if friction is None:
-        tips, normals = goals.centres.reshape(-1, 3), -goals.inward.reshape(-1, 3)
-        friction = narrowed_friction(tips, normals, target, settings).reshape(-1, shape.contacts)
+    friction = narrowed_friction(-goals.inward.reshape(-1, 3), target, settings).reshape(-1, shape.contacts)
     burden = _Burden(
         settings.tip_height, target.centre, target.weight, friction, settings.torque_share * tree.torque
     )

@@ -37,11 +37,10 @@ class PlannerSettings(Thresholds):
         max_force: N that each finger presses with at most; None: as the joints allow.
         loads: levels that the dataset sorts grasps by, firmest first: share of the assumed mass, push borne, weights.
         friction_squeeze: coefficient that the squeeze is made for, and grasps are ranked by.
-        place_error: how far the surface may be from where it was seen, m.
         fingers: of a grasp, as the hand has them.
         torsion: radius of their soft tips, m; 0: points.
         widest: m between contacts that two fingers open beyond.
-        firm_load: load under `friction_squeeze` and `place_error` with which the search ends.
+        firm_load: load under `friction_squeeze` with which the search ends.
     """
 
     closure_aim: float = 0.50
@@ -60,7 +59,6 @@ class PlannerSettings(Thresholds):
     max_force: float | None = None
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
     friction_squeeze: float = 0.42
-    place_error: float = 0.003
     firm_load: float = 1.2
     fingers: int = 3
     torsion: float = 0.0

@@ -118,7 +118,7 @@ class _Sampler:
         at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, orders).best()
         ordered = triples[:, orders].reshape(-1, triples.shape[1])
         counts["assignments_tried"] += len(ordered)
-        loads = loads_on(at, problem, scene.friction[ordered])
+        loads = loads_on(at, problem)
         for k in np.flatnonzero(loads >= self._settings.least_load):
             counts["placed_by_atlas"] += 1
             q = problem.tree.home.copy()
@@ -177,8 +177,9 @@ def bearable(scene: RestScene, triples: Triples, settings: DatasetSettings) -> T
     target, least = scene.grasp_target, settings.least_load
     planner = settings.planner.for_hand(settings.cell.robot.hand)
     shape = planner.proposed
+    friction = np.full(shape.contacts, planner.friction_squeeze)
     loads = _free_loads(
-        scene.points, scene.normals, scene.friction, triples, target.centre, target.weight, least, shape
+        scene.points, scene.normals, friction, triples, target.centre, target.weight, least, shape
     )
     firm = triples[loads >= least]
     margins = margins_to(scene.points[firm], scene.normals[firm], planner.friction, shape, _ROUGH, 0.0)
@@ -196,7 +197,7 @@ def _free_loads(
     room, out = empty_room(shape, n * parts), np.empty(len(triples))
     for m in range(len(triples)):
         t = triples[m]
-        contacts = Contacts(points[t], normals[t], J, limit, friction[t], centre, gravity, shape.model)
+        contacts = Contacts(points[t], normals[t], J, limit, friction, centre, gravity, shape.model)
         out[m] = squeeze_estimate(contacts, most, room)
     return out
 
