@@ -5,7 +5,6 @@ from collections.abc import Callable, Collection, Iterator
 from copy import copy
 from dataclasses import replace
 from itertools import islice
-from typing import NamedTuple
 
 import numpy as np
 
@@ -43,28 +42,6 @@ def _holds(hold: GraspForces) -> bool:
 
 def _robust(hold: GraspForces) -> bool:
     return hold.robust_load >= 1.0
-
-
-class Round(NamedTuple):
-    """One round of a search: it ends with a firm grasp, or adds to the pool."""
-
-    enough: Callable[[GraspForces], bool]  # a grasp of the rounds before that will do instead
-    whole: bool  # all postures are looked at, though a batch of them had no firm grasp
-
-
-def rounds_of(settings: PlannerSettings, crowded: bool) -> Iterator[Round]:
-    """Yield the rounds of a search.
-
-    The best grasp before a round will do if it bears the weight on slippery surfaces too; in the end, and among
-    neighbours, where a firm grasp is rare, soon: if it bears the weight at all.
-
-    Args:
-        settings: how many rounds follow the first.
-        crowded: neighbours stand around the object.
-    """
-    for k in range(settings.patience + 1):
-        last = k > 1 if crowded else k == settings.patience
-        yield Round(_holds if last else _robust, whole=crowded or k > 0)
 
 
 class Planner:
@@ -237,14 +214,20 @@ class Search:
         self.log.began = began or self.log.began
 
     def run(self) -> PlanResult:
-        """Return the first firm grasp of some rounds; failing that the best of all that is feasible."""
-        target, result = self._problem.target, self.result
+        """Return the first firm grasp of some rounds; failing that the best of all that is feasible.
+
+        The best grasp before a round will do if it bears the weight on slippery surfaces too; in the end, and among
+        neighbours, where a firm grasp is rare, soon: if it bears the weight at all.
+        """
+        result, crowded = self.result, self._problem.target.around is not None
         if self.is_hopeless():
             return result
-        for step in rounds_of(self.planner.settings, crowded=target.around is not None):
-            if self.take(step.enough) or self.planner.out_of_time(self.log):
+        patience = self.planner.settings.patience
+        for k in range(patience + 1):
+            last = k > 1 if crowded else k == patience
+            if self.take(_holds if last else _robust) or self.planner.out_of_time(self.log):
                 break
-            if self._firm(step.whole):
+            if self._firm(patient=crowded or k > 0):
                 break
             if OUT_OF_REACH in self.log.blocked and not self.log.tried:  # more postures reach no farther
                 break

@@ -127,8 +127,7 @@ class _Sampler:
             if placement is not None:
                 counts["reached_by_arm"] += 1
                 there = replace(problem, target=target_at(problem.target, placement))
-                goal = int(at.triple[k])
-                yield PlacedPosture(q, there, goal, float(loads[k]), ordered[goal], placement)
+                yield PlacedPosture(q, there, float(loads[k]), ordered[at.triple[k]], placement)
 
     def _reach(self, q: Array, R: Array, p: Array) -> Array | None:
         """Draw a placement (x m, y m, yaw rad) at which the arm reaches the palm pose; write the arm into `q`."""
