@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import ClassVar
 
-import numpy as np
-
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.geometry.request import ANYHOW, GraspRequest
 from dexgrasp.grasp.grasp import Grasp
@@ -67,18 +65,17 @@ class LatentPlanner(Planner):
     def __init__(self, settings: PlannerSettings, cell: Cell) -> None:
         """Prepare; bounds and ranking of the search in `settings` do not count."""
         # 100 latents at most, of those that decode to three tips above the table and apart from each other.
-        plain = replace(settings, breadths=(1.0,), triples=100, candidates=1, firm_load=-1.0, patience=0)
+        plain = replace(settings, triples=100, candidates=1, firm_load=-1.0, patience=0)
         super().__init__(plain, CvaeProposals(ranked=False), cell, with_closure=False)
 
     def starts(self, proposals: Proposals, problem: GraspProblem) -> Iterator[Posture]:
         """Yield what IK finds for each latent, in the order drawn: from its own palm, then from those above."""
-        for k in range(len(proposals.contacts)):
-            assert proposals.palms is not None  # latents have them
-            palm = proposals.palms[k]
-            R = np.ascontiguousarray(palm[:3, :3])
-            if found := posture_at(R, palm[:3, 3].copy(), k, proposals, problem):
+        assert proposals.palms is not None  # latents have them
+        goals = proposals.contacts + problem.settings.tip_height * proposals.normals
+        for palm, tips in zip(proposals.palms, goals, strict=True):
+            if found := posture_at(palm[:3, :3].copy(), palm[:3, 3].copy(), tips, problem):
                 yield found
-            yield from oriented_postures(k, proposals, problem)
+            yield from oriented_postures(tips, problem)
 
 
 class KinematicPlanner(LatentPlanner):
@@ -112,7 +109,7 @@ class RawPlanner(LatentPlanner):
         """Return the posture as it is, and what rejects it."""
         solution = super().refine(start)
         blocking = self._blocking(start, solution)
-        return replace(solution, feasible=blocking is None, blocking=blocking)
+        return replace(solution, blocking=blocking)
 
     def _blocking(self, start: Posture, solution: Solution) -> str | None:
         at, settings = solution.evaluation, self.settings

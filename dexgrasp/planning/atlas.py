@@ -52,6 +52,8 @@ class HandAtlas(NamedTuple):
     joints: Array  # (N, h) rad; idle fingers are out of the way
     tips: Tips
     search: KDTree  # over `triangle_sides`, m
+    frames: Array  # (N, 3, 3) `triangle_frames`; of two tips the third corner is where their axes meet or so
+    middles: Array  # (N, 3) m, of the first three tips, or two
 
 
 @lru_cache(maxsize=8)  # hashing the cell that is looked up takes 0.2 ms, eleven times a plan
@@ -80,7 +82,9 @@ def _atlas(cell: Cell) -> HandAtlas:
     tips = Tips(found["centres"], found["axes"], found["pads"], _least_facing(tree, world))
     # A tree that is not balanced takes half the time, its queries no longer.
     search = KDTree(found["sides"], leafsize=16, balanced_tree=False, compact_nodes=False)
-    return HandAtlas(found["joints"], tips, search)
+    corners = tips.centres[:, :3]
+    frames = triangle_frames(corners, tips.axes[:, :2].sum(1))
+    return HandAtlas(found["joints"], tips, search, frames, corners.mean(1))
 
 
 def _key(robot: Robot, tree: RobotTree, world: World) -> str:
@@ -96,6 +100,18 @@ def triangle_sides(corners: Array) -> Array:
     """Return the sides (..., 3) m of the first three corners (..., g, 3): 0-1, 0-2, 1-2; of two the one there is."""
     one, other = ([0, 0, 1], [1, 2, 2]) if corners.shape[-2] > 2 else ([0], [1])
     return np.linalg.norm(corners[..., one, :] - corners[..., other, :], axis=-1)
+
+
+def triangle_frames(corners: Array, third: Array) -> Array:
+    """Return axes (M, 3, 3) as columns of triangles: along the first side, in it, and out of it.
+
+    Args:
+        corners: (M, n, 3), three of them, or two.
+        third: (M, 3) on which way from the first the third corner is, where there are but two.
+    """
+    x = unit(corners[:, 1] - corners[:, 0])
+    z = unit(np.cross(x, corners[:, 2] - corners[:, 0] if corners.shape[1] > 2 else third))
+    return np.stack([x, np.cross(z, x), z], axis=2)
 
 
 def _postures(drawn: Array, robot: Robot, tree: RobotTree) -> Array:

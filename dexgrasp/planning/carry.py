@@ -36,7 +36,7 @@ def plan_turn(grasp: Grasp, script: ActionScript, problem: GraspProblem) -> Turn
     # What shifts in the hand on the way weighs on one finger: it would press harder than is asked for.
     if grasp.certificate.capacity >= ENOUGH or problem.settings.max_force is not None:
         return None
-    contacts, distance = contacts_of(grasp.q, problem, problem.settings.friction_squeeze)
+    contacts, _ = contacts_of(grasp.q, problem, problem.settings.friction_squeeze)
     start = script.phases["lift"][-1]
     centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
     corners, pushes = target.corners - target.centre, cube_directions()
@@ -54,7 +54,7 @@ def plan_turn(grasp: Grasp, script: ActionScript, problem: GraspProblem) -> Turn
             arm, most, down = way, worth, R.T @ DOWN
     if arm is None:
         return None
-    squeeze = robust_squeeze(contacts, distance, problem, down)
+    squeeze = robust_squeeze(contacts, problem, down)
     return Turn(arm, squeeze.forces) if squeeze.share >= 1.0 else None
 
 

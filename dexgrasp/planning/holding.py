@@ -1,11 +1,10 @@
-"""The squeeze of a grasp: forces at its contacts that bear the largest push, were its surface a little elsewhere."""
+"""The squeeze of a grasp: forces at its contacts that bear the largest push, were its surface more slippery."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.mechanics.cones import tangent_basis
 from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.internal_force import Squeeze, firmest_squeeze
 from dexgrasp.mechanics.kinematics.forward import fingertips, hand_contact_jacobian
@@ -25,9 +24,7 @@ class GraspForces(NamedTuple):
     distances: Array  # (N,) m, of the tips' centres from the surface
     forces: Array  # (N, c) N on the object
     share: float  # of the weight that the forces balance
-    robust_load: (
-        float  # that is left with less friction and the surface out of place: grasps are ranked by it
-    )
+    robust_load: float  # that is left with less friction: grasps are ranked by it
 
     @property
     def holds(self) -> bool:
@@ -35,25 +32,20 @@ class GraspForces(NamedTuple):
         return self.share >= 1.0
 
 
-def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings: PlannerSettings) -> Array:
-    """Return the friction (N,) that is left of `settings.friction_squeeze` if the surface is not where it was seen.
+def narrowed_friction(normals: Array, target: GraspTarget, settings: PlannerSettings) -> Array:
+    """Return the friction (N,) that is left of `settings.friction_squeeze` where the surface was guessed.
 
-    An error in place of `settings.place_error` turns the normal that a fingertip feels: not at all on a face, by a few
-    degrees on a can's side, far on an edge. The cone is narrowed by that angle; where the surface was guessed and may
-    be farther off, also by the angle of the rest over 3 cm.
+    Beyond the 3 mm that a surface which was seen is off as well, the cone is narrowed by the angle of its error over
+    3 cm.
 
     Args:
-        tips: (N, 3) m, centres of fingertips.
-        normals: (N, 3) that they feel where the surface is believed to be.
+        normals: (N, 3) of the surface.
         target: the object.
-        settings: friction and error in place.
+        settings: friction.
     """
-    t1, t2 = tangent_basis(normals)
-    around = tips[:, None] + settings.place_error * np.stack([t1, -t1, t2, -t2], axis=1)
-    turned = target.distance.distance_gradient(around)[1].reshape(around.shape)
-    turn = np.arccos(np.clip((turned * normals[:, None]).sum(-1), -1.0, 1.0)).max(1)
-    if target.uncertainty is not None:
-        turn += np.maximum(target.uncertainty.along(normals) - settings.place_error, 0.0) / 0.03
+    if target.uncertainty is None:
+        return np.full(len(normals), settings.friction_squeeze)
+    turn = np.maximum(target.uncertainty.along(normals) - 0.003, 0.0) / 0.03
     # 0.02 rad is left of a cone that has been narrowed to nothing.
     return np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, 0.02))
 
@@ -75,11 +67,11 @@ def firmest_forces(q: Array, problem: GraspProblem) -> GraspForces:
 
     Args:
         q: (n,) rad.
-        problem: object and robot; of the settings friction, error in place, least press and torque limits.
+        problem: object and robot; of the settings friction, least press and torque limits.
     """
     settings = problem.settings
     contacts, distance = contacts_of(q, problem, settings.friction_hold)
-    firm, most = _squeezes(contacts, distance, problem, DOWN)
+    firm, most = _squeezes(contacts, problem, DOWN)
     if most.share == 0.0:
         forces = np.zeros(contacts.jacobians.shape[:2])
         forces[:, :3] = -settings.least_press * contacts.normals
@@ -100,32 +92,28 @@ def lightened(hold: GraspForces, problem: GraspProblem) -> GraspForces:
     if hold.holds or hold.share == 0.0:
         return hold
     part = 0.5 * hold.share  # of the weight: half of what can be balanced
-    firm, most = _squeezes(hold.contacts, hold.distances, problem, part * DOWN)
+    firm, most = _squeezes(hold.contacts, problem, part * DOWN)
     return hold._replace(forces=most.forces, robust_load=part * firm.load)
 
 
-def _squeezes(
-    contacts: Contacts, distance: Array, problem: GraspProblem, down: Array
-) -> tuple[Squeeze, Squeeze]:
+def _squeezes(contacts: Contacts, problem: GraspProblem, down: Array) -> tuple[Squeeze, Squeeze]:
     """Return the squeeze within narrowed cones; and it again, or if it bears too little that within the judge's."""
-    firm = robust_squeeze(contacts, distance, problem, down)
+    firm = robust_squeeze(contacts, problem, down)
     if firm.share >= 1.0:
         return firm, firm
-    judged = np.full_like(distance, problem.settings.friction_hold)
+    judged = np.full(len(contacts.points), problem.settings.friction_hold)
     return firm, _firmest_at(contacts, judged, problem.settings, down)
 
 
-def robust_squeeze(contacts: Contacts, distance: Array, problem: GraspProblem, down: Array) -> Squeeze:
+def robust_squeeze(contacts: Contacts, problem: GraspProblem, down: Array) -> Squeeze:
     """Return the forces within narrowed cones and torque limits that bear the largest push.
 
     Args:
         contacts: of the grasp.
-        distance: (N,) m, of the tips' centres from the surface.
-        problem: the object; of the settings friction, error in place, least press and torque limits.
+        problem: the object; of the settings friction, least press and torque limits.
         down: (3,) the way gravity points.
     """
-    tips = contacts.points + distance[:, None] * contacts.normals
-    friction = narrowed_friction(tips, contacts.normals, problem.target, problem.settings)
+    friction = narrowed_friction(contacts.normals, problem.target, problem.settings)
     return _firmest_at(contacts, friction, problem.settings, down)
 
 

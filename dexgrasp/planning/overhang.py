@@ -43,7 +43,7 @@ def plan_slide(planner: Planner, target: GraspTarget, seed: int, start: Array) -
     if guessed or not planner.settings.is_low(target.top) or not can_push(planner.cell):
         return None
     slides = list(islice(_slides(start, target, planner), 8))  # pushes that the arm can make
-    in_brief = _best(slides, target, _at_edge(planner, (1.0,)), seed, _FIRM)
+    in_brief = _best(slides, target, _at_edge(planner, patience=0), seed, _FIRM)
     return in_brief or _best(slides, target, _at_edge(planner), seed, _BORNE)
 
 
@@ -152,11 +152,11 @@ def _touches(target: GraspTarget, apart: float, tip: float) -> tuple[Array, Arra
     return directions, np.where(np.abs(off) < _ALIKE, way, np.nan)
 
 
-def _at_edge(planner: Planner, breadths: tuple[float, ...] = (1.0, 2.0, 3.0)) -> Planner:
+def _at_edge(planner: Planner, patience: int = 2) -> Planner:
     cell = replace(planner.cell, name="edge", table_height=planner.cell.table_height - _FLOOR)
     # Most points are over the table, and of no use.
     more = replace(planner.settings, surface_points=600, triples=100, postures=120)
-    return Planner(replace(more, patience=0, firm_load=_FIRM, breadths=breadths), _Overhanging(), cell)
+    return Planner(replace(more, patience=patience, firm_load=_FIRM), _Overhanging(), cell)
 
 
 class _Overhanging(SurfaceProposals):

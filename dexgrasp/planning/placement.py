@@ -5,14 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
-from dexgrasp.geometry.triangle import cross
-from dexgrasp.mechanics.cones import basis_of
-from dexgrasp.mechanics.kinematics.forward import to_world
-from dexgrasp.planning.atlas import Tips, hand_atlas, triangle_sides
+from dexgrasp.mechanics.cones import tangent_basis
+from dexgrasp.planning.atlas import Tips, hand_atlas, triangle_frames, triangle_sides
 from dexgrasp.planning.settings import GraspProblem
-from dexgrasp_env.arrays import AnyArray, Array, Index
-from dexgrasp_env.compiled import leaf, njit
+from dexgrasp_env.arrays import AnyArray, Array, Index, unit
 
 NEIGHBOURS = 16
 """Postures of the atlas that the dataset looks at for each assignment; a planner's are its setting."""
@@ -56,136 +52,13 @@ class Placements(NamedTuple):
         return Placements._make([self.goals, *(each[rows] for each in self[1:])])
 
 
-@njit
-def _frame(triangle: Array, out: Array) -> None:
-    """Write axes (3, 3) as columns of a triangle's own frame: along its first side, in it, and out of it."""
-    across = np.empty(3)
-    for r in range(3):
-        out[r, 0], across[r] = triangle[1, r] - triangle[0, r], triangle[2, r] - triangle[0, r]
-    _unit(out, 0)
-    cross(out[:, 0], across, out[:, 2])
-    _unit(out, 2)
-    cross(out[:, 2], out[:, 0], out[:, 1])
-
-
-@leaf
-def _third(points: Array, way: Array, out: Array) -> None:
-    """Write a triangle (3, 3): the first three points, or two and one on the way (3,) from the first."""
-    for r in range(3):
-        out[0, r], out[1, r] = points[0, r], points[1, r]
-        out[2, r] = points[2, r] if len(points) > 2 else points[0, r] + way[r]
-
-
-@njit
-def _across(points: Array, turn: float) -> Array:
-    """Return a direction (3,) across the line of two points, turned by `turn` rad about it."""
-    line = points[1] - points[0]
-    line /= np.sqrt((line * line).sum()) + 1e-12
-    ax, ay, az, bx, by, bz = basis_of(line[0], line[1], line[2])
-    c, s = np.cos(turn), np.sin(turn)
-    return np.array([c * ax + s * bx, c * ay + s * by, c * az + s * bz])
-
-
-@leaf
-def _unit(columns: Array, k: int) -> None:
-    size = np.sqrt(columns[0, k] ** 2 + columns[1, k] ** 2 + columns[2, k] ** 2) + 1e-12
-    for r in range(3):
-        columns[r, k] /= size
-
-
-@leaf
-def _align(goal: Array, goal_frame: Array, tips: Array, tip_frame: Array, R: Array, p: Array) -> None:
-    """Write the rotation (3, 3) and shift (3,) that put the first n tips on their goals (n, 3), middle on middle."""
-    n = goal.shape[0]
-    for r in range(3):
-        p[r] = goal[0, r] + goal[1, r]
-        if n > 2:
-            p[r] += goal[2, r]
-        p[r] /= n
-        for c in range(3):
-            R[r, c] = 0.0
-            for k in range(3):
-                R[r, c] += goal_frame[r, k] * tip_frame[c, k]
-    for r in range(3):
-        for c in range(3):
-            total = tips[0, c] + tips[1, c]
-            if n > 2:
-                total += tips[2, c]
-            p[r] -= R[r, c] * total / n
-
-
-@leaf
-def _facing(inward: Array, posture: Tips, R: Array) -> float:
-    """Return the squareness of the tips to where they press; -1 where one would touch with its back."""
-    facing = 2.0
-    for i in range(len(inward)):
-        on_axis, on_pad = 0.0, 0.0
-        for r in range(3):
-            local = R[0, r] * inward[i, 0] + R[1, r] * inward[i, 1] + R[2, r] * inward[i, 2]
-            on_axis += posture.axes[i, r] * local
-            on_pad += posture.pads[i, r] * local
-        if on_axis < posture.least or on_pad < -0.1:
-            return -1.0
-        facing = min(facing, 0.5 * on_axis + on_pad)
-    return facing
-
-
-@leaf
-def _score(
-    inward: Array, posture: Tips, R: Array, p: Array, obstacle: Obstacle, room: Array, height: float
-) -> float:
-    """Score an aligned posture, -1 if useless; what costs most is asked last.
-
-    `room` is (3, 3): two rows to work in, and the middle of the palm's box in the palm frame, m. Further tips
-    should be near the surface: `height` m from it.
-    """
-    palm, gradient = room[0], room[1]
-    to_world(R, p, room[2], palm)
-    # Down is best: the arm reaches it everywhere. Sideways is fine, palm up is not.
-    down, top = -R[2, 0], palm[2]
-    if palm[2] < _PALM_HEIGHT or down < -0.2:
-        return -1.0
-    facing = _facing(inward, posture, R)
-    if facing <= -1.0 or convex_distance(palm, obstacle, gradient, _PALM_ROOM) < _PALM_ROOM:
-        return -1.0
-    miss = 0.0
-    for i in range(len(inward), len(posture.centres)):
-        to_world(R, p, posture.centres[i], palm)
-        miss += abs(convex_distance(palm, obstacle, gradient, np.inf) - height)
-    return min(facing, 0.8) + 0.5 * down + 2.0 * min(top, 0.15) - _REACH * miss
-
-
-@njit
-def _useful(
-    goals: Goals, near: Index, tips: Tips, obstacle: Obstacle, palm: Array, height: float
-) -> Placements:
-    """Put on each of K assigned triples those of its neighbours in the atlas, `near` (K, n), that will do."""
-    K, most = near.shape
-    triple, which = np.empty(K * most, dtype=np.int64), np.empty(K * most, dtype=np.int64)
-    scores, rotations, positions = np.empty(K * most), np.empty((K * most, 3, 3)), np.empty((K * most, 3))
-    goal_frame, tip_frame, room = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    corners, pair, away = np.empty((3, 3)), goals.centres.shape[1] == 2, np.zeros(3)
-    room[2] = palm
-    m = 0
-    for k in range(K):
-        for rank, n in enumerate(near[k]):
-            if n >= tips.centres.shape[0]:
-                break
-            if rank == 0 or pair:
-                if pair:  # each neighbour at another turn about the line of both
-                    away = _across(goals.centres[k], 2.0 * np.pi * rank / most)
-                _third(goals.centres[k], away, corners)
-                _frame(corners, goal_frame)
-            R, p = rotations[m], positions[m]
-            _third(tips.centres[n], tips.axes[n, 0] + tips.axes[n, 1], corners)
-            _frame(corners, tip_frame)
-            _align(goals.centres[k], goal_frame, tips.centres[n], tip_frame, R, p)
-            posture = Tips(tips.centres[n], tips.axes[n], tips.pads[n], tips.least)
-            score = _score(goals.inward[k], posture, R, p, obstacle, room, height)
-            if score > 0.0:
-                triple[m], which[m], scores[m] = k, n, score
-                m += 1
-    return Placements(goals, triple[:m], scores[:m], which[:m], rotations[:m], positions[:m])
+def _goal_frames(centres: Array, triple: Index, turns: Array) -> Array:
+    """Return `triangle_frames` (M, 3, 3) of M goals, the indices `triple` of K; of pairs turned by (M,) rad."""
+    if centres.shape[1] > 2:
+        return triangle_frames(centres, centres[:, 0])[triple]
+    t1, t2 = tangent_basis(unit(centres[:, 1] - centres[:, 0]))
+    across = np.cos(turns)[:, None] * t1[triple] + np.sin(turns)[:, None] * t2[triple]
+    return triangle_frames(centres[triple], across)
 
 
 def place_on_atlas(
@@ -203,10 +76,42 @@ def place_on_atlas(
     Returns:
         What will do; goal A k + a is triple k in order a.
     """
-    atlas, height = hand_atlas(problem.cell), problem.settings.tip_height
-    centres = (contacts + height * normals)[:, orders].reshape(-1, orders.shape[1], 3)
+    atlas, height, n = hand_atlas(problem.cell), problem.settings.tip_height, orders.shape[1]
+    centres = (contacts + height * normals)[:, orders].reshape(-1, n, 3)
     inward = -normals[:, orders].reshape(centres.shape)
     goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
     _, near = atlas.search.query(triangle_sides(centres), neighbours, distance_upper_bound=SIDE_TOLERANCE)
-    obstacle = problem.target.everything.obstacle
-    return _useful(goals, near, atlas.tips, obstacle, problem.tree.palm_middle, height)
+    triple, rank = np.nonzero(near < len(atlas.joints))
+    which = near[triple, rank]
+    # Of a pair, each neighbour is at another turn about the line of both.
+    frames = _goal_frames(centres, triple, 2.0 * np.pi * rank / neighbours)
+    R = frames @ atlas.frames[which].transpose(0, 2, 1)
+    p = centres.mean(1)[triple] - (R @ atlas.middles[which][..., None])[..., 0]
+    placed = Placements(goals, triple, np.zeros(len(which)), which, R, p)
+    return _scored(placed, atlas.tips, problem)
+
+
+def _scored(placed: Placements, tips: Tips, problem: GraspProblem) -> Placements:
+    """Return the placements that are of use, with their scores; what costs most is asked last.
+
+    Further tips should be near the surface.
+    """
+    object_distance = problem.target.everything.distance
+    # Down is best: the arm reaches it everywhere. Sideways is fine, palm up is not.
+    palms, down = placed.positions + placed.rotations @ problem.tree.palm_middle, -placed.rotations[:, 2, 0]
+    kept = np.flatnonzero((palms[:, 2] >= _PALM_HEIGHT) & (down >= -0.2))
+    placed, palms, down = placed.select(kept), palms[kept], down[kept]
+    local, n = placed.goals.inward[placed.triple] @ placed.rotations, placed.goals.inward.shape[1]
+    on_axis, on_pad = (
+        np.einsum("mik,mik->mi", way[placed.which, :n], local) for way in (tips.axes, tips.pads)
+    )
+    square = np.minimum((0.5 * on_axis + on_pad).min(1), 0.8)
+    kept = np.flatnonzero((on_axis >= tips.least).all(1) & (on_pad >= -0.1).all(1))
+    kept = kept[object_distance(palms[kept]) >= _PALM_ROOM]
+    placed, palms = placed.select(kept), palms[kept]
+    further = tips.centres[placed.which, n:] @ placed.rotations.transpose(0, 2, 1) + placed.positions[:, None]
+    off = object_distance(further).reshape(further.shape[:2]) - problem.settings.tip_height
+    scores = (
+        square[kept] + 0.5 * down[kept] + 2.0 * np.minimum(palms[:, 2], 0.15) - _REACH * np.abs(off).sum(1)
+    )
+    return placed._replace(scores=scores).select(scores > 0.0)

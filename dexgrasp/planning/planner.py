@@ -5,7 +5,6 @@ from collections.abc import Callable, Collection, Iterator
 from copy import copy
 from dataclasses import replace
 from itertools import islice
-from typing import NamedTuple
 
 import numpy as np
 
@@ -43,37 +42,6 @@ def _holds(hold: GraspForces) -> bool:
 
 def _robust(hold: GraspForces) -> bool:
     return hold.robust_load >= 1.0
-
-
-class Round(NamedTuple):
-    """One round of a search: it ends with a firm grasp, or adds to the pool."""
-
-    breadth: float  # times as many samples as in the first
-    enough: (
-        Callable[[GraspForces], bool] | None
-    )  # a grasp of the rounds before that will do instead; None: none will
-    whole: bool  # all postures are looked at, though a batch of them had no firm grasp
-    late: bool  # it follows only where the rounds before gave a grasp
-
-
-def rounds_of(settings: PlannerSettings, crowded: bool) -> Iterator[Round]:
-    """Yield the rounds of a search.
-
-    The best grasp of a round that is looked at whole will do if it bears the weight on slippery surfaces too; in the
-    end, and among neighbours, where a firm grasp is rare, soon: if it bears the weight at all.
-
-    Args:
-        settings: how broad rounds are, and how many follow them.
-        crowded: neighbours stand around the object.
-    """
-    usual = len(settings.breadths)
-    # Among neighbours one round more at most: another look, or one set aside, gives more.
-    count = usual + (min(settings.patience, 1) if crowded else settings.patience)
-    for k in range(count):
-        late = k >= usual
-        enough = _robust if (k <= 1 if crowded else k < count - 1) else _holds
-        whole = late or crowded
-        yield Round(settings.breadths[min(k, usual - 1)], enough if whole else None, whole, late)
 
 
 class Planner:
@@ -246,16 +214,20 @@ class Search:
         self.log.began = began or self.log.began
 
     def run(self) -> PlanResult:
-        """Return the first firm grasp of ever broader rounds; failing that the best of all that is feasible."""
-        target, result = self._problem.target, self.result
+        """Return the first firm grasp of some rounds; failing that the best of all that is feasible.
+
+        The best grasp before a round will do if it bears the weight on slippery surfaces too; in the end, and among
+        neighbours, where a firm grasp is rare, soon: if it bears the weight at all.
+        """
+        result, crowded = self.result, self._problem.target.around is not None
         if self.is_hopeless():
             return result
-        for step in rounds_of(self.planner.settings, crowded=target.around is not None):
-            if step.enough is not None and self.take(step.enough):
+        patience = self.planner.settings.patience
+        for k in range(patience + 1):
+            last = k > 1 if crowded else k == patience
+            if self.take(_holds if last else _robust) or self.planner.out_of_time(self.log):
                 break
-            if (step.late and not self.pool) or self.planner.out_of_time(self.log):
-                break
-            if self._firm(self.planner.settings.broadened(step.breadth), step.whole):
+            if self._firm(patient=crowded or k > 0):
                 break
             if OUT_OF_REACH in self.log.blocked and not self.log.tried:  # more postures reach no farther
                 break
@@ -286,11 +258,12 @@ class Search:
                 return fault.reason
         return None
 
-    def _firm(self, settings: PlannerSettings, patient: bool) -> bool:
+    def _firm(self, patient: bool) -> bool:
         """Return True if a round gave a firm grasp that can be carried out; weaker feasible ones go to the pool.
 
         Postures come firmest first, so that a batch without a firm one is the last that is looked at, unless `patient`.
         """
+        settings = self.planner.settings
         firm, candidates = settings.firm_load, self.round(self.planner.source, settings)
         for batch in iter(lambda: list(islice(candidates, settings.candidates)), []):
             self.pool += batch

@@ -51,13 +51,11 @@ class Posture:
     Attributes:
         q: (n,) rad.
         problem: what it is a start for.
-        proposal: which it came from.
         score: the higher, the likelier.
     """
 
     q: Array
     problem: GraspProblem
-    proposal: int
     score: float
 
 
@@ -82,7 +80,7 @@ def atlas_postures(proposals: Proposals, problem: GraspProblem) -> Iterator[Post
         q[tree.arm :] = hand_atlas(problem.cell).joints[placed.which[k]]
         if reach_palm(q, placed.rotations[k], placed.positions[k], tree) and _has_room(q, problem):
             found += 1
-            yield Posture(q, problem, int(placed.triple[k]) // len(orders), float(rank[k]))
+            yield Posture(q, problem, float(rank[k]))
 
 
 def _by_room(placed: Placements, rank: Array, problem: GraspProblem) -> Index:
@@ -139,19 +137,16 @@ def _has_room(q: Array, problem: GraspProblem) -> bool:
     return deep < _DEEPEST
 
 
-def loads_on(placed: Placements, problem: GraspProblem, friction: Array | None = None) -> Array:
+def loads_on(placed: Placements, problem: GraspProblem) -> Array:
     """Return what the squeeze of each placement would bear (M,), were its tips to reach their goals exactly.
 
     Args:
         placed: postures of the atlas on goals.
-        problem: object and robot; of the settings friction, error in place and torque limits.
-        friction: (K, n) at the goals, where it is known: what `narrowed_friction` says by default.
+        problem: object and robot; of the settings friction and torque limits.
     """
     goals, target, tree, settings = placed.goals, problem.target, problem.tree, problem.settings
     shape = settings.proposed
-    if friction is None:
-        tips, normals = goals.centres.reshape(-1, 3), -goals.inward.reshape(-1, 3)
-        friction = narrowed_friction(tips, normals, target, settings).reshape(-1, shape.contacts)
+    friction = narrowed_friction(-goals.inward.reshape(-1, 3), target, settings).reshape(-1, shape.contacts)
     burden = _Burden(
         settings.tip_height, target.centre, target.weight, friction, settings.torque_share * tree.torque
     )
@@ -206,25 +201,21 @@ def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burd
     return out
 
 
-def posture_at(
-    R: Array, p: Array, proposal: int, proposals: Proposals, problem: GraspProblem
-) -> Posture | None:
-    """Return what IK finds for a proposal from a palm at `p` (3,) m, turned by `R` (3, 3); None out of reach."""
+def posture_at(R: Array, p: Array, tips: Array, problem: GraspProblem) -> Posture | None:
+    """Return what IK finds for tips (g, 3) m from a palm at `p` (3,) m, turned by `R` (3, 3); None out of reach."""
     tree, q = problem.tree, problem.tree.home.copy()
     if not reach_palm(q, R, p, tree):
         return None
-    tips = proposals.contacts[proposal] + problem.settings.tip_height * proposals.normals[proposal]
-    return Posture(q, problem, proposal, -solve_tips(q, tips, tree, 60, 1e-3))
+    return Posture(q, problem, -solve_tips(q, tips, tree, 60, 1e-3))
 
 
-def oriented_postures(proposal: int, proposals: Proposals, problem: GraspProblem) -> list[Posture]:
-    """Return IK solutions for one proposal from palms above the object, turned in even steps (section 3.3)."""
-    tips = proposals.contacts[proposal] + problem.settings.tip_height * proposals.normals[proposal]
+def oriented_postures(tips: Array, problem: GraspProblem) -> list[Posture]:
+    """Return IK solutions for tips (g, 3) m from palms above the object, turned in even steps (section 3.3)."""
     middle = tips.mean(0)
     middle[2] = problem.target.top + 0.09
     count, postures = problem.settings.initial_orientations, []
     for k in range(count):
         R = about_z(2.0 * np.pi * k / count) @ PALM_DOWN
-        if found := posture_at(R, middle + R @ [0.0, 0.0, 0.03], proposal, proposals, problem):
+        if found := posture_at(R, middle + R @ [0.0, 0.0, 0.03], tips, problem):
             postures.append(found)
     return sorted(postures, key=lambda posture: -posture.score)

@@ -36,7 +36,7 @@ def plan_rearrangement(
         seed: of everything that is drawn.
         start: (n,) rad, set-points the robot approaches from.
     """
-    settings = replace(planner.settings, breadths=planner.settings.breadths[:1], patience=0)
+    settings = replace(planner.settings, patience=0)
     quick = Planner(settings, planner.source, planner.cell)
     for k in _most_in_the_way(quick, scene, target, seed, start)[:8]:
         others = (*scene.neighbours[:k], *scene.neighbours[k + 1 :], scene.target)

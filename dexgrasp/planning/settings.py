@@ -28,9 +28,7 @@ class PlannerSettings(Thresholds):
         neighbours: postures of the hand's atlas looked at for each.
         postures: postures tried by the optimiser before the planner gives up.
         candidates: feasible configurations among which the firmest is carried out.
-        breadths: factors on the samples of each round, which follows only where the last found nothing firm.
-        patience: rounds more where there are grasps and none bears the assumed weight with `friction_squeeze` and
-            `place_error`.
+        patience: rounds more of as many samples, which follow only where none before gave a firm grasp.
         rises: of the tips as the hand opens, m; those after the first only for grasps not firm.
         most_parts: convex parts of an object's cloud that are planned on; 1: its hull.
         initial_orientations: starting postures a proposal (six in section 3.3).
@@ -39,11 +37,10 @@ class PlannerSettings(Thresholds):
         max_force: N that each finger presses with at most; None: as the joints allow.
         loads: levels that the dataset sorts grasps by, firmest first: share of the assumed mass, push borne, weights.
         friction_squeeze: coefficient that the squeeze is made for, and grasps are ranked by.
-        place_error: how far the surface may be from where it was seen, m.
         fingers: of a grasp, as the hand has them.
         torsion: radius of their soft tips, m; 0: points.
         widest: m between contacts that two fingers open beyond.
-        firm_load: load under `friction_squeeze` and `place_error` with which the search ends.
+        firm_load: load under `friction_squeeze` with which the search ends.
     """
 
     closure_aim: float = 0.50
@@ -53,7 +50,6 @@ class PlannerSettings(Thresholds):
     neighbours: int = 64
     postures: int = 60
     candidates: int = 4
-    breadths: tuple[float, ...] = (1.0, 2.0, 3.0)
     patience: int = 4
     rises: tuple[float, ...] = (0.0, 0.006)
     most_parts: int = MOST_PARTS
@@ -63,7 +59,6 @@ class PlannerSettings(Thresholds):
     max_force: float | None = None
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
     friction_squeeze: float = 0.42
-    place_error: float = 0.003
     firm_load: float = 1.2
     fingers: int = 3
     torsion: float = 0.0
@@ -107,13 +102,6 @@ class PlannerSettings(Thresholds):
     def tip_height(self) -> float:
         """Height of a tip's centre above the surface that it touches, m: the middle of what `distance` allows."""
         return self.tip_radius + 0.5 * sum(self.distance)
-
-    def broadened(self, factor: float) -> "PlannerSettings":
-        """Return settings that sample `factor` times as many points, and triples and postures to match."""
-        return replace(
-            self, surface_points=round(factor * self.surface_points), triples=round(factor**2 * self.triples),
-            postures=round(factor * self.postures),
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

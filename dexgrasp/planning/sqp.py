@@ -33,18 +33,19 @@ class Solution:
     Attributes:
         q: (n,) rad.
         evaluation: constraints there.
-        feasible: whether all hold.
-        blocking: the worst constraint, None if feasible.
+        blocking: the worst constraint, None if all hold.
         violation: by how much, m (cosines and margins in their own unit).
-        iterations: steps taken.
     """
 
     q: Array
     evaluation: Evaluation
-    feasible: bool
     blocking: str | None
     violation: float
-    iterations: int
+
+    @property
+    def feasible(self) -> bool:
+        """True where all constraints hold."""
+        return self.blocking is None
 
 
 def bounds_of(problem: GraspProblem, margin: float, slack: float = 0.0) -> Bounds:
@@ -103,7 +104,7 @@ class _Solver:
             q, now, used = self._descend(q, goal, self._budget - steps)
             steps += used
             follow(q, self._tree)
-            solution = self._solution(q, now, goal, steps)
+            solution = self._solution(q, now, goal)
             if solution.feasible or not self._with_margin:
                 break
         return solution
@@ -141,7 +142,7 @@ class _Solver:
             return np.zeros(n)
         return x if flag > 0 else np.clip(x, lower, upper) * 0.5
 
-    def _solution(self, q: Array, now: Evaluation, goal: Bounds, steps: int) -> Solution:
+    def _solution(self, q: Array, now: Evaluation, goal: Bounds) -> Solution:
         """Judge by the least that is accepted, not by what was aimed at."""
         least, values, g = self._least, now.values.copy(), self._shape.contacts
         closure, *_, fixed = fixed_rows(g)
@@ -154,7 +155,7 @@ class _Solver:
         violation = max(0.0, -float(values[worst]))
         feasible = violation <= TOLERANCE and bool(np.isfinite(values).all())
         blocking = None if feasible else _name(now.labels[worst], self._problem.cell.robot)
-        return Solution(q, now._replace(values=values), feasible, blocking, violation, steps)
+        return Solution(q, now._replace(values=values), blocking, violation)
 
 
 def _total_violation(values: Array) -> float:

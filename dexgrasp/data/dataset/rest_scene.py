@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from dexgrasp.data.dataset.settings import DatasetSettings
 from dexgrasp.geometry.surface_samples import triangle_samples
 from dexgrasp.geometry.target import GraspTarget
-from dexgrasp.planning.holding import narrowed_friction
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.proposals import LEAST_DISTANCE, closing_sets, graspable_points
 from dexgrasp_env.arrays import Array
@@ -38,7 +37,6 @@ class RestScene:
         rest: rest pose: rotation and height of the object's frame in the rest frame, probability when dropped.
         points: (N, 3) candidate contacts.
         normals: (N, 3) at the points, out of the object.
-        friction: (N,) usable coefficients, reduced for errors of position; see `narrowed_friction`.
         triples: (M, 3) indices of all triples that can be in equilibrium.
         decided: number of triples that were tested.
         cloud: (2048, 6) points and normals of the hull, underside included.
@@ -50,7 +48,6 @@ class RestScene:
     rest: RestPose
     points: Array
     normals: Array
-    friction: Array
     triples: Triples
     decided: int
     cloud: Array
@@ -77,8 +74,6 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     grasp_target = GraspTarget.of(mesh, mass=model.mass, centre=T[:3, 3].copy())
     rng = rng_of(settings, name, pose)
     points, normals = graspable_points(grasp_target, settings.planner, rng)
-    tips = points + settings.planner.for_hand(settings.cell.robot.hand).tip_height * normals
-    friction = narrowed_friction(tips, normals, grasp_target, settings.planner)
     pairs = len(settings.cell.robot.hand.grasp) == 2
     triples = np.zeros((0, 2 if pairs else 3), np.int32)
     if len(points) >= 3:
@@ -88,7 +83,7 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     decided = round(gaps.sum() / 2.0 if pairs else float(np.trace(gaps.astype(float) @ gaps @ gaps)) / 6.0)
     samples = triangle_samples(grasp_target.hull.triangles, 2048, rng)  # points kept for training
     cloud = np.concatenate([samples.points, samples.normals], axis=1)
-    return RestScene(name, pose, grasp_target, rest, points, normals, friction, triples, decided, cloud)
+    return RestScene(name, pose, grasp_target, rest, points, normals, triples, decided, cloud)
 
 
 def target_at(grasp_target: GraspTarget, placement: Array) -> GraspTarget:

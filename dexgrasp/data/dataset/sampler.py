@@ -114,7 +114,7 @@ class _Sampler:
         at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, orders).best()
         ordered = triples[:, orders].reshape(-1, triples.shape[1])
         counts["assignments_tried"] += len(ordered)
-        loads = loads_on(at, problem, scene.friction[ordered])
+        loads = loads_on(at, problem)
         for k in np.flatnonzero(loads >= self._settings.least_load):
             counts["placed_by_atlas"] += 1
             q = problem.tree.home.copy()
@@ -123,8 +123,7 @@ class _Sampler:
             if placement is not None:
                 counts["reached_by_arm"] += 1
                 there = replace(problem, target=target_at(problem.target, placement))
-                goal = int(at.triple[k])
-                yield PlacedPosture(q, there, goal, float(loads[k]), ordered[goal], placement)
+                yield PlacedPosture(q, there, float(loads[k]), ordered[at.triple[k]], placement)
 
     def _reach(self, q: Array, R: Array, p: Array) -> Array | None:
         """Draw a placement (x m, y m, yaw rad) at which the arm reaches the palm pose; write the arm into `q`."""
@@ -173,8 +172,9 @@ def bearable(scene: RestScene, triples: Triples, settings: DatasetSettings) -> T
     target, least = scene.grasp_target, settings.least_load
     planner = settings.planner.for_hand(settings.cell.robot.hand)
     shape = planner.proposed
+    friction = np.full(shape.contacts, planner.friction_squeeze)
     loads = _free_loads(
-        scene.points, scene.normals, scene.friction, triples, target.centre, target.weight, least, shape
+        scene.points, scene.normals, friction, triples, target.centre, target.weight, least, shape
     )
     firm = triples[loads >= least]
     margins = margins_to(scene.points[firm], scene.normals[firm], planner.friction, shape, _ROUGH, 0.0)
@@ -192,7 +192,7 @@ def _free_loads(
     room, out = empty_room(shape, n * parts), np.empty(len(triples))
     for m in range(len(triples)):
         t = triples[m]
-        contacts = Contacts(points[t], normals[t], J, limit, friction[t], centre, gravity, shape.model)
+        contacts = Contacts(points[t], normals[t], J, limit, friction, centre, gravity, shape.model)
         out[m] = squeeze_estimate(contacts, most, room)
     return out
 

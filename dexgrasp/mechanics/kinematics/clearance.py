@@ -27,6 +27,11 @@ class Rows(NamedTuple):
     labels: Index  # (K, 3): kind, body, other body (-1 for all but the robot)
 
 
+def room_for_all(tree: RobotTree) -> Rows:
+    """Return room for more clearances than there are bodies and pairs of them."""
+    return empty_rows(256, tree)
+
+
 def empty_rows(count: int, tree: RobotTree) -> Rows:
     """Return room for `count` clearances of a robot."""
     return Rows(np.empty(count), np.empty((count, len(tree.lower))), np.empty((count, 3), dtype=np.int64))
@@ -49,8 +54,8 @@ def clearance_rows(
     n, most, parts, ends = 0, rows.values.shape[0], world.part.shape[0], np.empty((3, 6))
     place(world, frames)
     for b in range(2, tree.parent.shape[0]):
-        if world.bound_radius[b] < 0.0 or n >= most - 3:
-            continue
+        if n >= most - 3:
+            break
         value = table_clearance(world, b, activation, False, ends)
         if value < activation:
             n = _write(rows, n, value, (TABLE, b, -1), ends, tree, frames)
@@ -95,7 +100,7 @@ def clearances(
     q: Array, tree: RobotTree, world: World, activation: float, tips_touch: bool
 ) -> tuple[Array, Index]:
     """Return the clearances (K,) m at `q` (n,) rad that `clearance_rows` finds, and their labels (K, 3)."""
-    rows = empty_rows(256, tree)  # more than there are bodies and pairs of them
+    rows = room_for_all(tree)
     n = clearance_rows(tree, body_frames(q, tree), world, activation, tips_touch, rows)
     return rows.values[:n], rows.labels[:n]
 

@@ -29,8 +29,9 @@ _CORRECTIONS = 4  # steps of Newton at every point of a path; two are enough awa
 
 @njit
 def solve_palm(
-    q: Array, R_goal: Array, p_goal: Array, tree: RobotTree, iterations: int, tolerance: float
-) -> float:
+    q: Array, R_goal: Array, p_goal: Array, tree: RobotTree, iterations: int, tolerance: float,
+    steady: bool = False,
+) -> float:  # fmt: skip
     """Move the arm's part of `q` (n,), in place, so that the palm frame meets a goal; return what error is left.
 
     Args:
@@ -40,6 +41,7 @@ def solve_palm(
         tree: the robot.
         iterations: at most so many steps.
         tolerance: m; a radian counts as 0.15 m.
+        steady: without a pull towards the middle of the range: a path follows from where it starts, and does not drift.
 
     Returns:
         Norm of the remaining error, m.
@@ -60,9 +62,10 @@ def solve_palm(
             return error
         palm_jacobian(tree, frames, J)
         # pull towards the middle of the range, in the null space only
-        pull = 2e-2 * (0.5 * (tree.lower[:n] + tree.upper[:n]) - q[:n])
-        step = damped_step(J, e, _DAMPING * min(error, 0.1), pull, 0.5)  # rad a joint in a step
-        q[:n] = np.minimum(np.maximum(q[:n] + step, tree.lower[:n] + 1e-3), tree.upper[:n] - 1e-3)
+        pull = (0.0 if steady else 2e-2) * (0.5 * (tree.lower[:n] + tree.upper[:n]) - q[:n])
+        damping, inside = (1e-4, 0.0) if steady else (_DAMPING * min(error, 0.1), 1e-3)
+        step = damped_step(J, e, damping, pull, 0.5)  # rad a joint in a step
+        q[:n] = np.minimum(np.maximum(q[:n] + step, tree.lower[:n] + inside), tree.upper[:n] - inside)
     return error
 
 
@@ -93,16 +96,12 @@ def palm_jacobian(tree: RobotTree, frames: Frames, J: Array) -> None:
 
 
 @njit
-def twice_turned(D: Array) -> Array:
-    """Return the axis (3,) of a rotation (3, 3), as long as twice the sine of its angle."""
-    return np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
-
-
-@njit
 def _rotation_error(goal: Array, now: Array) -> Array:
     """Rotation vector (3,) rad that takes `now` to `goal`, in the world frame."""
     D = goal @ now.T
-    v = twice_turned(D)
+    v = np.array(
+        [D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]]
+    )  # twice the sine of its angle long
     s = 0.5 * np.sqrt((v * v).sum())
     c = 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0)
     angle = np.arctan2(s, c)
@@ -135,29 +134,14 @@ def shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array | None = N
 
 @njit
 def _shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array) -> tuple[Array, float]:
-    frames, palm = empty_frames(tree), tree.palm
-    R, p = frames.R, frames.p
-    start, point = np.empty(3), np.empty(3)
-    J, e, arm = np.empty((6, tree.arm)), np.empty(6), tree.arm
+    frames, start = empty_frames(tree), np.empty(3)
     forward(q, tree, frames)
-    to_world(R[palm], p[palm], tree.palm_offset, start)
-    turn = R[palm].copy()
+    to_world(frames.R[tree.palm], frames.p[tree.palm], tree.palm_offset, start)
+    turn = frames.R[tree.palm] @ tree.palm_rotation
     path, now, worst = np.empty((shifts.shape[0], q.shape[0])), q.copy(), 0.0
     for i in range(shifts.shape[0]):
-        error = 0.0
-        for step in range(_CORRECTIONS + 1):
-            forward(now, tree, frames)
-            to_world(R[palm], p[palm], tree.palm_offset, point)
-            e[:3] = start + shifts[i] - point
-            e[3:] = 0.5 * TURN_SCALE * twice_turned(turns[i] @ turn @ R[palm].T)
-            error = np.sqrt((e * e).sum())
-            if error < 1e-6 or step == _CORRECTIONS:
-                break
-            palm_jacobian(tree, frames, J)
-            # No pull to a posture: the path must follow from where it starts, not drift.
-            change = damped_step(J, e, 1e-4, np.zeros(arm), np.inf)
-            now[:arm] = np.minimum(np.maximum(now[:arm] + change, tree.lower[:arm]), tree.upper[:arm])
-        worst = max(worst, error)
+        goal = start + shifts[i]
+        worst = max(worst, solve_palm(now, turns[i] @ turn, goal, tree, _CORRECTIONS, 1e-6, True))
         path[i] = now
     return path, worst
 

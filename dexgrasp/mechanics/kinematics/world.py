@@ -42,8 +42,6 @@ class _Geoms(NamedTuple):
     reach: Array  # (ng,) m from its middle
     box: Array  # (ng, 6) m, middle and half sides of the box around it, in its frame
     is_tip: Mask  # (ng,): the tip of a grasping finger, which may touch the object
-    bound_centre: Array  # (nb, 3) m, body frame: one sphere around all geoms of a body
-    bound_radius: Array  # (nb,) m, -1 where a body has none
     base: int  # the first body that is over the table, not on its plinth
 
 
@@ -127,7 +125,6 @@ def _robot(cell: Cell, size: int) -> _Robot:
 def _geoms_of(model: mujoco.MjModel, robot: Robot) -> dict[str, Any]:
     """Return the fields of a world that are the robot's."""
     geoms = [colliding(model, model.body(name).id) for name in robot.bodies]
-    bounds = [_bound(model, of) for of in geoms]
     geom = np.concatenate(geoms).astype(np.int64)
     tips = {model.geom(finger.tip).id for finger in robot.grasping}
     return {
@@ -140,16 +137,5 @@ def _geoms_of(model: mujoco.MjModel, robot: Robot) -> dict[str, Any]:
         "reach": model.geom_rbound[geom],
         "box": model.geom_aabb[geom],
         "is_tip": np.isin(geom, list(tips)),
-        "bound_centre": np.array([centre for centre, _ in bounds]),
-        "bound_radius": np.array([radius for _, radius in bounds]),
         "base": min(robot.arm.plinth, 3),
     }
-
-
-def _bound(model: mujoco.MjModel, geoms: list[int]) -> tuple[Array, float]:
-    """Return middle (3,) m and radius of a sphere around geoms of one body, in its frame; -1 where there are none."""
-    if not geoms:
-        return np.zeros(3), -1.0
-    centre = middle(model.geom_pos[geoms])
-    apart = np.linalg.norm(model.geom_pos[geoms] - centre, axis=1)
-    return centre, float((apart + model.geom_rbound[geoms]).max())
