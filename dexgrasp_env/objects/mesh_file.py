@@ -22,7 +22,7 @@ from dexgrasp_env.poses import frame_of_z
 from dexgrasp_env.texts import plain_text, rows_of
 
 _STL_HEAD, _STL_FACE = 84, 50  # bytes
-_NEEDED = {"dae": ("collada",), "3mf": ("lxml",)}  # by the mesh library to read a kind
+_NEEDED = {"dae": "collada", "3mf": "lxml"}  # by the mesh library to read a kind
 
 
 def load_file(data: bytes, kind: str, folder: Path) -> Any:
@@ -37,9 +37,9 @@ def load_file(data: bytes, kind: str, folder: Path) -> Any:
         DamagedMeshError: for a file that is cut off.
         Exception: whatever else a damaged file makes the parser trip over.
     """
-    with from_extra():
-        for module in _NEEDED.get(kind, ()):
-            import_module(module)
+    if kind in _NEEDED:
+        with from_extra():
+            import_module(_NEEDED[kind])
     options: Any = {}
     if kind == "off":
         return _mesh_of_off(rows_of(data))

@@ -22,8 +22,7 @@ def remeshed(mesh: trimesh.Trimesh) -> trimesh.Trimesh | None:
     inside, origin, pitch = _filled_grid(mesh)
     if inside.sum() < 8:
         return None
-    solid = _level_surface(inside, origin, pitch)
-    return solid if is_solid(solid) else None
+    return _level_surface(inside, origin, pitch)
 
 
 def _filled_grid(mesh: trimesh.Trimesh) -> tuple[Mask, Array, float]:

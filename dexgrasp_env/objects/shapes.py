@@ -110,10 +110,10 @@ def prism(polygon: Sequence[tuple[float, float]], thickness: float) -> Shape:
     Raises:
         InputError: if the polygon is not convex.
     """
+    from scipy.spatial import ConvexHull
+
     points = np.asarray(polygon, dtype=float)
-    edges = np.roll(points, -1, axis=0) - points
-    turns = edges[:, 0] * np.roll(edges, -1, axis=0)[:, 1] - edges[:, 1] * np.roll(edges, -1, axis=0)[:, 0]
-    if not ((turns > 0).all() or (turns < 0).all()):
+    if len(ConvexHull(points).vertices) < len(points):
         raise InputError("polygon of a prism is not convex: split it into convex ones")
     return polyhedron([(x, y, z) for x, z in points for y in (-thickness / 2, thickness / 2)])
 

@@ -9,7 +9,7 @@ own resolution.
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.random import Generator
@@ -18,7 +18,7 @@ from dexgrasp_env.arrays import AnyArray, Mask, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix, rigid
 from dexgrasp_env.robot.camera import Camera
-from dexgrasp_env.valid import Count, Natural, Positive, Rule, check, hints, number, one_of, read
+from dexgrasp_env.valid import Count, Natural, Positive, check_fields, number, one_of, read
 
 SENSORS = ("realistic", "captured", "none")
 """Names of models, which are those of their makers."""
@@ -97,10 +97,9 @@ class SensorModel:
     calibration_rotation: Size = 0.0
 
     def __post_init__(self) -> None:
-        for name, hint in hints(SensorModel).items():
-            check(f"sensor setting {name}", getattr(self, name), cast(Rule, hint.rule))
+        check_fields(self)
         if self.window % 2 != 1:
-            raise InputError(f"sensor setting window is {self.window}: valid are odd numbers from 1 on")
+            raise InputError(f"sensor window is {self.window}: valid are odd numbers from 1 on")
 
     @classmethod
     def none(cls) -> "SensorModel":

@@ -17,11 +17,6 @@ FLAT = "features"
 """The mode of one array: what `features` makes of the state."""
 
 
-def has_cameras(obs_mode: str) -> bool:
-    """Return whether cameras look."""
-    return obs_mode not in ("state", FLAT)
-
-
 def knows_state(obs_mode: str) -> bool:
     """Return whether the privileged state, which no camera shows, is observed."""
     return obs_mode.startswith("state") or obs_mode == FLAT

@@ -19,7 +19,7 @@ from dexgrasp_env.sensing.sensor import SENSORS, Calibration, SensorModel
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS, SHORTEST_SKIP, at_pace
 from dexgrasp_env.tasks.control import CONTROL_MODES, GRASP_MODES, ONCE_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance
-from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS, has_cameras, knows_state
+from dexgrasp_env.tasks.observations import FLAT, OBS_SUMS, knows_state
 from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
 from dexgrasp_env.valid import Count, Friction, Mass, Positive, Rule, check, number, one_of, read, refuse_idle
@@ -151,7 +151,7 @@ class LiftSettings:
     @property
     def sees(self) -> bool:
         """True where cameras look."""
-        return has_cameras(self.obs_mode)
+        return self.obs_mode not in ("state", FLAT)
 
     @property
     def period(self) -> float:

@@ -41,7 +41,6 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
         self.render_mode = self.settings.render_mode
         self.metadata = {**self.metadata, "render_fps": round(1 / self.dt)}
         self._episodes = self.episodes_type(self.settings, 1)
-        self._views = self._episodes.views
         self.action_space, self.observation_space = self._episodes.action_space, self._episodes.agent_space()
         self.simulation = next(iter(self._episodes.simulations.values()))
         if self.settings.backend == "warp":
@@ -164,8 +163,8 @@ class SingleEnv(EpisodeAccess, gym.Env[Arrays, Single], EzPickle):
 
     def render(self) -> Any:
         """Return a picture (`rgb_array`: (H, W, 3) uint8; `depth_array`: (H, W) float32 m), or show it (`human`)."""
-        return self._views.render(self.render_mode, self.simulation)
+        return self._episodes.views.render(self.render_mode, self.simulation)
 
     def close(self) -> None:
         """Free what rendering holds."""
-        self._views.close()
+        self._episodes.views.close()

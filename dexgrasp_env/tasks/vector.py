@@ -94,7 +94,6 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
         self.settings.warn_of_limit(self._limit)
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, num_envs)
-        self._views = self._episodes.views
         threads = None if threads is None else check("threads", threads, COUNT)
         if threads and self.settings.backend != "mujoco":
             raise InputError(
@@ -227,7 +226,7 @@ class LiftVectorEnv(MemberAccess, VectorEnv[Arrays, AnyArray, AnyArray], EzPickl
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads, free what rendering holds."""
         self._physics.close()
-        self._views.close()
+        self._episodes.views.close()
 
     # -- states --------------------------------------------------------------------------------------------------
 
