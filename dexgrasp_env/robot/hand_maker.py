@@ -109,6 +109,7 @@ class HandMaker(Part):
 
     def _find_thumb(self) -> None:
         """Find the tips, and the thumb among them, which comes last."""
+        self._open_drawn()
         self._straighten()
         self._tips = [self._tip(chain) for chain in self.chains]
         ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
@@ -212,6 +213,21 @@ class HandMaker(Part):
             chain for k, chain in enumerate(chains) if k not in linkages and chain
         ]
 
+    def _open_drawn(self) -> None:
+        """Open fingers that the file draws closed: their ends are near each other, and part the farther they turn."""
+        chains, (low, high) = self.chains[self.linkages :], self.ranges().T
+        bending = np.concatenate([self.bending(chain)[0] for chain in chains])
+        drawn, far, ends = self.data.qpos.copy(), self.data.qpos.copy(), []
+        far[bending] = np.where(drawn - low > high - drawn, low, high)[bending]
+        for q in (far, drawn):
+            self.place(q)
+            ends.append(np.array([middle(self.points(chain[-1])) for chain in chains]))
+        apart = ends[1] - ends[1].mean(0)
+        near = np.linalg.norm(apart, axis=1).max() < 0.03  # m
+        if near and ((ends[0] - ends[1]) * apart).sum() > 0.5 * (apart**2).sum():
+            self.place(far)
+            self.notes.append("hand: its fingers are drawn closed: they open as far as their joints go")
+
     def _straighten(self) -> None:
         """Stretch fingers that the file draws bent, as far as their joints go."""
         straight = self.data.qpos.copy()
@@ -234,7 +250,7 @@ class HandMaker(Part):
         joints, senses = self.bending(chain)
         axis, anchor = self.data.xaxis[joints[-1]], self.data.xanchor[joints[-1]]
         for joint, sense in zip(joints[::-1], senses[::-1], strict=True):
-            low, high = np.sort(sense * self.ranges([joint])[0])
+            low, high = np.sort(sense * (self.ranges([joint])[0] - self.data.qpos[joint]))
             if abs(high + low) >= 0.2 * (high - low):
                 return axis if high > -low else -axis
         # All bend as far to either side: towards what is between the fingers, or away from the palm.

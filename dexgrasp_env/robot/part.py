@@ -9,10 +9,10 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array, Fields, Index
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.couplings import DRIVES_JOINT, wrapped_joints
+from dexgrasp_env.robot.couplings import DRIVES_JOINT
 from dexgrasp_env.robot.description import Description
 from dexgrasp_env.robot.robot import SLIDE, STRONGEST, Coupling
-from dexgrasp_env.robot.source import below
+from dexgrasp_env.robot.source import below, wrapped_joints
 
 _RATES = {
     "hand": {"velocity": 7.0, "acceleration": 60.0, "jerk": 3000.0},
