@@ -240,8 +240,7 @@ AROUND = table("fingers_around")
     ],
 )
 def test_a_claw_approaches_along_its_fingers_whichever_way_they_could_bend(pattern, by, tmp_path):
-    text = re.sub(pattern, by, urdf(fingers=AROUND))
-    maker = HandMaker(written(tmp_path, text))
+    maker = HandMaker(written(tmp_path, re.sub(pattern, by, urdf(fingers=AROUND))))
     assert_allclose(maker.frame[:3, 0], [0.0, 0.0, 1.0], atol=1e-6)
     for k in range(3):
         tip = maker.tip(k)

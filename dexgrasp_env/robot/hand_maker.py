@@ -109,8 +109,9 @@ class HandMaker(Part):
 
     def _find_thumb(self) -> None:
         """Find the tips, and the thumb among them, which comes last."""
-        self._open_drawn()
-        self._straighten()
+        fingers = self.chains[self.linkages :]
+        self.open_drawn(fingers)
+        self.straighten(fingers)
         self._tips = [self._tip(chain) for chain in self.chains]
         ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
         unlike = (ways @ ways.T)[self.linkages :, self.linkages :].sum(1)
@@ -212,38 +213,6 @@ class HandMaker(Part):
         return [chains[k] for k in linkages] + [
             chain for k, chain in enumerate(chains) if k not in linkages and chain
         ]
-
-    def _open_drawn(self) -> None:
-        """Open fingers that the file draws closed: their ends are near each other, and part the farther they turn."""
-        chains, (low, high) = self.chains[self.linkages :], self.ranges().T
-        bending = np.concatenate([self.bending(chain)[0] for chain in chains])
-        drawn, far, ends = self.data.qpos.copy(), self.data.qpos.copy(), []
-        far[bending] = np.where(drawn - low > high - drawn, low, high)[bending]
-        for q in (far, drawn):
-            self.place(q)
-            ends.append(np.array([middle(self.points(chain[-1])) for chain in chains]))
-        apart = ends[1] - ends[1].mean(0)
-        near = np.linalg.norm(apart, axis=1).max() < 0.03  # m
-        if near and ((ends[0] - ends[1]) * apart).sum() > 0.5 * (apart**2).sum():
-            self.place(far)
-            self.notes.append("hand: its fingers are drawn closed: they open as far as their joints go")
-
-    def _straighten(self) -> None:
-        """Stretch fingers that the file draws bent, as far as their joints go."""
-        straight = self.data.qpos.copy()
-        for chain in self.chains[self.linkages :]:
-            joints, senses = self.bending(chain)
-            axis, anchors = self.data.xaxis[joints[-1]], self.data.xanchor[joints]
-            ways = anchors[-1] - anchors[0], middle(self.points(chain[-1])) - anchors[-1]
-            link, end = np.cross(ways, axis)
-            bent = float(np.arctan2(np.cross(link, end) @ axis, link @ end))
-            if abs(bent) > 0.5:  # rad
-                for joint, sense in zip(joints[::-1], senses[::-1], strict=True):
-                    low_high = self.ranges([joint])[0]
-                    if bent * sense * low_high.sum() > 0.0:  # it bends to the side on which it goes farther
-                        straight[joint] = np.clip(-bent * sense, *low_high)
-                        bent += sense * straight[joint]
-        self.place(straight)
 
     def _flexing(self, chain: list[int], way: Array) -> Array:
         """Return the axis (3,) about which a finger bends by its last joint, the finger pointing along `way`."""
