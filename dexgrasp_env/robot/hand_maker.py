@@ -73,7 +73,7 @@ class HandMaker(Part):
         own.sort(key=lambda chain: chain[-1] != jaws_found.ends[0])
         self.chains, self.linkages = [*rods, *own], len(rods)
         self.frame, self.radius = self.jaws.palm, self.jaws.radius
-        self._tips = [(np.eye(4), 0.0) for _ in rods] + [(T, self.radius) for T in self.jaws.tips]
+        self._tips = [(self.pose(self.palm), 0.0) for _ in rods] + [(T, self.radius) for T in self.jaws.tips]
         self.notes.append(
             f"hand: a gripper of {1000 * self.jaws.stroke:.0f} mm stroke, pads of {2000 * self.radius:.0f} mm: "
             f"torsion {self.jaws.torsion} m assumed"
