@@ -59,6 +59,9 @@ def test_an_arm_is_mounted_where_its_flange_is_and_begins_with_room_for_a_hand(t
     assert _room(arm, posed(model, beside)) < -5.0 < _room(arm, posed(model, entry["home"]))
     path.write_text(path.read_text().replace("</body>", '<site name="y_axis" pos="0 0.09 0"/></body>', 1))
     assert arm_entry(path)[0]["frame"] == entry["frame"]
+    jaw = '<body name="jaw"><joint name="jaw" axis="1 0 0" range="0 1"/><geom size="0.02"/></body><site name="flange"'
+    path.write_text(path.read_text().replace('<site name="flange"', jaw))
+    assert arm_entry(path)[0]["joints"] == entry["joints"]
 
 
 @pytest.mark.parametrize(("pattern", "by", "words"), mistakes("arms"))

@@ -229,12 +229,18 @@ def test_what_makers_write_otherwise_is_mended_or_refused_in_a_line(
 AROUND = table("fingers_around")
 
 
-@pytest.mark.parametrize("either", [False, True])
-def test_a_claw_approaches_along_its_fingers_whichever_way_they_could_bend(either, tmp_path):
-    text = urdf(fingers=AROUND)
-    if either:  # a joint that bends to both sides does not say which is the pad's
-        text = re.sub(r'(name="\w+_curl".*?)0 1 0(.*?)lower="0"', r'\g<1>0 -1 0\g<2>lower="-1.6"', text)
-    maker = HandMaker(written(tmp_path, text))
+@pytest.mark.parametrize(
+    ("pattern", "by"),
+    [
+        ("", ""),
+        # A joint that bends to both sides does not say which is the pad's.
+        (r'(name="\w+_curl".*?)0 1 0(.*?)lower="0"', r'\g<1>0 -1 0\g<2>lower="-1.6"'),
+        # Drawn closed, fingers open from 0.
+        (r'rpy="0 0 0"(.*?)lower="[-.\d]+" upper="1.."', r'rpy="0 0.35 0"\g<1>lower="-0.5" upper="0"'),
+    ],
+)
+def test_a_claw_approaches_along_its_fingers_whichever_way_they_could_bend(pattern, by, tmp_path):
+    maker = HandMaker(written(tmp_path, re.sub(pattern, by, urdf(fingers=AROUND))))
     assert_allclose(maker.frame[:3, 0], [0.0, 0.0, 1.0], atol=1e-6)
     for k in range(3):
         tip = maker.tip(k)

@@ -16,6 +16,7 @@ from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.description import bearers
 from dexgrasp_env.robot.robot import SLIDE, Coupling
+from dexgrasp_env.robot.source import wrapped_joints
 
 Lines = dict[int, tuple[int, float, float]]
 """Follower: leader, ratio, offset."""
@@ -144,14 +145,6 @@ def has_loops(model: mujoco.MjModel) -> bool:
         if np.ptp(model.body_weldid[bodies]):
             return True
     return False
-
-
-def wrapped_joints(model: mujoco.MjModel, tendon: int) -> tuple[list[int], list[float]]:
-    """Return the joints of a fixed tendon and their coefficients; nothing of one that runs over sites or pulleys."""
-    own = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-    if (model.wrap_type[own] != mujoco.mjtWrap.mjWRAP_JOINT).any():
-        return [], []
-    return model.wrap_objid[own].tolist(), model.wrap_prm[own].tolist()
 
 
 def led_by(found: list[Coupling], leader: str) -> list[Coupling]:

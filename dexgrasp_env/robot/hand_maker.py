@@ -73,7 +73,7 @@ class HandMaker(Part):
         own.sort(key=lambda chain: chain[-1] != jaws_found.ends[0])
         self.chains, self.linkages = [*rods, *own], len(rods)
         self.frame, self.radius = self.jaws.palm, self.jaws.radius
-        self._tips = [(np.eye(4), 0.0) for _ in rods] + [(T, self.radius) for T in self.jaws.tips]
+        self._tips = [(self.pose(self.palm), 0.0) for _ in rods] + [(T, self.radius) for T in self.jaws.tips]
         self.notes.append(
             f"hand: a gripper of {1000 * self.jaws.stroke:.0f} mm stroke, pads of {2000 * self.radius:.0f} mm: "
             f"torsion {self.jaws.torsion} m assumed"
@@ -109,7 +109,9 @@ class HandMaker(Part):
 
     def _find_thumb(self) -> None:
         """Find the tips, and the thumb among them, which comes last."""
-        self._straighten()
+        fingers = self.chains[self.linkages :]
+        self.open_drawn(fingers)
+        self.straighten(fingers)
         self._tips = [self._tip(chain) for chain in self.chains]
         ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
         unlike = (ways @ ways.T)[self.linkages :, self.linkages :].sum(1)
@@ -212,29 +214,12 @@ class HandMaker(Part):
             chain for k, chain in enumerate(chains) if k not in linkages and chain
         ]
 
-    def _straighten(self) -> None:
-        """Stretch fingers that the file draws bent, as far as their joints go."""
-        straight = self.data.qpos.copy()
-        for chain in self.chains[self.linkages :]:
-            joints, senses = self.bending(chain)
-            axis, anchors = self.data.xaxis[joints[-1]], self.data.xanchor[joints]
-            ways = anchors[-1] - anchors[0], middle(self.points(chain[-1])) - anchors[-1]
-            link, end = np.cross(ways, axis)
-            bent = float(np.arctan2(np.cross(link, end) @ axis, link @ end))
-            if abs(bent) > 0.5:  # rad
-                for joint, sense in zip(joints[::-1], senses[::-1], strict=True):
-                    low_high = self.ranges([joint])[0]
-                    if bent * sense * low_high.sum() > 0.0:  # it bends to the side on which it goes farther
-                        straight[joint] = np.clip(-bent * sense, *low_high)
-                        bent += sense * straight[joint]
-        self.place(straight)
-
     def _flexing(self, chain: list[int], way: Array) -> Array:
         """Return the axis (3,) about which a finger bends by its last joint, the finger pointing along `way`."""
         joints, senses = self.bending(chain)
         axis, anchor = self.data.xaxis[joints[-1]], self.data.xanchor[joints[-1]]
         for joint, sense in zip(joints[::-1], senses[::-1], strict=True):
-            low, high = np.sort(sense * self.ranges([joint])[0])
+            low, high = np.sort(sense * (self.ranges([joint])[0] - self.data.qpos[joint]))
             if abs(high + low) >= 0.2 * (high - low):
                 return axis if high > -low else -axis
         # All bend as far to either side: towards what is between the fingers, or away from the palm.

@@ -128,22 +128,21 @@ def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     root = part.below(0)
     if len(root) != 1:
         raise InputError(f"{path} has {len(root)} chains of bodies: valid is one arm, without a hand")
-    chain = part.chain(root[0])
+    chain, fewest = part.chain(root[0]), 4  # joints of an arm: fewer bring no palm over a table
     if any(part.below(b) for b in part.below(chain[-1])):
         part.notes.append(f"the hand in the file hangs on {m.body(chain[-1]).name!r}: the arm ends there")
+    low, high = part.ranges(m.body_jntadr[chain[-1:]])[0]
+    if len(chain) > fewest and high - low < 2.5 and min(-low, high) < 0.3:  # rad
+        jaw = part.names(chain[-1:])[1][0]
+        part.notes.append(f"arm: {jaw!r} moves to one side alone, as a jaw does: the arm ends before it")
+        chain.pop()
     bodies, joints = part.names(chain)
     if (part.units(part.joint_ids(joints)) < 1.0).any():
         raise InputError(f"{path} has an arm whose joints slide: valid is an arm of hinges")
-    fewest = 4  # joints of an arm: fewer bring no palm over a table
     if len(joints) < fewest:
         raise InputError(
             f"{path} is one chain of {len(joints)} joints: valid are an arm of {fewest} or more, and a hand of two"
             " fingers that move"
-        )
-    low, high = part.ranges(part.joint_ids(joints[-1:]))[0]
-    if high - low < 2.5 and min(-low, high) < 0.3:  # rad
-        part.notes.append(
-            f"arm: {joints[-1]!r} turns by {high - low:.1f} rad to one side, as a jaw does: if it is one, fix it there"
         )
     if root[0] in chain:
         raise InputError(

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Fields, Index
+from dexgrasp_env.arrays import Array, Fields, Index, middle
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.couplings import DRIVES_JOINT, wrapped_joints
+from dexgrasp_env.robot.couplings import DRIVES_JOINT
 from dexgrasp_env.robot.description import Description
 from dexgrasp_env.robot.robot import SLIDE, STRONGEST, Coupling
-from dexgrasp_env.robot.source import below
+from dexgrasp_env.robot.source import below, wrapped_joints
 
 _RATES = {
     "hand": {"velocity": 7.0, "acceleration": 60.0, "jerk": 3000.0},
@@ -138,6 +138,38 @@ class Part(Description):
         joints = self.model.body_jntadr[chain]
         along = self.data.xaxis[joints] @ self.data.xaxis[joints[-1]]
         return joints[np.abs(along) > 0.8], np.sign(along[np.abs(along) > 0.8])
+
+    def open_drawn(self, fingers: list[list[int]]) -> None:
+        """Open fingers that the file draws closed: their ends are near each other, and part the farther they turn."""
+        low, high = self.ranges().T
+        bending = np.concatenate([self.bending(chain)[0] for chain in fingers])
+        drawn, far, ends = self.data.qpos.copy(), self.data.qpos.copy(), []
+        far[bending] = np.where(drawn - low > high - drawn, low, high)[bending]
+        for q in (far, drawn):
+            self.place(q)
+            ends.append(np.array([middle(self.points(chain[-1])) for chain in fingers]))
+        apart = ends[1] - ends[1].mean(0)
+        near = np.linalg.norm(apart, axis=1).max() < 0.03  # m
+        if near and ((ends[0] - ends[1]) * apart).sum() > 0.5 * (apart**2).sum():
+            self.place(far)
+            self.notes.append("hand: its fingers are drawn closed: they open as far as their joints go")
+
+    def straighten(self, fingers: list[list[int]]) -> None:
+        """Stretch fingers that the file draws bent, as far as their joints go."""
+        straight = self.data.qpos.copy()
+        for chain in fingers:
+            joints, senses = self.bending(chain)
+            axis, anchors = self.data.xaxis[joints[-1]], self.data.xanchor[joints]
+            ways = anchors[-1] - anchors[0], middle(self.points(chain[-1])) - anchors[-1]
+            link, end = np.cross(ways, axis)
+            bent = float(np.arctan2(np.cross(link, end) @ axis, link @ end))
+            if abs(bent) > 0.5:  # rad
+                for joint, sense in zip(joints[::-1], senses[::-1], strict=True):
+                    low_high = self.ranges([joint])[0]
+                    if bent * sense * low_high.sum() > 0.0:  # it bends to the side on which it goes farther
+                        straight[joint] = np.clip(-bent * sense, *low_high)
+                        bent += sense * straight[joint]
+        self.place(straight)
 
     def hangs_on(self, body: int, other: int) -> bool:
         """Return True where a body is another, or hangs on it without a joint."""

@@ -16,10 +16,11 @@ from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.locales import with_decimal_points
 from dexgrasp_env.poses import rigid
-from dexgrasp_env.robot.couplings import has_loops, stated_lines, wrapped_joints
+from dexgrasp_env.robot.couplings import has_loops, stated_lines
 from dexgrasp_env.robot.description import Description, bearers, pose_of
 from dexgrasp_env.robot.hulls import colour_of, corners_of, cut, hull_of, mesh_of
 from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
+from dexgrasp_env.robot.source import wrapped_joints
 
 FLANGE = 0.107
 """m from the frame of an arm's last link to its flange, along z: mounts count on it."""

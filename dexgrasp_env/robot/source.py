@@ -70,17 +70,36 @@ def read_source(path: Path) -> Source:
 
 
 def _servo_ranges(model: mujoco.MjModel) -> list[str]:
-    """Narrow joints to where their servos can be sent; return a line on those that lose, or get, a range."""
+    """Narrow joints to where their servos can be sent; return a line on those that lose, or get, a range.
+
+    A tendon's servo gives ranges to joints that have none, as if they moved alike.
+    """
     m, found, scale = model, [], -model.actuator_biasprm[:, 1] * model.actuator_gear[:, 0]
-    holds = (m.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (m.actuator_ctrllimited != 0) & (scale > 0.0)
+    holds = (m.actuator_ctrllimited != 0) & (scale > 0.0)
     for a in np.flatnonzero(holds & (m.actuator_dyntype != mujoco.mjtDyn.mjDYN_INTEGRATOR)).tolist():
-        joint, gain = m.actuator_trnid[a, 0], m.actuator_gainprm[a, 0]
-        was = m.jnt_range[joint] if m.jnt_limited[joint] else np.array([-np.inf, np.inf])
-        now = np.clip((gain * m.actuator_ctrlrange[a] + m.actuator_biasprm[a, 0]) / scale[a], *was)
-        if now[0] < now[1] and np.abs(now - was).max() > 0.01:  # rad or m: less is rounding
-            found.append(m.joint(joint).name)
-            m.jnt_range[joint], m.jnt_limited[joint] = now, True
+        ends = (m.actuator_gainprm[a, 0] * m.actuator_ctrlrange[a] + m.actuator_biasprm[a, 0]) / scale[a]
+        moved = [(m.actuator_trnid[a, 0], 1.0)] * (m.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_JOINT)
+        if m.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_TENDON:
+            joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
+            total = sum(map(abs, coefs))
+            moved = [
+                (j, np.sign(c) * total) for j, c in zip(joints, coefs, strict=True) if not m.jnt_limited[j]
+            ]
+        for joint, lever in moved:
+            was = m.jnt_range[joint] if m.jnt_limited[joint] else np.array([-np.inf, np.inf])
+            now = np.clip(np.sort(ends / lever), *was)
+            if now[0] < now[1] and np.abs(now - was).max() > 0.01:  # rad or m: less is rounding
+                found.append(m.joint(joint).name)
+                m.jnt_range[joint], m.jnt_limited[joint] = now, True
     return [f"ranges of {', '.join(found)} are those of their servos, which are narrower"] if found else []
+
+
+def wrapped_joints(model: mujoco.MjModel, tendon: int) -> tuple[list[int], list[float]]:
+    """Return the joints of a fixed tendon and their coefficients; nothing of one that runs over sites or pulleys."""
+    own = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    if (model.wrap_type[own] != mujoco.mjtWrap.mjWRAP_JOINT).any():
+        return [], []
+    return model.wrap_objid[own].tolist(), model.wrap_prm[own].tolist()
 
 
 def below(model: mujoco.MjModel, body: int) -> list[int]:
