@@ -83,7 +83,9 @@ def _servo_ranges(model: mujoco.MjModel) -> list[str]:
             joints, coefs = wrapped_joints(m, m.actuator_trnid[a, 0])
             total = sum(map(abs, coefs))
             moved = [
-                (j, np.sign(c) * total) for j, c in zip(joints, coefs, strict=True) if not m.jnt_limited[j]
+                (j, np.sign(c) * total)
+                for j, c in zip(joints, coefs, strict=True)
+                if c and not m.jnt_limited[j]
             ]
         for joint, lever in moved:
             was = m.jnt_range[joint] if m.jnt_limited[joint] else np.array([-np.inf, np.inf])
