@@ -3,7 +3,6 @@
 import io
 import re
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -20,8 +19,6 @@ from dexgrasp_env.perception.cloud import check_count
 from dexgrasp_env.texts import plain_text, rows_of
 
 _LINES = 1_000  # of a header
-# Numbers of PLY files; others are called as numpy's.
-_SCALARS = {"char": "i1", "uchar": "u1", "int": "i4", "uint": "u4", "float": "f4"}
 _EMPTY_CELL = re.compile(r"(?<=[,;])\s*(?=[,;]|$)|^(?=[,;])")
 _NAMES = ("points", "xyz", "pc", "cloud", "pos", "vertices")  # of the cloud among the arrays of an npz file
 
@@ -104,35 +101,15 @@ def _header(file: IO[bytes], path: Path) -> dict[str, list[str]]:
 
 
 def _read_ply(path: Path) -> Array:
-    data = path.read_bytes()
-    if (points := _only_points(data)) is not None:
-        return points
     from dexgrasp_env.ply_file import load_ply
 
-    loaded = load_ply(data)
+    loaded = load_ply(path.read_bytes())
     vertices = getattr(loaded, "vertices", None)
     if vertices is None or not len(vertices):
         raise InputError(f"{path} holds no vertices")
     if len(vertices) != (stated := loaded.metadata["_ply_raw"]["vertex"]["length"]):
         raise InputError(f"{path} ends after {len(vertices)} of {stated} points: it was cut off")
     return np.asarray(vertices, dtype=float)
-
-
-def _only_points(data: bytes) -> Array | None:
-    """Return x, y, z (N, 3) of a binary PLY file that holds nothing else than points; None for the mesh library's.
-
-    That takes a fifth of a short command to import.
-    """
-    head, _, rows = data.partition(b"end_header\n")
-    lines = [line.split() for line in head.decode("ascii", "replace").splitlines()]
-    stated = [words for words in lines if words[:1] not in ([], ["ply"], ["comment"], ["obj_info"])]
-    with suppress(ValueError, TypeError, IndexError):
-        form, (element, kind, count), *properties = stated
-        record = np.dtype([(name, _SCALARS.get(size, size)) for _property, size, name in properties])
-        if (form[1], element, kind) == ("binary_little_endian", "element", "vertex") and int(count) > 0:
-            points = np.frombuffer(rows, record, int(count))
-            return np.stack([points[axis].astype(float) for axis in "xyz"], axis=1)
-    return None
 
 
 def _read_npz(path: Path) -> NDArray[Any]:

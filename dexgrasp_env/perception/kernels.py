@@ -30,25 +30,6 @@ def farthest_points(points: Array, count: int, first: int) -> Index:
     return chosen
 
 
-@njit
-def first_of_each(numbers: Index) -> Index:
-    """Return the indices, in order, at which each of the numbers (M,) stands first."""
-    size, count, kept = 2, 0, np.empty(len(numbers), np.int64)
-    while size < 2 * len(numbers):
-        size *= 2
-    table = np.full(
-        size, -1
-    )  # of indices, by the numbers' hashes (Fibonacci's); what is taken is looked for beside
-    for i in range(len(numbers)):
-        at = (numbers[i] * 0x9E3779B1 >> 15) & (size - 1)
-        while table[at] >= 0 and numbers[table[at]] != numbers[i]:
-            at = (at + 1) & (size - 1)
-        if table[at] < 0:
-            table[at] = kept[count] = i
-            count += 1
-    return kept[:count]
-
-
 class _Grid(NamedTuple):
     """Points in cells: themselves (M, 3) m, cell after cell, which they were (M,), where those of each cell begin; a
     corner of the cells (3,) m, their side, m, and how many they are (3,).

@@ -6,11 +6,10 @@ show, and only where what is held hangs together.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.perception.cloud import thinned
@@ -20,73 +19,38 @@ from dexgrasp_env.poses import placed
 CELL = 0.02
 """m, of the grid on which what a level holds hangs together."""
 STEEPEST = np.radians(60.0)  # of a level that is looked for, to say its angle
+_HALF = 140  # cells, half the side of images of what is 2 m around the base and may lean
 _THIN = 0.010  # m, side of cubes of which one point each is judged: a surface counts by its area
 _BAND = (0.003, 0.006)  # m within which the middle of a patch is a level's, at least and at most
 
 
-class Raster(NamedTuple):
-    """Cells of the table as an image.
-
-    Attributes:
-        low: (2,) the cell of its first pixel.
-        image: (W, H) True where a cell is.
-    """
-
-    low: Index
-    image: Mask
-
-    @classmethod
-    def of(cls, cells: Index, border: int = 0) -> "Raster":
-        """Return the image of cells (K, 2), with so many empty ones around."""
-        low = cells.min(0) - border
-        image = np.zeros(np.ptp(cells, axis=0) + 2 * border + 1, bool)
-        image[tuple((cells - low).T)] = True
-        return cls(low, image)
-
-    def at(self, image: NDArray[Any], cells: Index) -> NDArray[Any]:
-        """Return what an image of the same size holds at cells (K, 2)."""
-        return np.asarray(image[tuple((cells - self.low).T)])
-
-    def cells(self, image: Mask) -> Index:
-        """Return the cells (K, 2) where an image of the same size is True."""
-        return np.argwhere(image) + self.low
-
-    def pieces(self) -> Index:
-        """Return the image of the number, from 1 on, of the connected piece that each pixel is of; 0 for none."""
-        from scipy.ndimage import label
-
-        return np.asarray(label(self.image, np.ones((3, 3)))[0])
-
-
 class Level(NamedTuple):
-    """A wide plane of a cloud.
+    """A wide plane of a cloud, and images of cells of the table, seen from above, see `pixels`.
 
     Attributes:
         plane: through what it holds.
-        cells: (K, 2) that hold some of it.
-        floor: (L, 2) the same with those that things on it hide.
+        cells: that hold some of it.
+        floor: the same with those that things on it hide.
     """
 
     plane: Plane
-    cells: Index
-    floor: Index
+    cells: Mask
+    floor: Mask
 
     @property
     def area(self) -> float:
         """Area that is seen of it, m2."""
-        return CELL**2 * len(self.cells)
+        return CELL**2 * float(self.cells.sum())
 
-    def top(self, cells: Index) -> Array:
-        """Return its heights, m, in the middle of cells (K, 2)."""
-        normal = self.plane.normal
-        return np.asarray((self.plane.offset - (cells + 0.5) * CELL @ normal[:2]) / normal[2])
+    def surface(self, cells: Mask) -> Array:
+        """Return its points (K, 3) m in the middle of the cells of an image."""
+        middles, normal = (cells_in(cells) + 0.5) * CELL, self.plane.normal
+        return np.c_[middles, (self.plane.offset - middles @ normal[:2]) / normal[2]]
 
     def placed(self, T: Array) -> "Level":
         """Return it in a frame in which its own has pose `T` (4, 4)."""
-        cells, floor = (
-            cells_at(placed(T, np.c_[(old + 0.5) * CELL, self.top(old)])) for old in (self.cells, self.floor)
-        )
-        return Level(self.plane.placed(T), np.unique(cells, axis=0), np.unique(floor, axis=0))
+        cells, floor = (drawn(placed(T, self.surface(image))) for image in (self.cells, self.floor))
+        return Level(self.plane.placed(T), cells, floor)
 
 
 def find_levels(points: Array, rng: Generator, off: float) -> list[Level]:
@@ -130,21 +94,19 @@ def _connected(points: Array, near: Mask, plane: Plane, band: float) -> tuple[Le
     """Return the level of the largest pieces of a plane, None where none is wide, and what it holds (M,)."""
     from scipy.ndimage import binary_closing, binary_fill_holes
 
-    cells = cells_at(points[near])
-    shadow = 4  # cells across that a thing, or its shadow, hides
-    raster = Raster.of(cells, shadow)
-    pieces = raster.pieces()
+    pieces = pieces_of(drawn(points[near]))
     sizes = np.bincount(pieces.ravel())
     sizes[0] = 0
-    kept = (sizes >= 0.1 * sizes.max())[pieces] & raster.image
+    kept = (sizes >= 0.1 * sizes.max())[pieces]
     held = near.copy()
-    held[near] = raster.at(kept, cells)
+    held[near] = kept[pixels(points[near])]
     whole = refine_plane(points[held], plane.normal, plane.offset, band, 60)
     largest = np.argwhere(pieces == sizes.argmax())
     if whole is None or np.ptp(largest, axis=0).min() * CELL < 0.14:  # m: faces of objects
         return None, near
+    shadow = 4  # cells across that a thing, or its shadow, hides
     floor = binary_fill_holes(binary_closing(kept, np.ones((3, 3)), shadow))
-    return Level(whole, raster.cells(kept), raster.cells(floor)), held
+    return Level(whole, kept, floor), held
 
 
 def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = None) -> Level | None:
@@ -162,7 +124,7 @@ def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = N
         return tables[0] if tables else None
     some = points[thinned(points, _THIN)] if meant is None or not len(meant) else meant
     heights = np.array([one.plane.heights(some) for one in tables])
-    under = np.array([over(one.floor, some) for one in tables]) & (heights > 0.0)
+    under = np.array([one.floor[pixels(some)] for one in tables]) & (heights > 0.0)
     gaps = np.where(under, heights, np.inf)
     stands = 0.012  # m above a level from where on what is there stands on it
     free = (np.abs(heights) > stands).all(0) | (meant is not None and len(meant) > 0)
@@ -175,21 +137,30 @@ def choose_level(levels: Sequence[Level], points: Array, meant: Array | None = N
 
 def _is_top(one: Level, lower: Level) -> bool:
     """Return True for a level that is the top of an object on a larger one: 5 cm higher, of less than 0.09 m2."""
-    rise = (one.top(one.floor) - lower.top(one.floor)).mean()
+    rise = (one.surface(one.floor) - lower.surface(one.floor))[:, 2].mean()
     return bool(rise > 0.05 and one.area < 0.09)
 
 
-def cells_at(points: Array, side: float = CELL) -> Index:
-    """Return the cells (M, 2), `side` m wide, of points (M, 2 or 3) m."""
-    return np.floor(points[:, :2] / side).astype(np.int64)
+def pixels(points: Array) -> tuple[Index, Index]:
+    """Return the pixels (M,) of points (M, 2 or 3) m, no farther than a cloud around the base reaches, in images."""
+    x, y = np.floor(points[:, :2] / CELL).astype(np.int64).T + _HALF
+    return x, y
 
 
-def over(floor: Index, points: Array) -> Mask:
-    """Return which points (M, 2 or 3) m are above or below the cells (K, 2) of a floor."""
-    cells = cells_at(points)
-    if not len(cells) or not len(floor):
-        return np.zeros(len(cells), bool)
-    raster = Raster.of(floor)
-    inside = np.asarray(((cells >= raster.low) & (cells - raster.low < raster.image.shape)).all(1))
-    inside[inside] = raster.at(raster.image, cells[inside])
-    return inside
+def drawn(points: Array) -> Mask:
+    """Return the image of the cells that points (M, 2 or 3) m are in."""
+    image = np.zeros((2 * _HALF, 2 * _HALF), bool)
+    image[pixels(points)] = True
+    return image
+
+
+def cells_in(image: Mask) -> Index:
+    """Return the cells (K, 2) of an image, row after row."""
+    return np.argwhere(image) - _HALF
+
+
+def pieces_of(cells: Mask) -> Index:
+    """Return the image of the number, from 1 on, of the connected piece that each cell is of; 0 for none."""
+    from scipy.ndimage import label
+
+    return np.asarray(label(cells, np.ones((3, 3)))[0])

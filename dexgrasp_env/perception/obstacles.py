@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp_env.arrays import Array, Index, Mask, box_corners
-from dexgrasp_env.perception.levels import CELL, Level, Raster, cells_at, over
+from dexgrasp_env.perception.levels import CELL, Level, cells_in, pieces_of, pixels
 from dexgrasp_env.perception.neighbourhoods import gaps_between, linked
 
 _MORE = 0.003  # m that boxes reach beyond what is seen
@@ -41,12 +41,10 @@ def find_obstacles(points: Array, levels: Sequence[Level], within: float, robot:
     boxes, held, note = list[Array](), np.zeros(len(points), bool), ""
     for one in levels[1:]:
         whole = _reaching(one, points, within)
-        tops = whole.top(whole.cells)
-        if (
-            np.ptp(whole.cells, axis=0).max() * CELL > 0.35 and tops.max() > 0.004
-        ):  # m; smaller is an object's
-            boxes += _boxes(whole.cells, CELL, np.zeros(len(tops)), tops, 0.004)
-            held |= over(whole.cells, points) & (whole.plane.heights(points) < within)
+        cells, tops = cells_in(whole.cells), whole.surface(whole.cells)[:, 2]
+        if np.ptp(cells, axis=0).max() * CELL > 0.35 and tops.max() > 0.004:  # m; smaller is an object's
+            boxes += _boxes(cells, CELL, np.zeros(len(tops)), tops, 0.004)
+            held |= whole.cells[pixels(points)] & (whole.plane.heights(points) < within)
     hangs = _hanging(points, levels[0]) & ~held
     if hangs.any():
         high, pieces = points[hangs], linked(points[hangs], 0.03)
@@ -62,7 +60,8 @@ def find_obstacles(points: Array, levels: Sequence[Level], within: float, robot:
 
 def _columns(points: Array, side: float) -> tuple[Index, Array, Array]:
     """Return the cells (K, 2) of points (M, 3) m, and the lowest and highest height in each."""
-    cells, row = np.unique(cells_at(points, side), axis=0, return_inverse=True)
+    squares = np.floor(points[:, :2] / side).astype(np.int64)
+    cells, row = np.unique(squares, axis=0, return_inverse=True)
     lows, tops = np.full(len(cells), np.inf), np.full(len(cells), -np.inf)
     np.minimum.at(lows, row, points[:, 2])
     np.maximum.at(tops, row, points[:, 2])
@@ -71,36 +70,31 @@ def _columns(points: Array, side: float) -> tuple[Index, Array, Array]:
 
 def _reaching(level: Level, points: Array, within: float) -> Level:
     """Return a level with all that hangs together with it: it was found in the workspace."""
-    near = cells_at(points[np.abs(level.plane.heights(points)) < within])
-    near, count = np.unique(near, axis=0, return_counts=True)
-    if len(near):  # noise at its rim fills cells but little
-        near = near[count > 0.3 * np.median(count)]
-    raster = Raster.of(np.concatenate([near, level.cells]))
-    pieces = raster.pieces()
-    return level._replace(cells=raster.cells(np.isin(pieces, raster.at(pieces, level.cells))))
+    counts = np.zeros(level.cells.shape)
+    np.add.at(counts, pixels(points[np.abs(level.plane.heights(points)) < within]), 1)
+    near = counts > 0.0
+    if near.any():  # noise at its rim fills cells but little
+        near = counts > 0.3 * np.median(counts[near])
+    pieces = pieces_of(near | level.cells)
+    return level._replace(cells=np.isin(pieces, pieces[level.cells]))
 
 
 def _hanging(points: Array, table: Level) -> Mask:
     """Return which points (M, 3) hang: there is air below them in their cell, and around there the table is seen."""
     from scipy.ndimage import binary_erosion
 
-    high = points[:, 2] > 0.25  # m: hands reach past lower things
-    if not high.any():
-        return high
-    cells, row = np.unique(cells_at(points), axis=0, return_inverse=True)
-    below, above = np.zeros(len(cells)), np.full(len(cells), np.inf)
-    np.maximum.at(below, row[~high], points[~high, 2])
-    np.minimum.at(above, row[high], points[high, 2])
+    high, at = points[:, 2] > 0.25, np.stack(pixels(points))  # m: hands reach past lower things
+    below, above = np.zeros(table.cells.shape), np.full(table.cells.shape, np.inf)
+    np.maximum.at(below, tuple(at[:, ~high]), points[~high, 2])
+    np.minimum.at(above, tuple(at[:, high]), points[high, 2])
     free = np.isfinite(above) & (above - below > 0.08)
-    if not free.any():
-        return free[row]
-    raster, piece = Raster.of(cells[free]), np.zeros(len(cells), np.int64)
-    piece[free] = raster.at(raster.pieces(), cells[free])
-    inner = free.copy()  # beside what is solid the table is seen as well
-    inner[free] = raster.at(binary_erosion(raster.image, np.ones((3, 3))), cells[free])
-    seen = over(table.cells, np.asarray((cells + 0.5) * CELL, np.float64)) & inner
-    share = np.bincount(piece, seen) / np.maximum(np.bincount(piece, inner), 1)
-    return np.asarray(high & (free & (share > 0.15)[piece])[row])
+    inner = binary_erosion(free, np.ones((3, 3)))  # beside what is solid the table is seen as well
+    pieces = pieces_of(free)
+    seen, whole = (
+        np.bincount(pieces[cells], minlength=pieces.max() + 1) for cells in (table.cells & inner, inner)
+    )
+    hangs = free & (seen > 0.15 * whole)[pieces]
+    return high & hangs[tuple(at)]
 
 
 def _boxes(cells: Index, side: float, lows: Array, tops: Array, alike: float) -> Iterator[Array]:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.perception.cloud import cells_of
 from dexgrasp_env.perception.hulls import THIN, beyond, hull_of, is_hollow, longest_side
 from dexgrasp_env.perception.instances import LEAST_POINTS
-from dexgrasp_env.perception.levels import cells_at
 
 
 def with_rims(points: Array, labels: Index) -> Index:
@@ -62,10 +62,11 @@ def with_splinters(points: Array, labels: Index, everything: Array) -> Index:
 
 def in_the_air(points: Array, everything: Array) -> bool:
     """Return true for points (N, 3) m below which others (M, 3) m are seen: what stands hides what is under it."""
-    low, side = points[:, 2].min(), 2.0 * THIN
+    low = points[:, 2].min()
     below = everything[everything[:, 2] < low - 0.010]
-    own, others = (np.unique(cells_at(some, side) @ [1, 1 << 20]) for some in (points, below))
-    return bool(low > 0.02 and np.isin(own, others).mean() > 0.3)
+    cells = cells_of(np.concatenate([points, below])[:, :2], 2.0 * THIN)
+    own, others = np.split(cells, [len(points)])
+    return bool(low > 0.02 and np.isin(np.unique(own), others).mean() > 0.3)
 
 
 def _lined(points: Array, labels: Index, mine: Mask) -> int | None:
