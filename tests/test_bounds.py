@@ -7,7 +7,6 @@ import subprocess
 import sys
 import zipfile
 import zlib
-from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
@@ -44,14 +43,14 @@ sys.exit(code)
 """
 
 
-def sparse(path: Path, size: int = 10**10) -> Path:
+def sparse(path, size: int = 10**10):
     """Make a file that has a size and next to no content."""
     with path.open("wb") as file:
         file.truncate(size)
     return path
 
 
-def bomb(path: Path, block: int = 1 << 24, blocks: int = 240) -> Path:
+def bomb(path, block: int = 1 << 24, blocks: int = 240):
     """Make an npz of a few MB that unpacks to 4 GB of zeros: what one block of them is packed to, repeated."""
     shape = (block * blocks // 24, 3)
     pack = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
@@ -68,17 +67,17 @@ def bomb(path: Path, block: int = 1 << 24, blocks: int = 240) -> Path:
     return path
 
 
-def lying_stl(path: Path) -> Path:
+def lying_stl(path):
     path.write_bytes(bytes(80) + struct.pack("<I", 1 << 31) + bytes(50))
     return path
 
 
-def fifo(path: Path) -> Path:
+def fifo(path):
     os.mkfifo(path)
     return path
 
 
-def given(path: Path) -> Path:
+def given(path):
     return path
 
 
