@@ -12,27 +12,10 @@ from processes import typed
 ROOT = Path(__file__).parents[1]
 OTHERS = sorted((ROOT / "examples" / "agents_of_others").glob("*.py"))
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-LONG = {
-    "own_hand",
-    "sb3_training",
-    "grasp_dataset",
-    "score_grasp_file",
-    "export_trajectory",
-    "demonstrations",
-    "clone_the_planner",
-    "train_sac_lift_once",
-    "train_ppo_lift_staged",
-    "train_ppo_lift_varied",
-    "train_sac_lift_from_grasp",
-}
-"""Examples that take more than some seconds."""
 
 
-def marked(path):
-    return pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in LONG else [])
-
-
-@pytest.mark.parametrize("example", list(map(marked, EXAMPLES)))
+@pytest.mark.slow
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs(example, tmp_path):
     few = ["--episodes", "4", "--every", "2", "--trials", "2"] if example.stem.startswith("train_") else []
     done = subprocess.run([sys.executable, example, *few], cwd=tmp_path, capture_output=True, text=True)
@@ -54,6 +37,7 @@ def test_an_example_is_short_and_of_the_public_api(example):
             )
 
 
+@pytest.mark.slow
 def test_the_notebook_runs_top_to_bottom(tmp_path):
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     pytest.importorskip("ipykernel")

@@ -41,6 +41,7 @@ def commands(text: str) -> list[str]:
     return [line for line in lines if line]
 
 
+@pytest.mark.slow
 @patch.dict(PROTOCOLS)  # a tutorial adds one
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_runs_from_top_to_bottom(page, tmp_path, monkeypatch):
