@@ -39,10 +39,8 @@ def _extreme_points(points: Array, start: Index, count: int) -> Index:
     chosen[:3] = start
     # faces: which of the points chosen, counter-clockwise seen from outside; outward unit normal and offset
     corners, planes, alive = np.zeros((size, 3), np.int64), np.zeros((size, 4)), np.zeros(size, np.bool_)
-    height, face = (
-        np.full(len(points), -np.inf),
-        np.zeros(len(points), np.int64),
-    )  # over the face that sees a point
+    # Of each point over the face that sees it.
+    height, face = np.full(len(points), -np.inf), np.zeros(len(points), np.int64)
     tip, begins, ends = 2, np.array([0, 1]), np.array([1, 0])
     while True:
         free = np.flatnonzero(~alive)

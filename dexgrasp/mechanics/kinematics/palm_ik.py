@@ -99,9 +99,8 @@ def palm_jacobian(tree: RobotTree, frames: Frames, J: Array) -> None:
 def _rotation_error(goal: Array, now: Array) -> Array:
     """Rotation vector (3,) rad that takes `now` to `goal`, in the world frame."""
     D = goal @ now.T
-    v = np.array(
-        [D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]]
-    )  # twice the sine of its angle long
+    # The axis, twice the sine of the angle long.
+    v = np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
     s = 0.5 * np.sqrt((v * v).sum())
     c = 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0)
     angle = np.arctan2(s, c)
