@@ -229,7 +229,7 @@ def check_target(target: str, agent: str, scene: SceneOptions) -> None:
     from dexgrasp.registry import check_name
     from dexgrasp_env.objects.load import resolve_targets
 
-    _ = scene.cell
+    _ = scene.cell  # makes it, or says why not
     found = resolve_targets([target])
     if len(found) > 1:
         raise InputError(f"{target!r} is a set: name one of its objects ({', '.join(found)})")

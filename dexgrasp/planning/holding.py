@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dexgrasp.geometry.neighbours import SEEN
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.mechanics.contacts import Contacts
 from dexgrasp.mechanics.internal_force import Squeeze, firmest_squeeze
@@ -35,7 +36,7 @@ class GraspForces(NamedTuple):
 def narrowed_friction(normals: Array, target: GraspTarget, settings: PlannerSettings) -> Array:
     """Return the friction (N,) that is left of `settings.friction_squeeze` where the surface was guessed.
 
-    Beyond the 3 mm that a surface which was seen is off as well, the cone is narrowed by the angle of its error over
+    Beyond what a surface that was seen is off as well, the cone is narrowed by the angle of its error over
     3 cm.
 
     Args:
@@ -45,7 +46,7 @@ def narrowed_friction(normals: Array, target: GraspTarget, settings: PlannerSett
     """
     if target.uncertainty is None:
         return np.full(len(normals), settings.friction_squeeze)
-    turn = np.maximum(target.uncertainty.along(normals) - 0.003, 0.0) / 0.03
+    turn = np.maximum(target.uncertainty.along(normals) - SEEN, 0.0) / 0.03
     # 0.02 rad is left of a cone that has been narrowed to nothing.
     return np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, 0.02))
 

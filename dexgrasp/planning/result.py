@@ -10,6 +10,7 @@ import numpy as np
 
 from dexgrasp.agent import Info, Observation, Report
 from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.neighbours import SEEN
 from dexgrasp.geometry.target import GraspTarget
 from dexgrasp.grasp.diversity import component_shares, grasp_features
 from dexgrasp.grasp.grasp import Grasp
@@ -155,7 +156,7 @@ class PlanResult:
         if self.target is None or self.target.near is None or not self.found:
             return ""
         gap = max(self.target.gap(grasp.contacts) for grasp in self.grasps)
-        if gap < 0.003:  # m, as surface that was seen may be off
+        if gap < SEEN:  # as surface that was seen may be off
             return "contacts hold the nearest and the farthest guess of the side that no camera saw"
         return f"doubt: contacts are on a side that no camera saw; it may be {1000 * gap:.0f} mm nearer"
 
