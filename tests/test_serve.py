@@ -200,11 +200,13 @@ def test_a_worker_that_is_killed_is_replaced(served, points):
 def test_a_signal_ends_it_when_what_is_in_hand_is_answered(points):
     server = Served()
     with server.connect() as socket:
+        assert ask(socket, request="plan_cloud", points=points)["success"]
         socket.send(pack({"request": "plan", "target": "pear", "seed": 0}))
         time.sleep(0.3)
         server.process.send_signal(signal.SIGTERM)
         assert unpack(socket.recv(60))["success"]
     assert server.process.wait(20) == 0
+    assert not server.process.stderr.read()  # a line each would fill a pipe in the end
     server.process.stderr.close()
 
 

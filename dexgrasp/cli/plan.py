@@ -170,9 +170,9 @@ class Plan(Command, RequestOptions, CloudOptions, SceneOptions):
                 f"several objects stand in reach: {stand}: point at one by --object-near, --box, --mask or --pixel"
             )
         if off := table_line(scene, self.cell):
-            note(off)
+            self.say(off)
         if scene.reason is None:
-            note(chosen_line(seen))
+            self.say(chosen_line(seen))
             planner = default_planner(self.cell)
         else:  # nothing to plan on, and nothing to compile for it
             planner = Planner(cell=self.cell)
@@ -182,6 +182,10 @@ class Plan(Command, RequestOptions, CloudOptions, SceneOptions):
         self._draw(scan, scene, seen, found)
         beside = {"seen": seen, "table": off, "in_the_way": blocking_lines(scene, seen, found)}
         return found, found.as_json(scan_name(Path(str(self.cloud)))) | beside
+
+    def say(self, line: str) -> None:
+        """Print a line on what was seen."""
+        note(line)
 
     def _draw(
         self,

@@ -91,6 +91,9 @@ class _PlanRequest(Plan):
             raise InputError(f"{name}: valid are box:..., sphere:... and masks as arrays, no files")
         return None if isinstance(said, str) else mask_of(said)
 
+    def say(self, line: str) -> None:
+        """Print nothing: it is in the answer, and a pipe that nobody reads would fill."""
+
     def selector(self) -> TargetSelector:
         """Return the selector of the target."""
         if self.marked is None:
