@@ -85,8 +85,9 @@ def found_picture(path: Path, cell: Cell) -> Path:
     """
     hand = hand_triangles(cell, cell.robot.home)
     draw = partial(_draw_found, cell, hand)
-    title = f"{cell.robot.hand.name}: black joints are driven, dashed ones follow"
-    return _write(path, [_Panel(_box(hand, hand), view, draw) for view in _SIDES], title)
+    title = f"{cell.robot.hand.name}: black joints are driven, dashed ones follow; arrows are 6 cm"
+    box = np.array([hand.min(axis=(0, 1)), hand.max(axis=(0, 1))])
+    return _write(path, [_Panel(box, view, draw) for view in _SIDES], title, left=0.15)
 
 
 def hand_triangles(cell: Cell, q: Array) -> Array:
@@ -131,6 +132,8 @@ def _draw_found(cell: Cell, hand: Array, axes: Any) -> None:
     data = posed(compiled_robot(cell), robot.home)
     leaders = {own.joint: own.follows for own in robot.hand.couplings}
     palm = data.site(robot.hand.palm)
+    axes.set_axis_off()
+    axes.set_box_aspect(np.ptp(hand, axis=(0, 1)), zoom=1.15)
     words = ("palm x: the way of approach", "palm y", "palm z")
     _add_solid(axes, hand, (*_HAND, 0.12), (*_EDGES, 0.06))
     for colour, what, way in zip(
@@ -143,14 +146,13 @@ def _draw_found(cell: Cell, hand: Array, axes: Any) -> None:
         if robot.hand.torsion > 0.0:  # a jaw closes between its pad and its end
             pad = unit(pad + site.xmat.reshape(3, 3)[:, 2])
         _arrow(axes, site.xpos, site.xpos + arrow * pad, colour, f"pad of {finger.name}")
-    for name in robot.hand.joints.names:
+    for k, name in enumerate(robot.hand.joints.names, 1):
         at, leader = data.joint(name).xanchor, leaders.get(name)
-        colour = "k" if leader is None else "0.55"
-        axes.plot(
-            *(at + hinge * np.outer([-1.0, 1.0], data.joint(name).xaxis)).T, color=colour, linewidth=2.0
-        )
+        colour, label = ("k", f"{k}: {name}") if leader is None else ("0.55", None)
+        ends = at + hinge * np.outer([-1.0, 1.0], data.joint(name).xaxis)
+        axes.plot(*ends.T, color=colour, linewidth=2.0, label=label)
         if leader is None:
-            axes.text(*at, name, fontsize=6)
+            axes.text(*ends[1], str(k), fontsize=9)
         else:
             axes.plot(*np.array([at, data.joint(leader).xanchor]).T, color=colour, linestyle="--")
 
@@ -174,8 +176,10 @@ def _arrow(axes: Any, a: Array, b: Array, colour: str, label: str) -> None:
     axes.quiver(*a, *(b - a), color=colour, linewidth=2.0, arrow_length_ratio=0.25, label=label)
 
 
-def _write(path: Path, panels: Sequence[_Panel], title: str = "", caption: str = "") -> Path:
-    """Write panels side by side as PNG; with a title there is a legend of what the last one shows."""
+def _write(
+    path: Path, panels: Sequence[_Panel], title: str = "", caption: str = "", left: float = 0.02
+) -> Path:
+    """Write panels side by side as PNG; with a title there is a legend, at the left, of what the last one shows."""
     from matplotlib.figure import Figure
 
     figure = Figure((5.0 * len(panels), 5.0))
@@ -193,7 +197,7 @@ def _write(path: Path, panels: Sequence[_Panel], title: str = "", caption: str =
         panel.draw(axes)
     if title:
         figure.legend(*axes.get_legend_handles_labels(), loc="upper left", frameon=False, fontsize=9)
-    figure.suptitle(title)
+    figure.suptitle(title, x=(left + 1.0) / 2)
     figure.text(0.5, 0.02, caption, ha="center", fontsize=11)
-    figure.subplots_adjust(left=0.02, right=0.95, bottom=0.06, top=0.93, wspace=0.1)
+    figure.subplots_adjust(left=left, right=0.95, bottom=0.06, top=0.93, wspace=0.1)
     return save(figure, path)
