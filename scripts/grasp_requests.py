@@ -67,7 +67,7 @@ def tip_contacts(lift: Any, start: Array) -> Array:
 
 def is_possible(look: Look, request: GraspRequest) -> bool:
     """Search at length for a grasp that meets a request and bears the weight."""
-    settings = PlannerSettings(surface_points=288, triples=360, postures=180, patience=8)
+    settings = PlannerSettings(patience=8).broadened(3)
     for own in range(SEARCHES):
         other = BilevelAgent("surface", settings, request=request, regrasps=0)
         other.seed(own)

@@ -217,17 +217,18 @@ class Search:
         """Return the first firm grasp of some rounds; failing that the best of all that is feasible.
 
         The best grasp before a round will do if it bears the weight on slippery surfaces too; in the end, and among
-        neighbours, where a firm grasp is rare, soon: if it bears the weight at all.
+        neighbours, where a firm grasp is rare, soon: if it bears the weight at all. There each round samples more, as
+        few postures are clear, and there are four at most: another look, or one set aside, gives more.
         """
         result, crowded = self.result, self._problem.target.around is not None
         if self.is_hopeless():
             return result
-        patience = self.planner.settings.patience
+        patience = min(self.planner.settings.patience, 3) if crowded else self.planner.settings.patience
         for k in range(patience + 1):
             last = k > 1 if crowded else k == patience
             if self.take(_holds if last else _robust) or self.planner.out_of_time(self.log):
                 break
-            if self._firm(patient=crowded or k > 0):
+            if self._firm(breadth=min(k + 1, 3) if crowded else 1, patient=crowded or k > 0):
                 break
             if OUT_OF_REACH in self.log.blocked and not self.log.tried:  # more postures reach no farther
                 break
@@ -258,12 +259,12 @@ class Search:
                 return fault.reason
         return None
 
-    def _firm(self, patient: bool) -> bool:
+    def _firm(self, breadth: int, patient: bool) -> bool:
         """Return True if a round gave a firm grasp that can be carried out; weaker feasible ones go to the pool.
 
         Postures come firmest first, so that a batch without a firm one is the last that is looked at, unless `patient`.
         """
-        settings = self.planner.settings
+        settings = self.planner.settings.broadened(breadth)
         firm, candidates = settings.firm_load, self.round(self.planner.source, settings)
         for batch in iter(lambda: list(islice(candidates, settings.candidates)), []):
             self.pool += batch

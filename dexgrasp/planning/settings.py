@@ -28,7 +28,7 @@ class PlannerSettings(Thresholds):
         neighbours: postures of the hand's atlas looked at for each.
         postures: postures tried by the optimiser before the planner gives up.
         candidates: feasible configurations among which the firmest is carried out.
-        patience: rounds more of as many samples, which follow only where none before gave a firm grasp.
+        patience: rounds more, among neighbours 3 at most, which follow only where none before gave a firm grasp.
         rises: of the tips as the hand opens, m; those after the first only for grasps not firm.
         most_parts: convex parts of an object's cloud that are planned on; 1: its hull.
         initial_orientations: starting postures a proposal (six in section 3.3).
@@ -102,6 +102,15 @@ class PlannerSettings(Thresholds):
     def tip_height(self) -> float:
         """Height of a tip's centre above the surface that it touches, m: the middle of what `distance` allows."""
         return self.tip_radius + 0.5 * sum(self.distance)
+
+    def broadened(self, factor: int) -> "PlannerSettings":
+        """Return settings that sample `factor` times as many points, and triples and postures to match."""
+        return replace(
+            self,
+            surface_points=factor * self.surface_points,
+            triples=factor**2 * self.triples,
+            postures=factor * self.postures,
+        )
 
 
 @dataclass(frozen=True, eq=False)
