@@ -32,7 +32,8 @@ from dexgrasp.motion.slide import Push, Slide, make_slide, tips_apart
 from dexgrasp.planning.certificate_builder import overlap, too_near
 from dexgrasp.planning.certifier import _in_the_way
 from dexgrasp.planning.overhang import plan_slid, plan_slide, pushes, slid
-from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.planner import Planner, Search
+from dexgrasp.planning.proposals import Proposals, SurfaceProposals
 from dexgrasp.planning.rearrange import plan_rearrangement
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import GraspProblem, PlannerSettings
@@ -43,20 +44,20 @@ TREE = robot_tree(CELL)
 SEED = 4
 
 
-def box(x, y, size, low=0.0):
-    half = 0.5 * np.array(size)
-    centre = np.array([x, y, low + half[2]])
-    return np.array([centre + half * signs for signs in product((-1, 1), repeat=3)])
+def box(x, y, size, low=0.0, turn=0.0):
+    c, s = np.cos(turn), np.sin(turn)
+    corners = np.array([*product((-0.5, 0.5), repeat=3)]) * size
+    return corners @ [[c, s, 0], [-s, c, 0], [0, 0, 1]] + [x, y, low + 0.5 * size[2]]
 
 
 ALONE = GraspTarget.of_corners([box(0.5, 0.0, (0.05, 0.07, 0.1))])
 SIDES = tuple((box(0.5, side * 0.085, (0.08, 0.04, 0.12)),) for side in (-1, 1))
+BESIDE = replace(ALONE, neighbours=SIDES)
 
 
 @pytest.fixture(scope="module")
 def plans():
-    beside = replace(ALONE, neighbours=SIDES)
-    return tuple(Planner().plan(target, SEED, HOME) for target in (ALONE, beside))
+    return tuple(Planner().plan(target, SEED, HOME) for target in (ALONE, BESIDE))
 
 
 def least(script, parts):
@@ -74,6 +75,15 @@ def test_what_stands_beside_is_not_touched_and_changes_the_plan(plans):
     assert np.array_equal(again.grasp.q, alone.grasp.q)
 
 
+def test_among_neighbours_each_round_samples_more(monkeypatch):
+    asked, none = [], Proposals.none("nothing")
+    propose = "propose", lambda *given: asked.append(given[2].surface_points) or none
+    monkeypatch.setattr(SurfaceProposals, *propose)
+    for target in (ALONE, BESIDE):
+        Search(Planner(), target, SEED, None).run()
+    assert asked == [96] * 5 + [96, 192, 288, 288]
+
+
 def test_approach_and_lift_through_a_neighbour_are_refused(plans):
     grasp, script = plans[0].found[0].grasp, plans[0].found[0].script
     palm = palm_frame(grasp.motion.pregrasp, TREE)[1]
@@ -86,9 +96,9 @@ def test_approach_and_lift_through_a_neighbour_are_refused(plans):
         check_way(script, CELL, lid)
     lift = script.way("lift")
     assert carried_into(lid, lift, TREE) > 0.004
-    assert carried_into(replace(ALONE, neighbours=SIDES), lift, TREE) == 0.0
+    assert carried_into(BESIDE, lift, TREE) == 0.0
     assert raised_into(lid, 0.14) > 0.01
-    assert raised_into(replace(ALONE, neighbours=SIDES), 0.14) == 0.0
+    assert raised_into(BESIDE, 0.14) == 0.0
     refused = Planner().plan(lid, SEED, HOME)
     assert (refused.shortfall, refused.log.rounds) == ("lift_blocked", 0)  # no grasp is looked for
 
@@ -202,9 +212,7 @@ LOW = np.array([TABLE_CENTRE_X, 0.0]) - 0.5 * np.array(TABLE_SIZE[:2])
 
 
 def lying(size=(0.147, 0.071, 0.008), at=(0.5, 0.15), turn=0.6):
-    corners = np.array(list(product(*[(-0.5 * s, 0.5 * s) for s in size])))
-    c, s = np.cos(turn), np.sin(turn)
-    return GraspTarget.of_corners([corners @ [[c, s, 0], [-s, c, 0], [0, 0, 1]] + [*at, 0.5 * size[2]]], 0.18)
+    return GraspTarget.of_corners([box(*at, size, turn=turn)], 0.18)
 
 
 @pytest.fixture(scope="module")

@@ -94,9 +94,7 @@ def test_a_heavy_flat_bar_is_searched_for_until_a_grasp_bears_it():
     heavy = GraspTarget.of(bar.hull, mass=1.5)
     hasty = Planner(PlannerSettings(patience=0))
     weak, strong = hasty.plan(heavy, 0, HOME), Planner().plan(heavy, 0, HOME)
-    assert weak.grasp is not None  # better than none
-    assert not weak.grasp.certificate.holds
-    assert strong.grasp is not None
+    assert not weak.grasp.certificate.holds  # better than none
     assert strong.grasp.certificate.holds
     assert strong.log.rounds > weak.log.rounds
 
@@ -115,8 +113,6 @@ def test_impossible_tasks_end_with_a_reason_and_within_the_budget(grasp_target, 
     plan = Planner(settings).plan(grasp_target, 0, HOME)
     assert plan.grasp is None
     assert plan.script is None
-    assert plan.shortfall
-    assert "\n" not in plan.shortfall
     assert plan.shortfall in reasons
     assert plan.reason == plan.failure == f"no_grasp:{plan.shortfall}"
     assert plan.log.tried <= (1 + settings.patience) * settings.postures
